@@ -1,0 +1,48 @@
+"""detailbench: an honest benchmark for geometry processing.
+
+All that the author of a plugin needs is importable from here, and the import is light: what a name needs is loaded
+when it is first used. The distribution and the command are called ``detailbench``.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_EXPORTS = {
+    "register": "registry",
+    "PointCloud": "shapes",
+    "Shape": "shapes",
+    "Surface": "shapes",
+    "Frame": "shapes",
+    "Case": "shapes",
+    "Run": "run",
+    "Task": "tasks",
+    "CaseRecipe": "tasks",
+    "BadInput": "errors",
+    "InvalidOutput": "errors",
+    "MissingLibrary": "errors",
+    "UsageError": "errors",
+    "generator": "seeds",
+}
+__all__ = sorted(_EXPORTS)
+
+if TYPE_CHECKING:
+    from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
+    from .registry import register
+    from .run import Run
+    from .seeds import generator
+    from .shapes import Case, Frame, PointCloud, Shape, Surface
+    from .tasks import CaseRecipe, Task
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _EXPORTS:
+        raise AttributeError(f"module 'bench' has no attribute {name!r}")
+    return getattr(importlib.import_module(f".{_EXPORTS[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

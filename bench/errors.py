@@ -1,0 +1,51 @@
+"""Errors that are meant to be read by the person at the keyboard.
+
+Whatever derives from :class:`DetailbenchError` is shown as one clear message, never as a traceback: it names the
+file or the parameter, says what was expected, and what to do.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class DetailbenchError(Exception):
+    """Base of every error that is shown as a message."""
+
+
+class UsageError(DetailbenchError):
+    """A wrong command line, name, parameter or configuration (exit code 1)."""
+
+
+class BadInput(DetailbenchError, ValueError):
+    """Geometry or a file that cannot be used; the message names it and says what was expected."""
+
+
+class InvalidOutput(DetailbenchError):
+    """A method returned something other than its task promises (recorded as ``invalid``)."""
+
+
+class PluginError(DetailbenchError):
+    """A plugin that breaks the contract of :func:`bench.register`, or two with one name."""
+
+
+class StoreError(DetailbenchError):
+    """The results folder cannot be written or read (exit code 1)."""
+
+
+class MissingLibrary(DetailbenchError, ImportError):
+    """An optional library is not installed (recorded as ``skipped``); ``install`` is the line that installs it."""
+
+    def __init__(self, library: str, install: str, reason: str = "is not installed"):
+        self.library, self.install = library, install
+        super().__init__(f"{library} {reason}; install it with: {install}")
+
+
+def did_you_mean(wrong: str, known: Iterable[str]) -> str:
+    """A sentence that names the nearest of ``known``, or all of them when none is near."""
+    known = sorted(known)
+    near = difflib.get_close_matches(wrong.lower(), known, n=3, cutoff=0.6)
+    if near:
+        return f"Did you mean {' or '.join(repr(n) for n in near)}?"
+    return f"Known: {', '.join(known)}." if known else "None is known."

@@ -1,0 +1,35 @@
+"""Whether geometry can be used at all; the messages name it and say what was expected."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import BadInput
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+def check_mesh(mesh: Trimesh, name: str) -> None:
+    """Raise :class:`BadInput` unless ``mesh`` has faces, finite vertices and an area."""
+    if not len(mesh.faces):
+        raise BadInput(f"{name}: has {len(mesh.vertices)} vertices but no faces; expected a triangle mesh")
+    check_points(mesh.vertices, name, what="vertices")
+    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
+        raise BadInput(f"{name}: faces name vertices that do not exist; the file is damaged")
+    extent = float(np.ptp(mesh.vertices[mesh.faces.ravel()], axis=0).max())
+    if not mesh.area > 1e-14 * extent**2:
+        raise BadInput(f"{name}: all {len(mesh.faces)} faces are degenerate (no area); expected a surface")
+
+
+def check_points(points: np.ndarray, name: str, *, what: str = "points", at_least: int = 1) -> None:
+    """Raise :class:`BadInput` unless ``points`` (n, 3) are finite, at least so many, and not all equal."""
+    if len(points) < at_least:
+        raise BadInput(f"{name}: has {len(points)} {what}; expected at least {at_least}")
+    bad = int((~np.isfinite(points)).any(axis=1).sum())
+    if bad:
+        raise BadInput(f"{name}: {bad} of {len(points)} {what} are NaN or infinite; remove them first")
+    if not np.ptp(points, axis=0).max() > 0:
+        raise BadInput(f"{name}: all {len(points)} {what} coincide; there is no surface in them")

@@ -1,0 +1,158 @@
+"""Tasks: what a method is given, what it returns, and how a case is made from shapes.
+
+A task is a plugin like any other. Its name is the name of the function that a method must have; the keys of
+``Case.input`` are that function's arguments, so the engine knows nothing of clouds, meshes or cages::
+
+    output = getattr(method, task_name)(**case.input, run=run)
+
+A task over pairs or images (deform, multiview) overrides :meth:`Task.recipes` and asks its dataset for ``pairs``
+or ``views`` instead of ``shapes``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from .errors import InvalidOutput, UsageError
+from .registry import register
+from .seeds import generator
+from .shapes import Case, PointCloud, Shape
+
+if TYPE_CHECKING:
+    from .run import Run
+
+
+class CaseRecipe(NamedTuple):
+    """A case that is not made yet: its id is known before the work is done."""
+
+    id: str
+    build: Callable[[], Case]
+
+
+class Task:
+    """Base of the tasks that are made from one shape and one sensor."""
+
+    output: ClassVar[str] = "cloud"  # what a method returns: "cloud" or "mesh"; metrics choose by it
+    promise: ClassVar[str] = "a PointCloud"  # in words, for messages
+
+    def recipes(self, dataset: Any, sensor: Any, *, split: str, count: int, seed: int) -> Iterator[CaseRecipe]:
+        """The first ``count`` cases of a dataset's split.
+
+        The sensor's noise and the metrics' samples depend on (seed, shape) alone, so all methods meet the same input.
+        """
+        if not hasattr(dataset, "shapes"):
+            raise UsageError(f"task {type(self).__name__}: the dataset {type(dataset).__name__} has no shapes(split)")
+        for shape in islice(dataset.shapes(split), count):
+            yield CaseRecipe(shape.id, lambda shape=shape: self._case(shape, sensor, seed))
+
+    def _case(self, shape: Shape, sensor: Any, seed: int) -> Case:
+        framed, frame = shape.framed()
+        cloud = sensor.sense(framed, generator(seed, shape.id, "sensor"))
+        return Case(shape.id, self.input(cloud), framed, frame, seed, shape.tags)
+
+    def input(self, cloud: PointCloud) -> dict[str, Any]:
+        """The arguments of the method's function."""
+        return {"cloud": cloud}
+
+    def solve(self, method: Any, name: str, input: dict[str, Any], run: Run) -> Any:
+        """Call the method's function of this task."""
+        return getattr(method, name)(**input, run=run)
+
+    def validate(self, output: Any, input: dict[str, Any]) -> None:
+        """Hold an output against the promise.
+
+        Raises
+        ------
+        InvalidOutput
+            Saying what was promised and what came.
+        """
+        raise InvalidOutput(f"task {type(self).__name__} does not say what it accepts")
+
+
+@register("task")
+@dataclass(frozen=True)
+class Reconstruct(Task):
+    """A point cloud, oriented or not -> a triangle mesh."""
+
+    output: ClassVar[str] = "mesh"
+    promise: ClassVar[str] = "a trimesh.Trimesh with faces and finite vertices"
+
+    def validate(self, output: Any, input: dict[str, Any]) -> None:
+        validate_mesh(output, self.promise)
+
+
+@register("task")
+@dataclass(frozen=True)
+class Denoise(Task):
+    """A noisy point cloud -> a point cloud nearer to the surface."""
+
+    promise: ClassVar[str] = "a PointCloud with at least one point, all finite"
+
+    def validate(self, output: Any, input: dict[str, Any]) -> None:
+        validate_cloud(output, self.promise)
+
+
+@register("task")
+@dataclass(frozen=True)
+class Upsample(Task):
+    """A sparse point cloud -> a cloud of exactly ratio x N points."""
+
+    ratio: int = 4  # how many points for each one of the input
+
+    def __post_init__(self) -> None:
+        if self.ratio < 1:
+            raise ValueError(f"ratio: expected at least 1, got {self.ratio}")
+
+    @property
+    def promise(self) -> str:  # type: ignore[override]
+        return f"a PointCloud of exactly {self.ratio} x N points, all finite"
+
+    def input(self, cloud: PointCloud) -> dict[str, Any]:
+        return {"cloud": cloud, "ratio": self.ratio}
+
+    def validate(self, output: Any, input: dict[str, Any]) -> None:
+        validate_cloud(output, self.promise)
+        wanted = self.ratio * len(input["cloud"])
+        if len(output) != wanted:
+            raise InvalidOutput(f"promised {self.promise}: {wanted} points; got {len(output)}")
+
+
+def validate_cloud(output: Any, promise: str) -> None:
+    """Raise :class:`InvalidOutput` unless ``output`` is a non-empty, finite :class:`PointCloud`."""
+    if not isinstance(output, PointCloud):
+        raise InvalidOutput(f"promised {promise}; got {_kind(output)}")
+    if not len(output):
+        raise InvalidOutput(f"promised {promise}; got no points")
+    bad = int((~np.isfinite(output.points)).any(axis=1).sum())
+    if bad:
+        raise InvalidOutput(f"promised {promise}; {bad} of {len(output)} points are NaN or infinite")
+    if output.normals is not None:
+        lengths = np.linalg.norm(output.normals, axis=1)
+        bad = int((~(np.abs(lengths - 1) < 1e-3)).sum())
+        if bad:
+            raise InvalidOutput(f"promised {promise}; {bad} of {len(output)} normals are not of unit length")
+
+
+def validate_mesh(output: Any, promise: str) -> None:
+    """Raise :class:`InvalidOutput` unless ``output`` is a ``Trimesh`` with faces and finite vertices."""
+    from trimesh import Trimesh
+
+    if not isinstance(output, Trimesh):
+        raise InvalidOutput(f"promised {promise}; got {_kind(output)}")
+    if not len(output.faces):
+        raise InvalidOutput(f"promised {promise}; got a mesh of {len(output.vertices)} vertices without faces")
+    if output.faces.min() < 0 or output.faces.max() >= len(output.vertices):
+        raise InvalidOutput(f"promised {promise}; faces name vertices that do not exist")
+    bad = int((~np.isfinite(output.vertices)).any(axis=1).sum())
+    if bad:
+        raise InvalidOutput(f"promised {promise}; {bad} of {len(output.vertices)} vertices are NaN or infinite")
+
+
+def _kind(value: Any) -> str:
+    name = f"{type(value).__module__}.{type(value).__qualname__}".removeprefix("builtins.")
+    return f"{name} of shape {value.shape}" if hasattr(value, "shape") else name

@@ -1,0 +1,1 @@
+"""Hydra configuration (YAML files beside this one)."""

@@ -1,0 +1,1 @@
+"""Datasets: procedural shapes, and files of the user."""

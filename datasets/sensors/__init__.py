@@ -1,0 +1,1 @@
+"""Sensors: how a shape becomes a point cloud."""

@@ -1,0 +1,1 @@
+"""Classical methods: well-kept libraries behind one interface."""

@@ -1,0 +1,1 @@
+"""Pseudo-methods: what a metric must rank where it belongs."""

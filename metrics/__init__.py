@@ -1,0 +1,1 @@
+"""Metrics: a name is a formula."""
