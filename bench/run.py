@@ -30,12 +30,15 @@ class Run:
         be given it all the same.
     seconds : float
         The wall-clock limit of this call; see :meth:`seconds_left`.
+    parameters : int or None
+        A learned method sets it to the number of its parameters; the leaderboard shows it.
     """
 
     seed: int = 0
     device: str = "cpu"
     threads: int = 1
     seconds: float = float("inf")
+    parameters: int | None = None
     on_progress: Callable[[int, int], None] | None = field(default=None, repr=False)
     on_trace: Callable[[Any, float], None] | None = field(default=None, repr=False)
     _started: float = field(default_factory=time.perf_counter, repr=False)

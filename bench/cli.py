@@ -1,0 +1,135 @@
+"""The front door: ``detailbench COMMAND ...``, the same as ``python -m bench``.
+
+Exit codes: 0 all well; 1 a usage or configuration error, or results that cannot be written; 3 finished, but some
+cells did not solve all their cases (or a check did not pass); 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from .errors import DetailbenchError, did_you_mean
+
+# Name -> one line. The module is imported when its command is called: help and listings stay quick.
+COMMANDS = {
+    "run": "run cells: one, or with -m a sweep, and print the leaderboard",
+    "plan": "what a run would do: cells, what is finished already, how long the rest may take",
+    "list": "tasks, datasets, sensors, methods and metrics, and plugins that are broken",
+    "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
+    "apply": "one method on one file",
+    "check": "hold a plugin against the contract",
+    "new": "write a new plugin and its test",
+    "why": "what differs between a stored result and today",
+    "reproduce": "run a stored cell again and compare",
+}
+EXIT_CODES = "exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved, 130 interrupted"
+
+
+def parser_for(command: str) -> argparse.ArgumentParser:
+    """The parser of one command; its help is the docstring of the command's module."""
+    module = importlib.import_module(f".commands.{command}", __package__)
+    parser = argparse.ArgumentParser(
+        prog=f"detailbench {command}",
+        description=module.__doc__,
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    module.add_arguments(parser)
+    return parser
+
+
+def usage() -> str:
+    """What ``detailbench --help`` prints."""
+    from . import __version__
+
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:<{width}}  {text}" for name, text in COMMANDS.items()]
+    return "\n".join(
+        [
+            f"detailbench {__version__}: an honest benchmark for geometry processing",
+            "",
+            "usage: detailbench COMMAND [--plugin FILE] ...",
+            "",
+            *lines,
+            "",
+            "detailbench COMMAND --help tells more; --plugin FILE adds a plugin file to any command.",
+            EXIT_CODES,
+        ]
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; the exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _main(arguments)
+    except DetailbenchError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # `detailbench list | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 0
+
+
+def _main(arguments: list[str]) -> int:
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(usage())
+        return 0 if arguments else 1
+    if arguments[0] in ("-V", "--version"):
+        from . import __version__
+
+        print(f"detailbench {__version__}")
+        return 0
+    command = arguments[0]
+    if command not in COMMANDS:
+        print(f"error: there is no command {command!r}. {did_you_mean(command, COMMANDS)}", file=sys.stderr)
+        return 1
+    parser = parser_for(command)
+    parser.error = _usage_error(parser)  # type: ignore[method-assign]
+    module = importlib.import_module(f".commands.{command}", __package__)
+    if getattr(module, "PASSES_ON", False):  # what the parser does not know is Hydra's
+        args, args.rest = parser.parse_known_args(arguments[1:])
+    else:
+        args = parser.parse_intermixed_args(arguments[1:])
+    return module.run(args)
+
+
+def _usage_error(parser: argparse.ArgumentParser):  # noqa: ANN202
+    def error(message: str) -> None:
+        """argparse ends with 2; our code for a usage error is 1."""
+        print(f"error: {message}\n{parser.format_usage().strip()}\nMore: {parser.prog} --help", file=sys.stderr)
+        raise SystemExit(1)
+
+    return error
+
+
+def add_plugin_argument(parser: argparse.ArgumentParser) -> None:
+    """``--plugin FILE``, the same in every command."""
+    parser.add_argument("--plugin", metavar="FILE", action="append", default=[], help="also load the plugins in FILE")
+
+
+def load_plugins(files: Sequence[str], *, warn: bool = True) -> tuple[str, ...]:
+    """Load everything that is installed, and ``files``; their absolute paths. Broken ones are said on stderr."""
+    from pathlib import Path
+
+    from .registry import registry
+
+    found = registry()
+    for file in files:
+        found.load_file(file)
+    if warn:
+        for broken in found.broken:
+            print(f"warning: plugin {broken.origin} is broken: {broken.reason}", file=sys.stderr)
+    return tuple(str(Path(file).expanduser().resolve()) for file in files)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

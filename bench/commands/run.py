@@ -1,0 +1,131 @@
+"""Run cells and print the leaderboard.
+
+  detailbench run task=denoise dataset=bumps sensor=samples method=jet seed=0 results=DIR
+  detailbench run -m method=poisson,rimls dataset=bumps,cad seed=0,1,2 results=DIR
+  detailbench run -m method=poisson method.depth=7,8,9
+  detailbench run experiment=demo
+  detailbench run -m ... hydra/launcher=joblib hydra.launcher.n_jobs=2
+
+Everything after the options is a Hydra override. The keys: task, dataset, sensor, method, metric (plugins, with their
+parameters behind a dot), seed, cases, split, threads, device, results, outputs=none|first|all, rerun=never|failed|always,
+limit.seconds, limit.memory_gb, limit.setup_seconds, profile=quick|paper, experiment, verbose.
+
+A finished case is never run twice: start the same command again after an interruption, or with more methods, and it
+goes on from there. `detailbench plan ...` with the same words says what would be run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from .. import sweep
+from ..cli import add_plugin_argument, load_plugins
+from ..errors import UsageError
+from ..overrides import check_overrides
+from ..progress import Bars, Lines
+from ..store import Results
+
+PASSES_ON = True  # Hydra's own flags are passed on
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("-m", "--multirun", action="store_true", help="a sweep: a=1,2 b=3,4 runs all combinations")
+    parser.add_argument("--no-leaderboard", action="store_true", help="do not print the leaderboard at the end")
+    add_plugin_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run, print, and say with the exit code whether every case was solved."""
+    plugins = load_plugins(args.plugin)
+    overrides = [word for word in args.rest if not word.startswith("-")]
+    flags = [word for word in args.rest if word.startswith("-")]
+    total = plan_size(overrides, args.multirun)
+    results = Results(results_folder(overrides))
+    results.prepare()
+    session = sweep.Session.new(results.folder)
+    private = [f"session='{session.name}'", *([f"plugins={_hydra_list(plugins)}"] if plugins else [])]
+    with session.open():
+        interrupted = False
+        try:
+            code = _launch([*flags, *overrides, *private], args.multirun, total)
+        except KeyboardInterrupt:
+            code, interrupted = 130, True
+        finally:
+            from ..runner import forget_servers
+
+            forget_servers()
+        done = session.read()
+    cells = [d for d in done if d["kind"] == "cell"]
+    if interrupted:
+        print(
+            f"interrupted: {len(cells)} of {total or '?'} cells are finished and stored in {results.folder}; "
+            "the same command goes on from there",
+            file=sys.stderr,
+        )
+        return 130
+    return _report(args, results, done, cells, code)
+
+
+def _launch(overrides: list[str], multirun: bool, total: int | None) -> int:
+    if not sys.stderr.isatty():
+        sweep.PROGRESS = Lines(total=total)
+        return sweep.launch(overrides, multirun)
+    with Bars(total) as bars:
+        sweep.PROGRESS = bars
+        return sweep.launch(overrides, multirun)
+
+
+def _report(
+    args: argparse.Namespace, results: Results, done: list[dict[str, Any]], cells: list[dict[str, Any]], code: int
+) -> int:
+    """Notes, the leaderboard of this run, and the exit code."""
+    for entry in done:
+        if entry["kind"] == "not_solved":
+            print(f"not planned: {entry['message']}", file=sys.stderr)
+        elif entry["kind"] == "usage":
+            print(f"error: {entry['title']}: {entry['message']}", file=sys.stderr)
+            code = code or 1
+    if not cells:
+        return code or 1
+    if not args.no_leaderboard:
+        from ..report.board import print_board
+
+        rows = results.rows()
+        print_board(rows[rows["cell"].isin({c["cell"] for c in cells})])
+    solved, planned = sum(c["solved"] for c in cells), sum(c["planned"] for c in cells)
+    cached = sum(c["cached"] for c in cells)
+    print(
+        f"{len(cells)} cells, {solved}/{planned} cases solved, {planned - cached} run now, {cached} there already; "
+        f"results in {results.folder}",
+        file=sys.stderr,
+    )
+    return code or (0 if solved == planned else 3)
+
+
+def results_folder(overrides: list[str]) -> str:
+    """The results folder that the overrides name."""
+    folder = "results"
+    for word in overrides:
+        key, equals, value = word.partition("=")
+        if key.lstrip("+") == "results":
+            folder = value.strip("'\"")
+            if not equals or not folder or "," in folder:
+                raise UsageError(f"{word}: expected one folder, results=DIR")
+    return folder
+
+
+def plan_size(overrides: list[str], multirun: bool) -> int | None:
+    """Check the overrides; how many jobs they make."""
+    from ..config import enumerate_jobs
+
+    check_overrides(overrides, multirun=multirun)
+    return len(enumerate_jobs(overrides, multirun))
+
+
+def _hydra_list(values: tuple[str, ...]) -> str:
+    quoted = ",".join("'" + str(Path(v)).replace("\\", "\\\\").replace("'", "\\'") + "'" for v in values)
+    return f"[{quoted}]"

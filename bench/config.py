@@ -1,0 +1,127 @@
+"""The keys of a run and their types, and how Hydra is asked to compose them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from .errors import UsageError
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+CONFIG_MODULE = "bench.conf"
+CONFIG_NAME = "config"
+VERSION_BASE = "1.3"
+
+
+@dataclass
+class Limits:
+    """When a cell's child process is killed."""
+
+    seconds: float = 60.0  # wall clock of one method call
+    memory_gb: float = 4.0  # resident memory of the child and its children, and what one call may allocate
+    setup_seconds: float = 600.0  # wall clock for making one case, and for scoring one output
+
+
+@dataclass
+class Base:
+    """Every key of a run."""
+
+    task: Any = None  # the groups come from the plugins
+    dataset: Any = None
+    sensor: Any = None
+    method: Any = None
+    metric: Any = None
+    seed: int = 0  # of the sensor's noise, the method and the metrics' samples
+    split: str = "test"  # which shapes of the dataset: test or train
+    cases: int = 4  # how many of them
+    threads: int = 1  # processors per method call, pinned by affinity
+    device: str = "cpu"  # cpu or cuda
+    results: str = "results"  # folder of the results
+    outputs: str = "none"  # which outputs to keep as files: none, first (case of a cell) or all
+    rerun: str = "never"  # run again although a result is current: never, failed or always
+    profile: str = "quick"  # quick or paper
+    verbose: bool = False  # show what methods print
+    limit: Limits = field(default_factory=Limits)
+    plugins: list[str] = field(default_factory=list)  # set by --plugin
+    session: str = "none"  # set by the front door
+
+
+GROUPS = ("task", "dataset", "sensor", "method", "metric", "profile", "experiment")
+
+
+def register_base() -> None:
+    """Put the typed base, and every plugin, into Hydra's config store."""
+    from hydra.core.config_store import ConfigStore
+
+    from .schema import store_configs
+
+    ConfigStore.instance().store(name="base", node=Base, provider="detailbench")
+    store_configs()
+
+
+@contextmanager
+def hydra_ready() -> Iterator[Any]:
+    """Hydra's config loader over our configs, without a Hydra application."""
+    from hydra import initialize_config_module
+    from hydra.core.global_hydra import GlobalHydra
+
+    register_base()
+    with initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
+        yield GlobalHydra.instance().config_loader()
+
+
+def compose(overrides: Sequence[str]) -> DictConfig:
+    """One composed config.
+
+    Raises
+    ------
+    UsageError
+        With Hydra's own message when it cannot compose.
+    """
+    from hydra import compose as hydra_compose
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    with hydra_ready():
+        try:
+            return hydra_compose(CONFIG_NAME, overrides=list(overrides))
+        except (HydraException, OmegaConfBaseException) as error:
+            raise UsageError(hydra_message(error)) from error
+
+
+def hydra_message(error: BaseException) -> str:
+    """What Hydra said, with the cause under it when the cause says more, and without hints to add unknown keys."""
+    parts = [str(error)]
+    if error.__cause__ is not None and str(error.__cause__) not in parts[0]:
+        parts.append(str(error.__cause__))
+    lines = [line for part in parts for line in part.splitlines()]
+    return "\n".join(line for line in lines if line.strip() and "append with" not in line and "prepend" not in line)
+
+
+def enumerate_jobs(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
+    """The overrides of every job that Hydra's basic sweeper would launch, in its order."""
+    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+    from hydra.types import RunMode
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    with hydra_ready() as loader:
+        try:
+            mode = RunMode.MULTIRUN if multirun else RunMode.RUN
+            master = loader.load_configuration(CONFIG_NAME, list(overrides), run_mode=mode)
+            if not multirun and OmegaConf.select(master, "hydra.mode") != RunMode.MULTIRUN:
+                return [list(overrides)]
+            given = list(master.hydra.overrides.task)
+            swept = OmegaConf.select(master, "hydra.sweeper.params") or {}
+            keys = {o.get_key_element() for o in OverridesParser.create().parse_overrides(given)}
+            arguments = [f"{k}={v}" for k, v in swept.items() if str(k) not in keys] + given
+            parsed = OverridesParser.create(config_loader=loader).parse_overrides(arguments)
+            return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
+        except (HydraException, OmegaConfBaseException) as error:
+            raise UsageError(hydra_message(error)) from error

@@ -1,0 +1,220 @@
+"""The fork server: a process that has the heavy imports loaded and has computed nothing, and forks workers.
+
+A worker that is forked from it starts in milliseconds. It must be forked from a process that has not *used* its
+libraries: OpenMP pools that exist before a fork hang the child. There is one server per set of libraries and thread
+count, so each method meets the same process whatever else the sweep holds.
+
+The server belongs to the process that started it (the runner): when their socket closes, for whatever reason, it
+kills everything below it and ends. It is a *subreaper*: a daemon that a method leaves behind becomes its child, and
+is found and killed when the cell ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import importlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
+_MAX_MESSAGE = 1 << 17
+# Libraries that size their thread pools by these; the others are held by processor affinity.
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "IGL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+
+
+def _prctl(option: int, value: int) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(option, value, 0, 0, 0)
+
+
+# -- the side of the runner --------------------------------------------------------------------------------------------
+
+
+class ForkServer:
+    """The runner's handle on one server.
+
+    Parameters
+    ----------
+    preload : import names
+        Imported by the server before the first fork.
+    plugins : paths
+        Plugin files, loaded by the server like ``--plugin``.
+    threads : int
+        How many processors the workers will be pinned to; pools are sized by it.
+    """
+
+    def __init__(self, preload: tuple[str, ...], plugins: tuple[str, ...], threads: int):
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with there:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", "from bench.forkserver import serve; serve()", str(there.fileno())],
+                pass_fds=[there.fileno()],
+                stdin=subprocess.DEVNULL,
+                env={**os.environ, **dict.fromkeys(THREAD_VARIABLES, str(threads))},
+                start_new_session=True,  # Ctrl-C in the terminal is the runner's business
+            )
+        self._socket = here
+        self._ask({"preload": preload, "plugins": plugins, "threads": threads})
+
+    def _ask(self, request: dict[str, Any], fds: tuple[int, ...] = ()) -> dict[str, Any]:
+        try:
+            socket.send_fds(self._socket, [json.dumps(request).encode()], list(fds))
+            answer = self._socket.recv(_MAX_MESSAGE)
+        except OSError as error:
+            raise ServerDied(f"the fork server ended unexpectedly ({error})") from error
+        if not answer:
+            raise ServerDied(f"the fork server ended unexpectedly (exit status {self._process.wait()})")
+        return json.loads(answer)
+
+    def fork(self, spec: dict[str, Any], messages: int, output: int) -> int:
+        """Start a worker on ``spec``; it writes to the two file descriptors. Returns its process id."""
+        return self._ask({"fork": spec}, (messages, output))["pid"]
+
+    def reap(self, pid: int) -> int:
+        """Wait for a worker that ended or was killed, kill whatever it left behind; its wait status."""
+        return self._ask({"reap": pid})["status"]
+
+    def close(self) -> None:
+        """End the server and everything below it."""
+        self._socket.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout=5)
+            return
+        self._process.kill()
+        self._process.wait()
+
+
+class ServerDied(RuntimeError):
+    """The fork server is gone: something killed it."""
+
+
+# -- the side of the server --------------------------------------------------------------------------------------------
+
+
+def serve() -> None:
+    """The server's main loop; the socket's file descriptor is the first argument."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+    channel = socket.socket(fileno=int(sys.argv[1]))
+    try:
+        while True:
+            message, fds, _, _ = socket.recv_fds(channel, _MAX_MESSAGE, 2)
+            if not message:
+                break  # the runner is gone
+            request = json.loads(message)
+            if "fork" in request:
+                answer = {"pid": _fork(request["fork"], channel, *fds)}
+            elif "reap" in request:
+                answer = {"status": _reap(request["reap"])}
+            else:
+                answer = _load(request)
+            channel.send(json.dumps(answer).encode())
+    except OSError:
+        pass  # the runner went while we were answering
+    finally:
+        _kill_descendants()
+
+
+def _load(request: dict[str, Any]) -> dict[str, Any]:
+    """Import what workers will need. Affinity first: libraries count processors when they are imported."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: request["threads"]])
+    from .registry import registry
+
+    found = registry()
+    for path in request["plugins"]:
+        found.load_file(path)
+    for module in ("numpy", "psutil", "bench.worker", *request["preload"]):
+        with contextlib.suppress(ImportError):  # the worker says which library is missing
+            importlib.import_module(module)
+    gc.collect()
+    gc.freeze()  # pages that the collector never touches stay shared with the workers
+    return {"ready": True}
+
+
+def _fork(spec: dict[str, Any], channel: socket.socket, messages: int, output: int) -> int:
+    server = os.getpid()
+    pid = os.fork()
+    if pid:
+        os.close(messages)
+        os.close(output)
+        return pid
+    status = 70
+    try:
+        os.setsid()  # a process group of its own, to be killed as a whole
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != server:
+            os._exit(status)
+        channel.close()
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        os.dup2(output, 1)
+        os.dup2(output, 2)
+        os.close(output)
+        from .worker import work
+
+        work(spec, messages)
+        status = 0
+    except BaseException:  # nothing may return into the server's loop; the traceback is what the runner shows
+        import traceback
+
+        traceback.print_exc()
+    finally:
+        with contextlib.suppress(OSError, ValueError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)
+
+
+def _reap(pid: int) -> int:
+    try:
+        _, status = os.waitpid(pid, 0)
+    except ChildProcessError:
+        status = 0
+    _kill_descendants()
+    return status
+
+
+def _children() -> list[int]:
+    """The ids of this process's children, adopted ones too."""
+    if sys.platform == "linux":
+        found: list[int] = []
+        for task in Path(f"/proc/{os.getpid()}/task").iterdir():
+            with contextlib.suppress(OSError):
+                found.extend(int(p) for p in (task / "children").read_text().split())
+        return found
+    import psutil
+
+    return [p.pid for p in psutil.Process().children()]
+
+
+def _kill_descendants() -> None:
+    """Kill all processes below this one; those orphaned by it come up as new children, until none is left."""
+    import psutil
+
+    while True:
+        with contextlib.suppress(psutil.Error):
+            for process in psutil.Process().children(recursive=True):
+                with contextlib.suppress(psutil.Error):
+                    process.kill()
+        try:
+            while True:
+                os.waitpid(-1, 0)
+        except ChildProcessError:
+            if not _children():
+                return

@@ -1,0 +1,446 @@
+"""From rows, one per planned case, to a leaderboard: who is better, by how much, how surely, at what cost.
+
+::
+
+    board = leaderboard(rows, task="reconstruct", metric="chamfer_l1_mean,p2f_mean")
+    print(render(board, "terminal", rows=rows))
+
+What makes it honest:
+
+* A failed case is never left out in silence. ``mean`` is over solved cases, and solved/planned stands beside it; in
+  the ranks an unsolved case counts as worse than every solved result on that case, and a method that solved nothing is
+  last. A score that is NaN or infinite is a failure of that metric.
+* A method that was not run on some case looks no better for it: two methods are compared on the units (case and seed)
+  that both were to solve.
+* Intervals are over cases, with their seeds; see :mod:`bench.statistics`.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import json
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from .errors import UsageError, did_you_mean
+from .seeds import generator
+from .statistics import mean_intervals, rank_intervals, resampling_weights
+
+COLUMNS = (
+    "task",
+    "dataset",
+    "sensor",
+    "method",
+    "variant",
+    "metric",
+    "better",
+    "mean",
+    "ci_low",
+    "ci_high",
+    "floor",
+    "rank_low",
+    "rank_high",
+    "solved",
+    "planned",
+    "seconds_median",
+    "peak_rss_mb",
+)
+GROUP = ["task", "dataset", "sensor"]  # one table each
+CONTENDER = ["method", "variant"]
+UNIT = ["case", "seed"]
+WORSE = 0.1  # an unsolved unit is this share of the case's spread worse than the worst solved result on the case
+
+Names = str | Iterable[str] | None
+
+
+# -- choosing ----------------------------------------------------------------------------------------------------------
+
+
+def select(
+    rows: pd.DataFrame,
+    *,
+    task: Names = None,
+    dataset: Names = None,
+    sensor: Names = None,
+    method: Names = None,
+    tag: Names = None,
+) -> pd.DataFrame:
+    """The rows that the filters leave.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        One row per planned case, as :meth:`bench.store.Results.rows` gives them.
+    task, dataset, sensor, method, tag : str or list of str
+        Names, a list of them or one string with commas. ``bumps`` stands for every ``bumps[...]`` too, and ``*``
+        and ``?`` stand for anything.
+
+    Raises
+    ------
+    UsageError
+        For a name that no row has, with the nearest one; and when no row passes all filters.
+    """
+    chosen = np.ones(len(rows), dtype=bool)
+    wanted = {"task": task, "dataset": dataset, "sensor": sensor, "method": method}
+    for option, names in wanted.items():
+        if names is not None:
+            chosen &= rows[option].isin(_matching(option, names, rows[option].unique())).to_numpy()
+    if tag is not None:
+        tags = rows["tags"].map(_tags)
+        known = sorted(set().union(*tags))
+        matching = set(_matching("tag", tag, known))
+        chosen &= np.fromiter((not matching.isdisjoint(t) for t in tags), dtype=bool, count=len(rows))
+    if len(rows) and not chosen.any():
+        given = [f"{option}={names}" for option, names in {**wanted, "tag": tag}.items() if names is not None]
+        raise UsageError(f"no result has {' and '.join(given)} together")
+    return rows if chosen.all() else rows[chosen]
+
+
+def metrics_of(rows: pd.DataFrame, metric: Names = None) -> list[str]:
+    """The metric keys that the rows have, those that ``metric`` names if given, in alphabetical order."""
+    known = sorted(column.removeprefix("score.") for column in rows.columns if column.startswith("score."))
+    return known if metric is None else sorted(_matching("metric", metric, known))
+
+
+def _split(names: Names) -> list[str]:
+    """``"cad,bumps[a=1,b=2]"`` -> ``["cad", "bumps[a=1,b=2]"]``."""
+    parts = [names] if isinstance(names, str) else list(names or ())
+    return [name.strip() for part in parts for name in re.split(r",(?![^\[]*\])", part) if name.strip()]
+
+
+def _matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
+    known = sorted(known)
+    found: set[str] = set()
+    wanted = _split(names)
+    if not wanted:
+        raise UsageError(f"{option}: expected a name. {did_you_mean('', known)}")
+    for name in wanted:
+        pattern = name.replace("[", "[[]")
+        hits = [k for k in known if name in (k, re.split(r"[\[@]", k)[0]) or fnmatch.fnmatchcase(k, pattern)]
+        if not hits:
+            raise UsageError(f"no result has {option} {name!r}. {did_you_mean(name, known)}")
+        found.update(hits)
+    return sorted(found)
+
+
+def _tags(value: object) -> frozenset[str]:
+    parts = value.split(",") if isinstance(value, str) else value if isinstance(value, Sequence | np.ndarray) else ()
+    return frozenset(str(part).strip() for part in parts if str(part).strip())
+
+
+# -- the board ---------------------------------------------------------------------------------------------------------
+
+
+def leaderboard(
+    rows: pd.DataFrame,
+    *,
+    task: Names = None,
+    dataset: Names = None,
+    metric: Names = None,
+    sensor: Names = None,
+    method: Names = None,
+    tag: Names = None,
+    level: float = 0.95,
+    resamples: int = 2000,
+    seed: int = 0,
+) -> pd.DataFrame:
+    """One row per task, dataset, sensor, metric and method (with its variant), best first.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        One row per planned case.
+    task, dataset, sensor, method, tag
+        Filters, see :func:`select`. Ranks are among the methods that are left.
+    metric : str or list of str
+        Metric keys; ``fscore`` stands for every ``fscore@...``.
+    level : float
+        Confidence level of the intervals and of the ranks.
+    resamples : int
+        Bootstrap samples behind each interval.
+    seed : int
+        Of the resampling.
+
+    Returns
+    -------
+    DataFrame
+        With :data:`COLUMNS`. ``mean``, ``ci_low``, ``ci_high`` and ``floor`` are in the metric's unit, over solved
+        cases; ``better`` is lower, higher or reference (nearest to ``floor``, the reference's own value);
+        ``rank_low`` to ``rank_high`` is the interval of the rank; ``seconds_median`` and ``peak_rss_mb`` (the
+        largest) are over solved cases. A group in which nothing was solved and no metric is known has one line
+        per method with an empty ``metric``.
+
+    Raises
+    ------
+    UsageError
+        For a filter that matches nothing, or a level or number of resamples that makes no sense.
+    """
+    if not 0 < level < 1:
+        raise UsageError(f"level: expected a number between 0 and 1, got {level}")
+    if resamples < 100:
+        raise UsageError(f"resamples: expected at least 100, got {resamples}")
+    rows = select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag)
+    cells = _cells(rows, metrics_of(rows, metric))
+    parts = [_group_board(cells, group, level, resamples, seed) for group in cells.groups()]
+    board = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(COLUMNS))
+    board = board.join(costs(rows), on=[*GROUP, *CONTENDER]) if parts else board
+    board = board[list(COLUMNS)]
+    board.attrs["level"] = level
+    return board
+
+
+@dataclass
+class _Cells:
+    """Rows gathered per group, case, seed and contender, sorted by these; arrays are (cells, metrics).
+
+    Rows that differ in the number of threads or in the device alone fall into one cell: its value is their mean, and
+    for the ranks it is solved if all of them are.
+    """
+
+    keys: pd.DataFrame  # the columns GROUP, UNIT, CONTENDER of each cell
+    codes: np.ndarray  # (cells, 7) the same as integers that sort alike
+    metrics: list[str]
+    better: list[str]
+    planned: np.ndarray  # how many rows were to be scored
+    solved: np.ndarray  # how many were
+    value: np.ndarray  # mean score over the solved rows, 0 without
+    badness: np.ndarray  # the same as "lower is better"
+    floor: np.ndarray  # NaN where unknown
+    rows: np.ndarray  # (cells,) how many rows
+    mute: np.ndarray  # (cells,) whether no row of the group says what it is scored by: all failed before that
+
+    def groups(self) -> list[slice]:
+        """The cells of each group."""
+        starts = _starts(self.codes[:, :3])
+        return [slice(a, b) for a, b in zip(starts, [*starts[1:], len(self.codes)], strict=True)]
+
+
+def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
+    rows, codes = _sorted(rows)
+    starts = _starts(codes)
+    ok = (rows["status"] == "ok").to_numpy()
+    declared, better, silent = _declared(rows, metrics)
+    score = rows[[f"score.{m}" for m in metrics]].to_numpy(dtype=float)
+    floor = rows.reindex(columns=[f"floor.{m}" for m in metrics]).to_numpy(dtype=float)
+    badness = _badness(score, floor, better)
+    # Without the reference's own value nothing says how near to it a score is.
+    solved = ok[:, None] & np.isfinite(badness)
+    silent &= ~solved.any(axis=1)
+    declared |= solved
+    planned = declared | (silent & ~ok)[:, None]
+
+    # A metric that a method is never scored by (normals of a method that gives none) is no failure of its cases;
+    # who failed in all of them is taken to miss all metrics of the group.
+    group, contender = _ids(codes[:, :3]), _ids(codes[:, [0, 1, 2, 5, 6]])
+    never_ok = ~_any_by(contender, ok[:, None])
+    planned &= never_ok | _any_by(contender, declared & ok[:, None])
+    planned &= _any_by(group, declared)
+    mute = ~_any_by(group, (ok | ~silent)[:, None])[:, 0]
+
+    def total(array: np.ndarray) -> np.ndarray:
+        return np.add.reduceat(array, starts, axis=0) if len(starts) else array[:0]
+
+    count, floored = total(solved.astype(int)), solved & np.isfinite(floor)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        floor = total(np.where(floored, floor, 0.0)) / total(floored.astype(int))
+    return _Cells(
+        keys=rows[[*GROUP, *UNIT, *CONTENDER]].iloc[starts].reset_index(drop=True),
+        codes=codes[starts],
+        metrics=metrics,
+        better=better,
+        planned=total(planned.astype(int)),
+        solved=count,
+        value=total(np.where(solved, score, 0.0)) / np.maximum(count, 1),
+        badness=total(np.where(solved, badness, 0.0)) / np.maximum(count, 1),
+        floor=floor,
+        rows=total(np.ones(len(rows), dtype=int)),
+        mute=mute[starts],
+    )
+
+
+def _sorted(rows: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
+    """The rows by group, unit and contender, and these as integers.
+
+    Rows of one cell are in an order of their own as well, so that not even the last digit of a sum depends on the
+    order in which the rows came.
+    """
+    names = [*GROUP, *UNIT, *CONTENDER, "threads", "device", "host"]
+    codes = np.column_stack([pd.factorize(rows[name], sort=True)[0] for name in names])
+    order = np.lexsort(codes.T[::-1])
+    return rows.iloc[order], codes[order, :7]
+
+
+def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[str], np.ndarray]:
+    """Which row says that it is scored by which metric, the direction of each, and which rows say nothing."""
+    codes, texts = pd.factorize(rows["directions"].fillna(""), sort=True)
+    said = [json.loads(text) if text else {} for text in texts]
+    table = np.array([[m in s for m in metrics] for s in said], dtype=bool).reshape(len(said), len(metrics))
+    better = [next((s[m] for s in said if m in s), "lower") for m in metrics]
+    silent = np.array([not s for s in said], dtype=bool)
+    return table[codes], better, silent[codes]
+
+
+def _badness(score: np.ndarray, floor: np.ndarray, better: list[str]) -> np.ndarray:
+    """Scores such that lower is better: of a ``reference`` metric, how far from the reference's own value."""
+    direction = np.array(better, dtype=str)
+    with np.errstate(invalid="ignore"):
+        distance = abs(score - floor)
+    return np.where(direction == "reference", distance, np.where(direction == "higher", -score, score))
+
+
+def _starts(codes: np.ndarray) -> np.ndarray:
+    """Where a new value begins in rows of integers whose equal ones are neighbours."""
+    if not len(codes):
+        return np.zeros(0, dtype=int)
+    return np.flatnonzero(np.r_[True, (codes[1:] != codes[:-1]).any(axis=1)])
+
+
+def _ids(codes: np.ndarray) -> np.ndarray:
+    """One integer, counted from 0, for each different row of ``codes``."""
+    return np.unique(codes, axis=0, return_inverse=True)[1].ravel()
+
+
+def _any_by(ids: np.ndarray, flags: np.ndarray) -> np.ndarray:
+    """For each row, whether any row with its id has the flag; column by column."""
+    return np.column_stack([np.bincount(ids, weights=column)[ids] > 0 for column in flags.T])
+
+
+# -- one group ---------------------------------------------------------------------------------------------------------
+
+
+def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed: int) -> pd.DataFrame:
+    """The board of one (task, dataset, sensor)."""
+    keys, codes = cells.keys.iloc[group], cells.codes[group]
+    unit, contender = _ids(codes[:, 3:5]), _ids(codes[:, 5:7])
+    first = np.unique(contender, return_index=True)[1]
+    board = keys.iloc[first][[*GROUP, *CONTENDER]].reset_index(drop=True)
+    used = np.flatnonzero(cells.planned[group].any(axis=0))
+    if not len(used):
+        return _unscored(board, np.bincount(contender, cells.rows[group])) if cells.mute[group].all() else board[:0]
+
+    def cube(array: np.ndarray, empty: float = 0) -> np.ndarray:
+        """(units, contenders, used metrics); ``empty`` where a contender was not run."""
+        full = np.full((unit.max() + 1, len(first), len(used)), empty, dtype=array.dtype)
+        full[unit, contender] = array[group][:, used]
+        return full
+
+    planned, solved, floor = cube(cells.planned), cube(cells.solved), cube(cells.floor, np.nan)
+    case_of_unit = codes[np.unique(unit, return_index=True)[1], 3:4]
+    cases = _starts(case_of_unit)
+    # Of a single case only the seeds can be resampled: the interval then speaks of this case, not of others.
+    clusters = cases if len(cases) > 1 else np.arange(len(case_of_unit))
+
+    weights = resampling_weights(len(clusters), resamples, generator(seed, *map(str, board.loc[0, GROUP])))
+    sums = np.add.reduceat(cube(cells.value), clusters).reshape(len(clusters), -1)
+    counts = np.add.reduceat((solved > 0).astype(float), clusters).reshape(len(clusters), -1)
+    mean, low, high = (a.reshape(len(first), -1) for a in mean_intervals(sums, counts, weights, level))
+    floors = np.isfinite(floor).sum(axis=0)
+    floor = np.where(floors > 0, np.nansum(floor, axis=0) / np.maximum(floors, 1), np.nan)
+
+    badness = cube(cells.badness)
+    parts = []
+    for j, m in enumerate(used):
+        who = np.flatnonzero(planned[..., j].any(axis=0))
+        complete = (solved[:, who, j] == planned[:, who, j]) & (planned[:, who, j] > 0)
+        values = penalise(badness[:, who, j], complete, cases)
+        some = solved[:, who, j].any(axis=0)
+        rank_low, rank_high, order = _ranks(values, planned[:, who, j] > 0, some, clusters, level)
+        part = board.iloc[who].assign(
+            metric=cells.metrics[m],
+            better=cells.better[m],
+            mean=mean[who, j],
+            ci_low=low[who, j],
+            ci_high=high[who, j],
+            floor=floor[who, j],
+            rank_low=rank_low,
+            rank_high=rank_high,
+            solved=solved[:, who, j].sum(axis=0),
+            planned=planned[:, who, j].sum(axis=0),
+        )
+        parts.append(part.iloc[np.lexsort([who, rank_high, order, rank_low])])
+    return pd.concat(parts)
+
+
+def penalise(badness: np.ndarray, solved: np.ndarray, cases: np.ndarray) -> np.ndarray:
+    """Give every unsolved unit a value that is worse than all solved results on its case.
+
+    The case's own worst result is the measure, not the worst of all: cases differ in scale, and one bad outlier
+    elsewhere should not decide what a failure costs here.
+
+    Parameters
+    ----------
+    badness : (units, k) array
+        Lower is better.
+    solved : (units, k) bool array
+    cases : (n,) int array
+        The first unit of each case.
+
+    Returns
+    -------
+    (units, k) array
+    """
+    worst = np.maximum.reduceat(np.where(solved, badness, -np.inf).max(axis=1), cases)
+    best = np.minimum.reduceat(np.where(solved, badness, np.inf).min(axis=1), cases)
+    nobody = np.isinf(worst)
+    worst, best = np.where(nobody, 0.0, worst), np.where(nobody, 0.0, best)
+    scale = np.where(worst > best, worst - best, np.where(worst != 0, abs(worst), 1.0))
+    failed = np.repeat(worst + WORSE * scale, np.diff([*cases, len(badness)]))
+    return np.where(solved, badness, failed[:, None])
+
+
+def _ranks(
+    values: np.ndarray, planned: np.ndarray, some: np.ndarray, clusters: np.ndarray, level: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rank intervals; who solved nothing shares the last places, by definition and not by a test."""
+    k, ranked = len(some), int(some.sum())
+    low, high, order = np.full(k, ranked + 1), np.full(k, k), np.full(k, k)
+    if ranked:
+        low[some], high[some], order[some] = rank_intervals(values[:, some], planned[:, some], clusters, level)
+    return low, high, order
+
+
+def _unscored(board: pd.DataFrame, rows: np.ndarray) -> pd.DataFrame:
+    """Lines for a group where nothing was solved and no metric is known: it must not vanish."""
+    nothing = dict.fromkeys(("mean", "ci_low", "ci_high", "floor"), np.nan)
+    return board.assign(
+        metric="", better="", **nothing, rank_low=1, rank_high=len(board), solved=0, planned=rows.astype(int)
+    )
+
+
+# -- what else a reader wants to know ----------------------------------------------------------------------------------
+
+
+def costs(rows: pd.DataFrame) -> pd.DataFrame:
+    """Per group and contender, over solved cases.
+
+    Returns
+    -------
+    DataFrame
+        Index ``task, dataset, sensor, method, variant``; columns ``seconds_median``, ``peak_rss_mb`` (the largest)
+        and ``parameters`` (of a learned method; missing where none).
+    """
+    solved = rows[(rows["status"] == "ok").to_numpy()].groupby([*GROUP, *CONTENDER], sort=True)
+    return pd.DataFrame(
+        {
+            "seconds_median": solved["seconds"].median(),
+            "peak_rss_mb": solved["peak_rss_mb"].max(),
+            "parameters": solved["parameters"].max(),
+        }
+    )
+
+
+def failures(rows: pd.DataFrame) -> pd.DataFrame:
+    """What was not solved: one row per group, contender and status, with how many and the first message.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``task, dataset, sensor, method, variant, status, count, message``.
+    """
+    failed = rows[(rows["status"] != "ok").to_numpy()].sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
+    grouped = failed.groupby([*GROUP, *CONTENDER, "status"], sort=True)["message"]
+    return grouped.agg(count="size", message="first").reset_index()

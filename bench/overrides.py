@@ -1,0 +1,142 @@
+"""A look at Hydra overrides before Hydra gets them: every wrong name and parameter gets the nearest right one.
+
+Hydra itself lists the options of a group but suggests none, and for an unknown key it advises ``+key=value``, which
+then lets any typo in.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from .config import GROUPS, Base, Limits
+from .errors import UsageError, did_you_mean
+from .registry import KINDS, registry
+
+
+def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
+    """Raise :class:`UsageError` for names and parameters that do not exist, and for a sweep without ``-m``."""
+    for override in _parse(overrides):
+        key = override.key_or_group
+        values = _values(override)
+        if override.is_sweep_override() and not multirun and not key.startswith("hydra"):
+            raise UsageError(f"{override.input_line}: several values are a sweep; add -m: detailbench run -m ...")
+        if key.startswith("hydra"):
+            continue
+        head, _, tail = key.partition(".")
+        if not tail and head in KINDS:
+            for name in values:
+                _check_plugin_name(head, name)
+        elif not tail and head in ("profile", "experiment"):
+            for name in values:
+                _check_preset(head, name)
+        elif tail and head in KINDS:
+            _check_parameter(head, tail, overrides, override.input_line)
+        elif head == "limit" and tail:
+            _check_key("limit.", tail, [f.name for f in dataclasses.fields(Limits)], override.input_line)
+        else:
+            _check_key("", head, [*(f.name for f in dataclasses.fields(Base)), *GROUPS], override.input_line)
+
+
+def _parse(overrides: Sequence[str]) -> list[Any]:
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import OverrideParseException
+
+    parsed = []
+    for text in overrides:
+        try:
+            parsed.extend(OverridesParser.create().parse_overrides([text]))
+        except OverrideParseException as error:
+            raise UsageError(
+                f"cannot read {text!r}: expected key=value, for instance method=poisson or limit.seconds=60 "
+                f"({str(error).splitlines()[0]})"
+            ) from error
+    return parsed
+
+
+def _values(override: Any) -> list[Any]:
+    """The values of an override: one, those of a sweep, or those of a list."""
+    if override.is_sweep_override() and override.is_choice_sweep():
+        return [_text(v) for v in override.value().list]
+    value = override.value()
+    return [_text(v) for v in value] if isinstance(value, list) else [_text(value)]
+
+
+def _text(value: Any) -> Any:
+    return [str(v) for v in value] if isinstance(value, list) else value
+
+
+def _flat(values: Iterable[Any]) -> list[str]:
+    return [str(v) for value in values for v in (value if isinstance(value, list) else [value])]
+
+
+def chosen(kind: str, overrides: Sequence[str]) -> list[str]:
+    """The plugin names of a kind that the overrides choose; without any, and without a preset, the default."""
+    names: list[str] = []
+    preset = False
+    for override in _parse(overrides):
+        preset = preset or override.key_or_group == "experiment"
+        if override.key_or_group == kind:
+            names.extend(_flat(_values(override)))
+    return names if names or preset else [n for n in (_default_choice(kind),) if n]
+
+
+def _default_choice(group: str) -> str | None:
+    """What the main config chooses."""
+    from importlib.resources import files
+
+    from omegaconf import OmegaConf
+
+    config = OmegaConf.create((files("bench.conf") / "config.yaml").read_text())
+    for entry in config.defaults:
+        if not isinstance(entry, str) and group in entry:
+            return entry[group]
+    return None
+
+
+def _check_plugin_name(kind: str, name: Any) -> None:
+    for one in _flat([name]):
+        if kind == "metric" and one in _presets("metric"):
+            continue
+        if one not in ("None", "null"):
+            registry().find(kind, one)
+
+
+def _check_preset(group: str, name: Any) -> None:
+    known = _presets(group)
+    if str(name) not in (*known, "None", "null"):
+        raise UsageError(f"no {group} is called {name!r}. {did_you_mean(str(name), known)}")
+
+
+def _presets(group: str) -> list[str]:
+    """The names of the YAML files of a config group."""
+    from importlib.resources import files
+
+    folder = files("bench.conf") / group
+    return sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml"))
+
+
+def _check_parameter(kind: str, tail: str, overrides: Sequence[str], line: str) -> None:
+    """A parameter must be one of a plugin that the run chooses (or, where it chooses none, of some plugin)."""
+    names = [n for n in chosen(kind, overrides) if n in registry().names(kind)] or registry().names(kind)
+    prefix = f"{kind}."
+    if kind == "metric":
+        name, _, tail = tail.partition(".")
+        registry().find(kind, name)
+        names, prefix = [name], f"metric.{name}."
+    known = {f.name for name in names for f in registry().find(kind, name).fields}
+    parameter = tail.partition(".")[0]
+    if parameter and parameter not in known:
+        of = names[0] if len(names) == 1 else "those chosen"
+        raise UsageError(f"{line}: {kind} {of} has no parameter {parameter!r}. {_hint(prefix, parameter, known)}")
+
+
+def _check_key(prefix: str, key: str, known: Iterable[str], line: str) -> None:
+    known = list(known)
+    if key not in known:
+        raise UsageError(f"{line}: there is no key '{prefix}{key}'. {_hint(prefix, key, known)}")
+
+
+def _hint(prefix: str, key: str, known: Iterable[str]) -> str:
+    return did_you_mean(key, known).replace("'", f"'{prefix}", 1) if prefix else did_you_mean(key, known)

@@ -1,0 +1,217 @@
+"""What a result depends on (the fingerprint), and where it came from (the provenance)."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import __version__
+from .plan import Cell, digest
+
+if TYPE_CHECKING:
+    from .registry import Plugin
+
+# Packages that take part in every cell; a plugin's `requires` come on top.
+ALWAYS = ("numpy", "scipy", "trimesh")
+
+
+def ingredients(cell: Cell) -> dict[str, Any]:
+    """All that decides whether a finished result of ``cell`` is current, as a flat mapping for :func:`explain`.
+
+    The parameters and the seed (in ``cell``), the source of the plugins that make the output (with the neighbours
+    and the geometry that they import), the versions of metrics, the packages that compute, and what a dataset says
+    of its own state (hashes of the user's files).
+    """
+    parts: dict[str, Any] = {"cell": cell.id}
+    for choice in cell.choices:
+        plugin = choice.plugin
+        if choice.kind == "metric":
+            parts[f"version of metric {choice.name}"] = plugin.version
+        else:
+            parts[f"source of {choice.kind} {choice.name}"] = source_digest(plugin.file)
+    for package in sorted({*ALWAYS, *(r for c in cell.choices for r in c.plugin.requires)}):
+        parts[f"package {package}"] = package_version(package)
+    state = getattr(cell.dataset.build(), "state", None)
+    if state:
+        parts.update({f"file {name}": value for name, value in state().items()})
+    return parts
+
+
+def fingerprint(parts: dict[str, Any]) -> str:
+    """Sixteen hexadecimal digits over the ingredients."""
+    return digest(parts)[:16]
+
+
+def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """What differs between the ingredients of a stored result and those of today, one line each."""
+    lines = []
+    for key in sorted({*then, *now}):
+        before, after = then.get(key), now.get(key)
+        if before == after:
+            continue
+        if key.startswith("source of"):
+            lines.append(f"{key} was edited")
+        elif key.startswith("file "):
+            what = "is new" if before is None else "is gone" if after is None else "has other content"
+            lines.append(f"{key} {what}")
+        else:
+            lines.append(f"{key}: {before or 'not installed'} -> {after or 'not installed'}")
+    return lines
+
+
+# -- source ------------------------------------------------------------------------------------------------------------
+
+
+def source_digest(file: Path) -> str:
+    """SHA-256 over a plugin's file and the sources it imports from beside it or from ``bench.geometry``."""
+    total = hashlib.sha256()
+    for path in sorted(source_closure(file), key=str):
+        total.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return total.hexdigest()[:16]
+
+
+def source_closure(file: Path) -> set[Path]:
+    """``file`` and, transitively, what it imports from its own folder or package, or from ``bench.geometry``."""
+    known: set[Path] = set()
+    todo = [file.resolve()]
+    while todo:
+        path = todo.pop()
+        if path in known or not path.is_file():
+            continue
+        known.add(path)
+        stat = path.stat()
+        todo.extend(_local_imports(path, stat.st_mtime_ns, stat.st_size))
+    return known
+
+
+@functools.lru_cache(maxsize=4096)
+def _local_imports(path: Path, mtime_ns: int, size: int) -> tuple[Path, ...]:
+    try:
+        tree = ast.parse(path.read_bytes())
+    except SyntaxError:
+        return ()
+    return tuple(found for name in _imported_names(tree) if (found := _resolve(name, path)))
+
+
+def _imported_names(tree: ast.AST) -> Iterator[str]:
+    """Dotted names; relative ones keep their leading dots."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = "." * node.level + (node.module or "")
+            yield base
+            dot = "" if base.endswith(".") else "."
+            yield from (f"{base}{dot}{alias.name}" for alias in node.names if alias.name != "*")
+
+
+def _resolve(name: str, importer: Path) -> Path | None:
+    """The file of an import that counts as the plugin's own, or None."""
+    level = len(name) - len(name.lstrip("."))
+    if level:
+        folder = importer.parent
+        for _ in range(level - 1):
+            folder = folder.parent
+    elif name.startswith("bench.geometry."):
+        folder, name = Path(__file__).parent, name.removeprefix("bench.")
+    elif not (importer.parent / "__init__.py").exists():
+        folder = importer.parent  # a plain script finds its neighbours by name
+    else:
+        return None
+    stem = folder.joinpath(*name.strip(".").split("."))
+    for candidate in (stem.with_suffix(".py"), stem / "__init__.py"):
+        if candidate.is_file() and candidate.resolve() != importer:
+            return candidate.resolve()
+    return None
+
+
+# -- packages ----------------------------------------------------------------------------------------------------------
+
+
+@functools.cache
+def _distributions() -> dict[str, list[str]]:
+    return dict(importlib.metadata.packages_distributions())
+
+
+@functools.cache
+def package_version(module: str) -> str | None:
+    """The version of the distribution that brings an import name; None when it is not installed."""
+    try:
+        return importlib.metadata.version(module)
+    except importlib.metadata.PackageNotFoundError:
+        pass
+    for name in _distributions().get(module, ()):
+        return f"{name} {importlib.metadata.version(name)}" if name != module else importlib.metadata.version(name)
+    spec = importlib.util.find_spec(module) if module.isidentifier() else None
+    return "present, version unknown" if spec else None
+
+
+# -- machine -----------------------------------------------------------------------------------------------------------
+
+
+@functools.cache
+def machine() -> dict[str, Any]:
+    """What ran: host, processor, memory, system, Python, and the commit of detailbench where it runs from a checkout."""
+    import psutil
+
+    return {
+        "host": platform.node(),
+        "system": platform.platform(),
+        "processor": _processor(),
+        "processors": os.cpu_count(),
+        "memory_gb": round(psutil.virtual_memory().total / 2**30, 1),
+        "python": platform.python_version(),
+        "detailbench": __version__,
+        "commit": commit_of(Path(__file__).parent),
+        "command": sys.argv,
+    }
+
+
+def provenance(cell: Cell) -> dict[str, Any]:
+    """The machine, and for each plugin its file, its origin and its commit."""
+    plugins = {
+        f"{c.kind} {c.name}": {
+            "file": str(c.plugin.file),
+            "origin": c.plugin.origin,
+            "commit": commit_of(c.plugin.file.parent),
+        }
+        for c in cell.choices
+    }
+    return {**machine(), "plugins": plugins}
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")
+
+
+@functools.cache
+def commit_of(folder: Path) -> dict[str, Any] | None:
+    """The commit that a folder's checkout is at and whether it has changes; None outside a checkout."""
+
+    def git(*arguments: str) -> str | None:
+        try:
+            done = subprocess.run(
+                ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=False
+            )
+        except (OSError, subprocess.TimeoutExpired):
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+    head = git("rev-parse", "HEAD")
+    if head is None or git("check-ignore", "-q", ".") is not None:  # an ignored folder: somebody's .venv
+        return None
+    return {"commit": head, "dirty": bool(git("status", "--porcelain", "--untracked-files=no"))}

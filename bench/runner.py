@@ -1,0 +1,295 @@
+"""Runs cells: each in a child process of its own, watched, with every finished case kept at once.
+
+It behaves the same under every launcher: a launcher only decides in which process :func:`run_cell` is called.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from .affinity import claim
+from .errors import UsageError
+from .forkserver import ForkServer, ServerDied
+from .plan import Cell, Settings
+from .provenance import fingerprint, ingredients, provenance, source_digest
+from .store import SCHEMA_VERSION, Record, Results
+from .watch import Death, Worker
+
+MAX_SERVERS = 6  # a fork server holds its libraries in memory; the least recently used one goes
+
+
+class Reporter(Protocol):
+    """Where progress is shown."""
+
+    def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
+        """A cell starts; ``done`` of its cases are there already."""
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Whatever the worker reports."""
+
+
+class Silent:
+    """No progress."""
+
+    def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
+        """Nothing."""
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Nothing."""
+
+
+@dataclass
+class Outcome:
+    """What became of a cell."""
+
+    record: Record
+    cached: int  # how many of its cases were there already
+    notes: list[str]  # damaged files that were found
+
+
+def run_cell(
+    cell: Cell,
+    settings: Settings,
+    reporter: Reporter | None = None,
+    alive: Callable[[], None] = lambda: None,
+) -> Outcome:
+    """Run what is missing of a cell and store it.
+
+    Parameters
+    ----------
+    cell, settings : what and how
+    reporter : where progress goes
+    alive : called while waiting; raises to stop
+
+    Raises
+    ------
+    StoreError
+        If the results cannot be written.
+    UsageError
+        If the dataset has no case in the split.
+    """
+    results = Results(settings.results)
+    parts = ingredients(cell)
+    mark = fingerprint(parts)
+    with results.lock(cell.id):
+        rows, stored = _finished_rows(results, cell, mark, settings)
+        if stored and len(rows) == len(stored.rows):
+            return Outcome(stored, len(rows), results.damaged)
+        job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive)
+        cached = len(rows)
+        with claim(cell.threads) as cpus:
+            job.run(cpus)
+        if not job.rows:
+            raise UsageError(f"dataset {cell.dataset.label} has no shapes in the split {cell.split!r}")
+        record = Record(cell.id, mark, _meta(cell, settings, parts, mark, job, cpus), job.ordered_rows())
+        results.write(record)
+    return Outcome(record, cached, results.damaged)
+
+
+def _finished_rows(
+    results: Results, cell: Cell, mark: str, settings: Settings
+) -> tuple[dict[int, dict[str, Any]], Record | None]:
+    """The cases that need not be run again, by index, and the stored record they come from."""
+    stored = results.read(cell.id, mark)
+    if settings.rerun == "always":
+        results.forget_partial(cell.id, mark)
+        return {}, stored
+    rows = stored.rows if stored else []
+    rows = rows + results.partial_rows(cell.id, mark)
+    return {row["case_index"]: row for row in rows if not _must_rerun(row, settings)}, stored
+
+
+def _must_rerun(row: Mapping[str, Any], settings: Settings) -> bool:
+    """Whether a stored row should be made anew: a limit was raised, a library may be there now, or it is asked for."""
+    limit = settings.limit
+    return (
+        row["status"] == "skipped"
+        or row.get("stage") == "plan"
+        or (settings.rerun == "failed" and row["status"] != "ok")
+        or (row["status"] == "timeout" and limit.seconds > (row.get("limit_seconds") or 0))
+        or (row["status"] == "oom" and limit.memory_gb > (row.get("limit_memory_gb") or 0))
+    )
+
+
+class _Job:
+    """The cases of one cell that are still to do."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        settings: Settings,
+        results: Results,
+        mark: str,
+        rows: dict[int, dict[str, Any]],
+        reporter: Reporter,
+        alive: Callable[[], None],
+    ):
+        self.cell, self.settings, self.results, self.mark = cell, settings, results, mark
+        self.rows, self.reporter, self.alive = rows, reporter, alive
+        self.ids: list[str] = []
+        self.constants = constant_columns(cell, settings, mark)
+
+    def run(self, cpus: list[int]) -> None:
+        """Fork workers until every case has its row: a new one after each that died."""
+        self.reporter.cell_begins(self.cell, self.cell.cases, len(self.rows))
+        deaths = 0
+        while True:
+            try:
+                server = server_for(self.cell, self.settings)
+                death = Worker(
+                    server, self.spec(cpus), self.settings.limit, self.hear, self.alive, self.settings.verbose
+                ).watch()
+            except ServerDied as error:
+                forget_servers()
+                death = Death("crashed", str(error), -1, "start", 0.0, "")
+            if death is None:
+                return
+            deaths += 1
+            if death.index < 0:
+                if death.stage == "start" and deaths < 3:
+                    continue  # it never began: perhaps somebody killed the fork server
+                self.no_plan(of_death(death))
+                return
+            self.keep({"case": self.ids[death.index], "case_index": death.index} | of_death(death))
+
+    def spec(self, cpus: list[int]) -> dict[str, Any]:
+        """The worker's job, as JSON values."""
+        s = self.settings
+        return {
+            "cell": self.cell.to_json(),
+            "done": sorted(self.rows),
+            "cpus": cpus,
+            "threads": self.cell.threads,
+            "seconds": s.limit.seconds,
+            "memory_gb": s.limit.memory_gb,
+            "outputs": s.outputs,
+            "outputs_folder": str(self.results.folder / "outputs" / f"{self.cell.id}-{self.mark}"),
+        }
+
+    def hear(self, event: dict[str, Any]) -> None:
+        """One event of the worker."""
+        if event["event"] == "cases":
+            self.ids = event["ids"]
+            self.rows = {i: row for i, row in self.rows.items() if i < len(self.ids)}
+        elif event["event"] == "row":
+            self.keep(event["row"])
+        elif event["event"] == "no_plan":
+            self.no_plan(event["row"])
+        self.reporter.event(event)
+
+    def keep(self, row: dict[str, Any]) -> None:
+        """Keep one finished case, at once."""
+        from .worker import now
+
+        row = {"started": now(), "finished": now()} | row | self.constants
+        self.results.add_partial(self.cell.id, self.mark, row)
+        self.rows[row["case_index"]] = row
+        self.reporter.event({"event": "kept", "row": row})
+
+    def no_plan(self, row: dict[str, Any]) -> None:
+        """The cases could not even be listed: every planned one gets the reason."""
+        for index in range(self.cell.cases):
+            if index not in self.rows:
+                name = self.ids[index] if index < len(self.ids) else f"case-{index:03d}"
+                self.keep({"case": name, "case_index": index} | row)
+
+    def ordered_rows(self) -> list[dict[str, Any]]:
+        """All rows by case."""
+        return [self.rows[index] for index in sorted(self.rows)]
+
+
+def of_death(death: Death) -> dict[str, Any]:
+    """The columns that tell how a worker ended."""
+    return {
+        "status": death.status,
+        "stage": death.stage,
+        "message": death.message,
+        "traceback": death.printed,
+        "seconds": death.seconds if death.stage == "method" else None,
+    }
+
+
+def constant_columns(cell: Cell, settings: Settings, mark: str) -> dict[str, Any]:
+    """The columns that are the same in all rows of a cell."""
+    import platform
+
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "cell": cell.id,
+        "fingerprint": mark,
+        "task": cell.task.label,
+        "dataset": cell.dataset.label,
+        "sensor": cell.sensor.label if cell.sensor in cell.choices else "",
+        "method": cell.method.name,
+        "variant": cell.method.variant,
+        "seed": cell.seed,
+        "threads": cell.threads,
+        "device": cell.device,
+        "host": platform.node(),
+        "limit_seconds": settings.limit.seconds,
+        "limit_memory_gb": settings.limit.memory_gb,
+    }
+
+
+def _meta(
+    cell: Cell, settings: Settings, parts: dict[str, Any], mark: str, job: _Job, cpus: list[int]
+) -> dict[str, Any]:
+    """The metadata of a record: all that it takes to do it again."""
+    from dataclasses import asdict
+
+    from .worker import now
+
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "cell_id": cell.id,
+        "cell": cell.to_json(),
+        "fingerprint": mark,
+        "ingredients": parts,
+        "settings": asdict(settings),
+        "planned": len(job.rows),
+        "processors_used": cpus,
+        "metrics": {
+            m.name: {"version": m.plugin.version, "better": m.plugin.options.get("better", "lower")}
+            for m in cell.metrics
+        },
+        "provenance": provenance(cell),
+        "finished": now(),
+    }
+
+
+# -- fork servers ------------------------------------------------------------------------------------------------------
+
+_servers: dict[tuple[Any, ...], ForkServer] = {}
+_sources: dict[str, str] = {}  # digests of the plugin sources that the servers have loaded
+
+
+def server_for(cell: Cell, settings: Settings) -> ForkServer:
+    """The fork server for the libraries of a cell's method; all are started anew when a plugin was edited since.
+
+    What the dataset, the sensor and the metrics of the first cell need is loaded with it; a later cell's dataset is
+    imported by the worker, off the clock.
+    """
+    for choice in cell.choices:
+        digest = source_digest(choice.plugin.file)
+        if _sources.setdefault(str(choice.plugin.file), digest) != digest:
+            forget_servers()
+            break
+    key = (os.getpid(), cell.method.plugin.requires, settings.plugins, cell.threads)
+    if key in _servers:
+        _servers[key] = _servers.pop(key)  # the most recently used comes last
+        return _servers[key]
+    while len(_servers) >= MAX_SERVERS:
+        _servers.pop(next(iter(_servers))).close()
+    preload = tuple(sorted({library for choice in cell.choices for library in choice.plugin.requires}))
+    _servers[key] = ForkServer(preload, settings.plugins, cell.threads)
+    return _servers[key]
+
+
+def forget_servers() -> None:
+    """End all fork servers of this process."""
+    _sources.clear()
+    while _servers:
+        _servers.popitem()[1].close()

@@ -1,0 +1,320 @@
+"""Results on disk: one Parquet file per finished cell, written to a temporary name and renamed.
+
+::
+
+    DIR/cells/ab/ab12cd34ef56-0123456789abcdef.parquet   cell id - fingerprint; one row per planned case
+    DIR/.partial/...jsonl                                finished cases of a cell that is still running
+    DIR/.locks/ab12cd34ef56                              held by the process that runs the cell
+    DIR/.index/                                          all rows in one file, made again when stale
+    DIR/.sweeps/SESSION/                                 what a running sweep has done; removed when it ends
+    DIR/damaged/                                         files that could not be read, set aside
+    DIR/outputs/CELL-FINGERPRINT/CASE.ply                outputs that were kept (outputs=first|all)
+
+Every file stands alone, so the results of two machines are merged by copying one folder into the other. The columns
+and the metadata are described in docs/results.md.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import StoreError, UsageError, did_you_mean
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+SCHEMA_VERSION = 1
+META_KEY = b"detailbench"
+STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
+
+# Columns of every file, in order; the scores follow as score.<key> and floor.<key>, all float64.
+COLUMNS = {
+    "schema_version": "int64",
+    "cell": "string",
+    "fingerprint": "string",
+    "task": "string",
+    "dataset": "string",
+    "sensor": "string",
+    "method": "string",
+    "variant": "string",
+    "seed": "int64",
+    "threads": "int64",
+    "device": "string",
+    "host": "string",
+    "case": "string",
+    "case_index": "int64",
+    "tags": "string",
+    "status": "string",
+    "stage": "string",
+    "message": "string",
+    "traceback": "string",
+    "seconds": "float64",
+    "cpu_seconds": "float64",
+    "peak_rss_mb": "float64",
+    "rss_before_mb": "float64",
+    "peak_device_mb": "float64",
+    "parameters": "int64",
+    "output_points": "int64",
+    "output_faces": "int64",
+    "output": "string",
+    "trace": "string",
+    "directions": "string",
+    "limit_seconds": "float64",
+    "limit_memory_gb": "float64",
+    "started": "string",
+    "finished": "string",
+}
+# What only a reader of one record wants.
+NOT_INDEXED = ("traceback", "trace")
+# One result per place in a table: of several records, the newest counts.
+IDENTITY = ("task", "dataset", "sensor", "method", "variant", "seed", "threads", "device", "case")
+
+
+@dataclass
+class Record:
+    """A finished cell: its metadata and one row per planned case."""
+
+    cell: str
+    fingerprint: str
+    meta: dict[str, Any]
+    rows: list[dict[str, Any]] = field(default_factory=list)
+
+    @property
+    def solved(self) -> int:
+        """How many cases are ``ok``."""
+        return sum(row["status"] == "ok" for row in self.rows)
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write ``content`` under a temporary name beside ``path``, flush it to the disk, and rename it.
+
+    Raises
+    ------
+    StoreError
+        If the folder cannot be written or the disk is full. What was there before is untouched.
+    """
+    temporary = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=".", suffix=".tmp", dir=path.parent)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+        raise StoreError(
+            f"cannot write {path}: {error.strerror or error}. Earlier results are intact; free some space or choose "
+            "another folder with results=DIR, then run the same command again: finished cells are not run twice"
+        ) from error
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+class Results:
+    """A folder of results."""
+
+    def __init__(self, folder: str | Path):
+        self.folder = Path(folder).expanduser().absolute()
+        self.damaged: list[str] = []  # what was found damaged, for the report
+
+    def prepare(self) -> None:
+        """Make the folder and see that it can be written.
+
+        Raises
+        ------
+        StoreError
+            If it cannot.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise StoreError(f"results={self.folder}: is a file; expected a folder")
+        probe = self.folder / ".sweeps" / f".probe-{os.getpid()}"
+        write_atomically(probe, b"")
+        probe.unlink(missing_ok=True)
+
+    # -- one record ------------------------------------------------------------------------------------------------
+
+    def path(self, cell: str, fingerprint: str) -> Path:
+        """Where the record of a cell under a fingerprint is."""
+        return self.folder / "cells" / cell[:2] / f"{cell}-{fingerprint}.parquet"
+
+    def read(self, cell: str, fingerprint: str) -> Record | None:
+        """The record, or None when there is none; a damaged file is set aside and reported in ``damaged``."""
+        path = self.path(cell, fingerprint)
+        return self._read(path) if path.exists() else None
+
+    def _read(self, path: Path) -> Record | None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            table = pq.read_table(path, page_checksum_verification=True, partitioning=None)
+            meta = json.loads(table.schema.metadata[META_KEY])
+            rows = table.to_pylist()
+            if not rows or rows[0]["fingerprint"] not in path.name or meta["planned"] != len(rows):
+                raise ValueError("its rows are not those that its metadata announces")
+        except FileNotFoundError:
+            return None
+        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
+            self._set_aside(path, error)
+            return None
+        return Record(meta["cell_id"], meta["fingerprint"], meta, rows)
+
+    def _set_aside(self, path: Path, error: Exception) -> None:
+        target = self.folder / "damaged" / path.name
+        reason = str(error).splitlines()[0]
+        try:
+            target.parent.mkdir(exist_ok=True)
+            os.replace(path, target)
+            self.damaged.append(f"{path}: damaged ({reason}); set aside as {target}, its cell will be computed again")
+        except OSError:
+            self.damaged.append(f"{path}: damaged ({reason}) and could not be set aside")
+
+    def write(self, record: Record) -> None:
+        """Write a finished cell and forget its partial file."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        sink = pa.BufferOutputStream()
+        pq.write_table(_table(record), sink, compression="zstd", write_page_checksum=True)
+        write_atomically(self.path(record.cell, record.fingerprint), sink.getvalue().to_pybytes())
+        with contextlib.suppress(OSError):
+            self._partial(record.cell, record.fingerprint).unlink(missing_ok=True)
+
+    def records(self, cell: str) -> list[Record]:
+        """All records of a cell, the newest first."""
+        paths = sorted((self.folder / "cells" / cell[:2]).glob(f"{cell}-*.parquet"))
+        records = [r for r in map(self._read, paths) if r]
+        return sorted(records, key=lambda r: r.meta.get("finished", ""), reverse=True)
+
+    def find_cell(self, prefix: str) -> str:
+        """The one cell id that begins with ``prefix``.
+
+        Raises
+        ------
+        UsageError
+            If there is none, or several.
+        """
+        ids = sorted({path.name.partition("-")[0] for path, _ in self._files()})
+        found = [i for i in ids if i.startswith(prefix.lower())] if prefix else []
+        if len(found) == 1:
+            return found[0]
+        if not ids:
+            raise UsageError(f"{self.folder}: there are no results here; choose the folder with results=DIR")
+        if not found:
+            raise UsageError(f"no cell {prefix!r} in {self.folder}. {did_you_mean(prefix, ids[:50])}")
+        raise UsageError(f"cell {prefix!r} is not unique in {self.folder}: {', '.join(found[:8])}")
+
+    # -- cases of an unfinished cell -----------------------------------------------------------------------------------
+
+    def _partial(self, cell: str, fingerprint: str) -> Path:
+        return self.folder / ".partial" / f"{cell}-{fingerprint}.jsonl"
+
+    def partial_rows(self, cell: str, fingerprint: str) -> list[dict[str, Any]]:
+        """The cases that an interrupted run of this cell had finished; a torn last line is ignored."""
+        rows = []
+        with contextlib.suppress(FileNotFoundError):
+            for line in self._partial(cell, fingerprint).read_text().splitlines():
+                with contextlib.suppress(json.JSONDecodeError):
+                    rows.append(json.loads(line))
+        return [row for row in rows if isinstance(row, dict) and "case_index" in row]
+
+    def add_partial(self, cell: str, fingerprint: str, row: Mapping[str, Any]) -> None:
+        """Keep one finished case, whatever happens to this process next."""
+        path = self._partial(cell, fingerprint)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("ab") as file:
+                # A line that an earlier death tore is closed first; empty lines are no rows.
+                file.write(b"\n" + json.dumps(row).encode() + b"\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise StoreError(
+                f"cannot write {path}: {error.strerror or error}. Earlier results are intact; free some space and run "
+                "the same command again"
+            ) from error
+
+    def forget_partial(self, cell: str, fingerprint: str) -> None:
+        """Drop the cases of an unfinished cell, to run them again."""
+        with contextlib.suppress(OSError):
+            self._partial(cell, fingerprint).unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def lock(self, cell: str) -> Iterator[None]:
+        """Hold a cell: two sweeps into one folder share the work. The system lets go when the holder dies."""
+        path = self.folder / ".locks" / cell
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            file = path.open("w")
+        except OSError as error:
+            raise StoreError(f"cannot write {path}: {error.strerror or error}; choose results=DIR") from error
+        with file:
+            with contextlib.suppress(OSError):  # a file system without locks: the worst is work done twice
+                fcntl.flock(file, fcntl.LOCK_EX)
+            yield
+
+    # -- all rows --------------------------------------------------------------------------------------------------
+
+    def _files(self) -> Iterator[tuple[Path, os.stat_result]]:
+        """Every record file, and its stat, in no order."""
+        root = self.folder / "cells"
+        if not root.is_dir():
+            return
+        for shelf in os.scandir(root):
+            if not shelf.is_dir():
+                continue
+            for entry in os.scandir(shelf.path):
+                if entry.name.endswith(".parquet") and not entry.name.startswith("."):
+                    yield Path(entry.path), entry.stat()
+
+    def rows(self, *, use_index: bool = True) -> pd.DataFrame:
+        """One row per planned case of every cell: the newest record where there are several.
+
+        The first call reads every file; later ones read an index beside them and the files that changed since.
+        """
+        from . import index
+
+        return index.rows(self, use_index=use_index)
+
+
+def _table(record: Record) -> pa.Table:
+    """The rows of a record as a table with the documented columns, the metadata in its schema."""
+    import pyarrow as pa
+
+    scores = sorted({key for row in record.rows for key in row if key.startswith(("score.", "floor."))})
+    types = {**COLUMNS, **dict.fromkeys(scores, "float64")}
+    schema = pa.schema(
+        [pa.field(name, _arrow_type(pa, kind)) for name, kind in types.items()],
+        metadata={META_KEY: json.dumps(record.meta).encode()},
+    )
+    return pa.Table.from_pylist([{name: row.get(name) for name in types} for row in record.rows], schema=schema)
+
+
+def _arrow_type(pa: Any, kind: str) -> pa.DataType:
+    return {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}[kind]
+
+
+def newest(frame: pd.DataFrame) -> pd.DataFrame:
+    """Of several rows for one place in a table, the newest."""
+    ordered = frame.sort_values("finished", kind="stable")
+    return ordered.drop_duplicates(subset=list(IDENTITY), keep="last").sort_index().reset_index(drop=True)
+
+

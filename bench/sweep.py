@@ -1,0 +1,202 @@
+"""One sweep: what the front door hands to Hydra, and what Hydra hands back, job by job.
+
+Hydra enumerates and places the jobs; :func:`job` is what it calls, in this process or in those of a launcher. A job
+never raises for what a method did: every outcome is a file in the sweep's session folder, which the front door reads
+when Hydra is done.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import platform
+import shutil
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .cli import load_plugins
+from .errors import StoreError, UsageError
+from .plan import Cell, NotSolved, check_root, settings_of
+from .store import write_atomically
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+    from .progress import Progress
+
+
+class FrontDoorGone(SystemExit):
+    """The process that started the sweep was killed: nobody waits for this job any more."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """One sweep's folder below the results, where its jobs leave what they did. Its name tells who waits for it."""
+
+    results: Path
+    name: str
+
+    @classmethod
+    def new(cls, results: Path) -> Session:
+        """A session of this process."""
+        return cls(results, f"{os.getpid()}-{_start_time(os.getpid())}-{platform.node()}")
+
+    @property
+    def folder(self) -> Path:
+        """Where its files are."""
+        return self.results / ".sweeps" / self.name
+
+    @property
+    def owner(self) -> tuple[int, str, str]:
+        """Process id, start time and host of the front door."""
+        pid, start, host = self.name.split("-", 2)
+        return int(pid), start, host
+
+    def is_watched(self) -> bool:
+        """Whether the front door is there still, as far as can be seen from this machine."""
+        pid, start, host = self.owner
+        return host != platform.node() or _start_time(pid) == start
+
+    def leave(self, name: str, **values: Any) -> None:
+        """Leave word of one job."""
+        write_atomically(self.folder / f"{name}.json", json.dumps(values).encode())
+
+    def read(self) -> list[dict[str, Any]]:
+        """What all jobs left, in no order."""
+        found = []
+        for path in sorted(self.folder.glob("*.json")):
+            with contextlib.suppress(OSError, ValueError):
+                found.append(json.loads(path.read_text()))
+        return found
+
+    @contextlib.contextmanager
+    def open(self) -> Iterator[Session]:
+        """Clear what killed sweeps left behind; remove our own folder in the end."""
+        for old in self.folder.parent.glob("*-*-*"):
+            with contextlib.suppress(ValueError, OSError):
+                if not Session(self.results, old.name).is_watched():
+                    shutil.rmtree(old)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StoreError(f"cannot write {self.folder}: {error.strerror}") from error
+        try:
+            yield self
+        finally:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _start_time(pid: int) -> str:
+    """When a process started, in ticks: an id that is used again does not fool us. Empty when there is none."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+        fields = stat.rpartition(")")[2].split()
+        return "" if fields[0] == "Z" else fields[19]
+    except OSError:
+        import psutil
+
+        try:
+            return str(int(psutil.Process(pid).create_time() * 100))
+        except psutil.NoSuchProcess:
+            return ""
+
+
+PROGRESS: Progress | None = None  # set by the front door for jobs that run in its own process
+
+
+def job(config: DictConfig) -> None:
+    """What Hydra calls for every job."""
+    from omegaconf import OmegaConf
+
+    from .progress import Lines
+    from .runner import run_cell
+
+    values = OmegaConf.to_container(config, resolve=True)
+    session = Session(Path(values["results"]).expanduser().absolute(), values["session"])
+    here = session.owner[0] == os.getpid()
+    if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
+        _ignore_interrupts()
+        load_plugins(values["plugins"], warn=False)
+
+    def alive() -> None:
+        if not here and not session.is_watched():
+            from .runner import forget_servers
+
+            forget_servers()
+            os._exit(1)
+
+    alive()
+    reporter = PROGRESS if here and PROGRESS else Lines(session)
+    title = _title(values)
+    try:
+        check_root(values)
+        settings = settings_of(values)
+        cell = Cell.from_config(values)
+        title = cell.title
+        outcome = run_cell(cell, settings, reporter, alive)
+    except NotSolved as error:
+        session.leave(f"not-solved-{_name(title)}", kind="not_solved", title=title, message=str(error))
+        return
+    except UsageError as error:
+        session.leave(f"usage-{_name(title)}", kind="usage", title=title, message=str(error))
+        return
+    except StoreError as error:
+        # There is no point in going on: every other job would meet the same disk.
+        print(f"error: {error}", file=sys.stderr)
+        raise SystemExit(1) from error
+    record = outcome.record
+    reporter.cell_ends(cell, outcome)
+    session.leave(
+        f"cell-{record.cell}",
+        kind="cell",
+        title=title,
+        cell=record.cell,
+        fingerprint=record.fingerprint,
+        solved=record.solved,
+        planned=len(record.rows),
+        cached=outcome.cached,
+        notes=outcome.notes,
+        seconds=sum(row["seconds"] or 0 for row in record.rows),
+    )
+
+
+def _title(values: Mapping[str, Any]) -> str:
+    names = [(values.get(kind) or {}).get("_name_", "?") for kind in ("task", "dataset", "sensor", "method")]
+    return " ".join([*names, f"seed={values.get('seed')}"])
+
+
+def _name(title: str) -> str:
+    from .plan import digest
+
+    return digest([title, os.getpid()])[:12]
+
+
+def _ignore_interrupts() -> None:
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def launch(overrides: list[str], multirun: bool) -> int:
+    """Let Hydra run the jobs; 0, or the exit code that it ended with."""
+    import hydra
+
+    from .config import CONFIG_MODULE, CONFIG_NAME, VERSION_BASE, register_base
+
+    register_base()
+    argv = sys.argv
+    sys.argv = ["detailbench", *(["--multirun"] if multirun else []), *overrides]
+    try:
+        hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
+    except SystemExit as error:
+        return error.code if isinstance(error.code, int) else 1
+    finally:
+        sys.argv = argv
+    return 0
+
+

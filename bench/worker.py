@@ -1,0 +1,377 @@
+"""The child process: runs one cell's cases and streams each row to the runner as soon as it is finished.
+
+Nothing that happens in here can hurt the runner. What a method raises becomes the status of its row; what kills the
+process becomes, in the runner, the status of the case that was being worked on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import gc
+import json
+import math
+import os
+import random
+import resource
+import sys
+import time
+import traceback
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
+from .plan import Cell
+from .registry import missing_library
+from .run import Run
+from .seeds import generator
+from .shapes import Case, PointCloud
+
+
+class Channel:
+    """Lines of JSON to the runner."""
+
+    def __init__(self, fd: int):
+        self._file = os.fdopen(fd, "wb", buffering=0)
+        self._owner = os.getpid()
+
+    def send(self, event: str, **values: Any) -> None:
+        """Send one event. A process that a method forked has nothing to say here, and ends."""
+        if os.getpid() != self._owner:
+            os._exit(0)
+        line = json.dumps({"event": event, **values}).encode() + b"\n"
+        while line:
+            line = line[self._file.write(line) or 0 :]
+
+
+def work(spec: dict[str, Any], fd: int) -> None:
+    """Run the job of ``spec`` and report to the file descriptor ``fd``.
+
+    ``spec`` holds ``cpus`` (processors to pin to), ``threads``, ``memory_gb``, and either ``cell`` (a benchmark cell)
+    or ``call`` (one call of a method on a file; see :mod:`bench.application`).
+    """
+    channel = Channel(fd)
+    faulthandler.enable()
+    if spec.get("cpus") and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, spec["cpus"])
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(spec["threads"])
+    if "call" in spec:
+        from .application import call
+
+        call(spec, channel)
+    else:
+        _Session(spec, channel).run()
+    channel.send("done")
+
+
+class _Session:
+    """One cell's work in this process."""
+
+    def __init__(self, spec: dict[str, Any], channel: Channel):
+        self.spec, self.channel = spec, channel
+        self.cell = Cell.from_json(spec["cell"])
+        self.done = set(spec["done"])  # indices of cases that need not be run
+        self.meter = Meter(spec["memory_gb"], self.cell.device)
+
+    def run(self) -> None:
+        """Plan the cases, then run those that are not done."""
+        self.channel.send("begin", index=-1, stage="plan")
+        try:
+            task, recipes = self.plan()
+        except BaseException as error:  # the boundary: the runner writes it on every planned case
+            self.channel.send("no_plan", row={"stage": "plan"} | failure(error, "plan"))
+            return
+        self.channel.send("cases", ids=[recipe.id for recipe in recipes])
+        for index, recipe in enumerate(recipes):
+            if index in self.done:
+                continue
+            row = {"case": recipe.id, "case_index": index, "started": now()}
+            row |= self.run_case(index, recipe, task)
+            self.channel.send("row", row=plain(row | {"finished": now()}))
+
+    def plan(self) -> tuple[Any, list[Any]]:
+        """The task, and the recipes of its cases; nothing is made yet."""
+        cell = self.cell
+        for choice in cell.choices:
+            if choice.kind != "method":
+                choice.plugin.require()
+        task = cell.task.build()
+        sensor = cell.sensor.build() if cell.sensor in cell.choices else None
+        recipes = task.recipes(cell.dataset.build(), sensor, split=cell.split, count=cell.cases, seed=cell.seed)
+        recipes = list(recipes)
+        ids = [recipe.id for recipe in recipes]
+        if len(set(ids)) < len(ids):
+            raise UsageError(f"dataset {cell.dataset.label}: two cases have one id: {max(ids, key=ids.count)!r}")
+        return task, recipes
+
+    def run_case(self, index: int, recipe: Any, task: Any) -> dict[str, Any]:
+        """The row of one case; whatever is raised on the way is its status."""
+        stage = "case"
+        row: dict[str, Any] = {}
+        try:
+            self.channel.send("begin", index=index, stage=stage)
+            case = recipe.build()
+            row["tags"] = ",".join(case.tags)
+            stage = "method"
+            output, figures = self.call_method(index, case, task)
+            row |= figures
+            task.validate(output, case.input)
+            stage = "score"
+            self.channel.send("begin", index=index, stage=stage)
+            row |= sizes(output) | self.score(output, case)
+            row["output"] = self.keep(index, case, output)
+        except BaseException as error:  # the boundary: every failure becomes a status, none is lost
+            if os.getpid() != self.channel._owner:
+                os._exit(1)
+            return row | {"stage": stage} | failure(error, stage)
+        return row | {"status": "ok", "stage": "", "message": "", "traceback": ""}
+
+    def call_method(self, index: int, case: Case, task: Any) -> tuple[Any, dict[str, Any]]:
+        """The output of the method, and what the clock and the memory say of that call alone."""
+        cell = self.cell
+        cell.method.plugin.require()
+        method = cell.method.build()
+        seed = int(generator(cell.seed, case.id, "run").integers(2**31))
+        seed_globals(seed)
+        trace: list[dict[str, Any]] = []
+        run = Run(
+            seed=seed,
+            device=cell.device,
+            threads=cell.threads,
+            seconds=self.spec["seconds"],
+            on_progress=lambda done, total: self.channel.send("progress", done=done, total=total),
+            on_trace=lambda output, seconds: self.traced(output, seconds, case, task, trace),
+        )
+        self.channel.send("begin", index=index, stage="method")
+        with self.meter:
+            run._started, run._paused = time.perf_counter(), 0.0
+            output = task.solve(method, cell.task.name, dict(case.input), run)
+        figures = self.meter.figures() | {"parameters": run.parameters}
+        if trace:
+            figures["trace"] = json.dumps(plain(trace))
+        return output, figures
+
+    def traced(self, output: Any, seconds: float, case: Case, task: Any, trace: list[dict[str, Any]]) -> None:
+        """Score an intermediate result while the clock stands still."""
+        self.channel.send("pause")
+        with self.meter.paused():
+            try:
+                task.validate(output, case.input)
+                scores = self.score(output, case, floors=False)
+            except InvalidOutput as error:
+                scores = {"message": str(error)}
+            trace.append({"seconds": seconds} | scores)
+        self.channel.send("resume")
+
+    def score(self, output: Any, case: Case, *, floors: bool = True) -> dict[str, Any]:
+        """``score.<key>`` of every metric, ``floor.<key>`` where it has one, and which way each is better."""
+        row: dict[str, Any] = {}
+        directions = {}
+        for choice in self.cell.metrics:
+            metric, plugin = choice.build(), choice.plugin
+            try:
+                scores = metric.score(output, case)
+                floor = metric.score(case.perfect(output), case) if floors and plugin.options.get("floor") else {}
+            except Exception as error:
+                error.add_note(f"while scoring {choice.name}")
+                raise
+            directions |= {key: plugin.better(key) for key in scores}
+            row |= {f"score.{key}": float(value) for key, value in scores.items()}
+            row |= {f"floor.{key}": float(value) for key, value in floor.items()}
+        return row | ({"directions": json.dumps(directions, sort_keys=True)} if floors else {})
+
+    def keep(self, index: int, case: Case, output: Any) -> str:
+        """Write the output as a PLY file where the settings ask for it; its path below the results folder."""
+        wanted = self.spec["outputs"]
+        if wanted == "none" or (wanted == "first" and index > 0):
+            return ""
+        from .geometry.files import save
+
+        folder = Path(self.spec["outputs_folder"])
+        save(output, folder / f"{case.id}.ply")
+        reference = folder.parent / "references" / f"{self.cell.dataset.name}-{case.id}.ply"
+        if not reference.exists():
+            save(case.reference.mesh, reference)
+        return str(folder / f"{case.id}.ply")
+
+
+# -- failures ----------------------------------------------------------------------------------------------------------
+
+
+def failure(error: BaseException, stage: str) -> dict[str, str]:
+    """Status, message and traceback of what was raised."""
+    notes = "".join(f" ({note})" for note in getattr(error, "__notes__", ()))
+    text = str(error).strip()
+    message = f"{type(error).__name__}: {text}" if text else type(error).__name__
+    status = "error"
+    if isinstance(error, InvalidOutput):
+        status, message = "invalid", text
+    elif isinstance(error, MemoryError) or _is_out_of_memory(error):
+        status, message = "oom", f"{message} (past the memory limit)"
+    elif isinstance(error, ImportError) and stage in ("method", "plan"):
+        missing = error if isinstance(error, MissingLibrary) else missing_library(error)
+        status, message = "skipped", str(missing)
+    elif isinstance(error, (BadInput, UsageError)):
+        message = text
+    elif isinstance(error, SystemExit):
+        message = f"called sys.exit({error.code!r})"
+    trace = "" if status in ("invalid", "skipped") else "".join(traceback.format_exception(error))
+    return {"status": status, "message": message + notes, "traceback": trace}
+
+
+def _is_out_of_memory(error: BaseException) -> bool:
+    """Whether a library said in its own words that it could not allocate."""
+    return type(error).__name__ == "OutOfMemoryError" or (
+        isinstance(error, (RuntimeError, OSError)) and any(w in str(error).lower() for w in OUT_OF_MEMORY)
+    )
+
+
+# How libraries say it, in lower case; the runner looks for the same words in what a dying process printed.
+OUT_OF_MEMORY = (
+    "bad_alloc",
+    "bad alloc",
+    "out of memory",
+    "cannot allocate memory",
+    "can't allocate memory",
+    "not enough memory",
+    "memoryerror",
+)
+
+
+# -- the clock and the memory ------------------------------------------------------------------------------------------
+
+
+class Meter:
+    """Measures what happens inside ``with meter:``: wall and processor seconds, and the peak of resident memory.
+
+    Inside, the process may allocate ``memory_gb`` beyond what it has; an allocation past that fails at once, even
+    when it is never touched.
+    """
+
+    def __init__(self, memory_gb: float, device: str):
+        self.memory_gb, self.device = memory_gb, device
+        self._limits = resource.getrlimit(resource.RLIMIT_DATA)
+        self._wall = self._cpu = 0.0
+        self._peak = self._before = 0.0
+        self._device_peak = math.nan
+
+    def __enter__(self) -> Meter:
+        gc.collect()
+        self._wall = self._cpu = 0.0
+        self._before = resident_mb("VmRSS")
+        self._reset_peaks()
+        self._peak = 0.0
+        if self.device == "cpu":  # on a GPU the driver maps far more than it uses
+            allowed = int(resident_mb("VmData") * 2**20 + self.memory_gb * 2**30)
+            with contextlib.suppress(ValueError, OSError):
+                resource.setrlimit(resource.RLIMIT_DATA, (allowed, self._limits[1]))
+        self._start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stop()
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(resource.RLIMIT_DATA, self._limits)
+
+    @contextlib.contextmanager
+    def paused(self) -> Any:
+        """Stand still while a trace is scored."""
+        self._stop()
+        try:
+            yield
+        finally:
+            self._reset_peaks()
+            self._start()
+
+    def _start(self) -> None:
+        self._cpu_begin = cpu_seconds()
+        self._wall_begin = time.perf_counter()
+
+    def _stop(self) -> None:
+        self._synchronise()
+        self._wall += time.perf_counter() - self._wall_begin
+        self._cpu += cpu_seconds() - self._cpu_begin
+        self._peak = max(self._peak, resident_mb("VmHWM"))
+
+    def _synchronise(self) -> None:
+        """A GPU works behind our back: wait for it before reading the clock."""
+        if self.device != "cpu" and "torch" in sys.modules:
+            cuda = sys.modules["torch"].cuda
+            cuda.synchronize()
+            self._device_peak = np.fmax(self._device_peak, cuda.max_memory_allocated() / 2**20)
+
+    def _reset_peaks(self) -> None:
+        with contextlib.suppress(OSError):  # without it the peak is that of the whole process so far
+            Path("/proc/self/clear_refs").write_text("5")
+        if self.device != "cpu" and "torch" in sys.modules:
+            sys.modules["torch"].cuda.reset_peak_memory_stats()
+
+    def figures(self) -> dict[str, float]:
+        """What was measured."""
+        return {
+            "seconds": self._wall,
+            "cpu_seconds": self._cpu,
+            "peak_rss_mb": self._peak,
+            "rss_before_mb": self._before,
+            "peak_device_mb": float(self._device_peak),
+        }
+
+
+def resident_mb(key: str) -> float:
+    """A figure of /proc/self/status in MiB; elsewhere than on Linux the peak of the whole process."""
+    with contextlib.suppress(OSError), open("/proc/self/status") as status:
+        for line in status:
+            if line.startswith(key + ":"):
+                return int(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 1024)
+
+
+def cpu_seconds() -> float:
+    """Processor seconds of all threads of this process, and of its children that ended."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+# -- small things ------------------------------------------------------------------------------------------------------
+
+
+def seed_globals(seed: int) -> None:
+    """Seed the global generators: nothing of ours draws from them, somebody's method may, and must be repeatable."""
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002
+    if "torch" in sys.modules:
+        sys.modules["torch"].manual_seed(seed)
+    if "open3d" in sys.modules:
+        sys.modules["open3d"].utility.random.seed(seed)
+
+
+def sizes(output: Any) -> dict[str, int]:
+    """How large an output is."""
+    if isinstance(output, PointCloud):
+        return {"output_points": len(output)}
+    if hasattr(output, "vertices") and hasattr(output, "faces"):
+        return {"output_points": len(output.vertices), "output_faces": len(output.faces)}
+    return {}
+
+
+def now() -> str:
+    """The time, UTC, ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def plain(value: Any) -> Any:
+    """As JSON can hold it: numpy scalars become Python's, not-a-number becomes null."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else value
+    return value

@@ -1,0 +1,76 @@
+"""Machine parts with sharp edges, holes and thin walls; the mesh is the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from bench import Shape, generator, register
+
+from .parts import KINDS, Part
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+THIN = 0.04  # a wall thinner than this fraction of the size counts as thin
+HIGH_GENUS = 5
+
+
+@register("dataset", requires=("manifold3d", "trimesh"))
+@dataclass(frozen=True)
+class Cad:
+    """Machine parts by solid booleans: plates, brackets, gears, tees, heat sinks, blocks and lattices.
+
+    Closed manifold meshes of one component, in turn of each kind, every one with measures of its own. A part is turned
+    at random, since faces along the axes would favour methods that work on a grid. Tags: ``sharp`` (all), ``thin``
+    (a wall below 4 % of the size) and ``high_genus`` (5 or more).
+    """
+
+    kind: Literal["all", "plate", "bracket", "gear", "pipe_tee", "heat_sink", "block", "lattice"] = "all"  # of part
+
+    def __post_init__(self) -> None:
+        if self.kind != "all" and self.kind not in KINDS:
+            raise ValueError(f"kind: expected one of all, {', '.join(KINDS)}; got {self.kind!r}")
+
+    def shapes(self, split: str) -> Iterator[Shape]:
+        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        for index in count():
+            yield self._shape(split, index)
+
+    def _shape(self, split: str, index: int) -> Shape:
+        kind = self.kind if self.kind != "all" else list(KINDS)[index % len(KINDS)]
+        rng = generator("cad", split, index)
+        part, rotation = KINDS[kind](rng), _random_rotation(rng)
+        thickness = part.thinnest / part.size
+        tags = ["sharp"]
+        if thickness < THIN:
+            tags.append("thin")
+        if part.genus >= HIGH_GENUS:
+            tags.append("high_genus")
+        info = {"kind": kind, "genus": part.genus, "thickness": thickness}
+        return Shape(f"cad-{split}-{index:03d}-{kind}", lambda: _mesh(part, rotation), tags=tuple(tags), info=info)
+
+
+def _mesh(part: Part, rotation: np.ndarray) -> Trimesh:
+    from trimesh import Trimesh
+
+    solid = part.build().to_mesh64()
+    points = np.asarray(solid.vert_properties, dtype=np.float64)[:, :3]
+    # einsum, not a matrix product: the sum is the same to the last bit whatever library multiplies matrices.
+    return Trimesh(np.einsum("ij,nj->ni", rotation, points), np.array(solid.tri_verts, dtype=np.int64), process=False)
+
+
+def _random_rotation(rng: np.random.Generator) -> np.ndarray:
+    """A uniform random rotation matrix, from a random unit quaternion."""
+    w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
