@@ -88,7 +88,7 @@ def _load(folder: Path) -> tuple[dict[str, Any], pa.Table | None]:
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(folder / "rows.parquet", partitioning=None)
+        table = pq.ParquetFile(folder / "rows.parquet").read()
         known = json.loads(table.schema.metadata[b"files"])
         if known.pop("schema_version") != SCHEMA_VERSION:
             return {}, None

@@ -51,10 +51,12 @@ COLUMNS = (
 )
 GROUP = ["task", "dataset", "sensor"]  # one table each
 CONTENDER = ["method", "variant"]
+FILTERS = ("task", "dataset", "sensor", "method", "tag")
 UNIT = ["case", "seed"]
 WORSE = 0.1  # an unsolved unit is this share of the case's spread worse than the worst solved result on the case
 
 Names = str | Iterable[str] | None
+_Part = dict[str, np.ndarray]  # columns of a board, with "row": the cell that has the names, "metric": which one
 
 
 # -- choosing ----------------------------------------------------------------------------------------------------------
@@ -88,13 +90,13 @@ def select(
     wanted = {"task": task, "dataset": dataset, "sensor": sensor, "method": method}
     for option, names in wanted.items():
         if names is not None:
-            chosen &= rows[option].isin(_matching(option, names, rows[option].unique())).to_numpy()
+            chosen &= rows[option].isin(matching(option, names, rows[option].unique())).to_numpy()
     if tag is not None:
         tags = rows["tags"].map(_tags)
         known = sorted(set().union(*tags))
-        matching = set(_matching("tag", tag, known))
+        matching = set(matching("tag", tag, known))
         chosen &= np.fromiter((not matching.isdisjoint(t) for t in tags), dtype=bool, count=len(rows))
-    if len(rows) and not chosen.any():
+    if not chosen.any() and len(rows):
         given = [f"{option}={names}" for option, names in {**wanted, "tag": tag}.items() if names is not None]
         raise UsageError(f"no result has {' and '.join(given)} together")
     return rows if chosen.all() else rows[chosen]
@@ -103,7 +105,7 @@ def select(
 def metrics_of(rows: pd.DataFrame, metric: Names = None) -> list[str]:
     """The metric keys that the rows have, those that ``metric`` names if given, in alphabetical order."""
     known = sorted(column.removeprefix("score.") for column in rows.columns if column.startswith("score."))
-    return known if metric is None else sorted(_matching("metric", metric, known))
+    return known if metric is None else sorted(matching("metric", metric, known))
 
 
 def _split(names: Names) -> list[str]:
@@ -112,9 +114,16 @@ def _split(names: Names) -> list[str]:
     return [name.strip() for part in parts for name in re.split(r",(?![^\[]*\])", part) if name.strip()]
 
 
-def _matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
+def matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
+    """Those of ``known`` that ``names`` stand for, in the order of ``names``.
+
+    Raises
+    ------
+    UsageError
+        For a name that stands for none.
+    """
     known = sorted(known)
-    found: set[str] = set()
+    found: list[str] = []
     wanted = _split(names)
     if not wanted:
         raise UsageError(f"{option}: expected a name. {did_you_mean('', known)}")
@@ -123,8 +132,8 @@ def _matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
         hits = [k for k in known if name in (k, re.split(r"[\[@]", k)[0]) or fnmatch.fnmatchcase(k, pattern)]
         if not hits:
             raise UsageError(f"no result has {option} {name!r}. {did_you_mean(name, known)}")
-        found.update(hits)
-    return sorted(found)
+        found.extend(hits)
+    return list(dict.fromkeys(found))
 
 
 def _tags(value: object) -> frozenset[str]:
@@ -184,13 +193,23 @@ def leaderboard(
     if resamples < 100:
         raise UsageError(f"resamples: expected at least 100, got {resamples}")
     rows = select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag)
+    if not len(rows):
+        return pd.DataFrame(columns=list(COLUMNS))
     cells = _cells(rows, metrics_of(rows, metric))
     parts = [_group_board(cells, group, level, resamples, seed) for group in cells.groups()]
-    board = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(COLUMNS))
-    board = board.join(costs(rows), on=[*GROUP, *CONTENDER]) if parts else board
-    board = board[list(COLUMNS)]
+    board = _joined(cells, [part for part in parts if part], costs(rows))
     board.attrs["level"] = level
     return board
+
+
+def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFrame:
+    if not parts:
+        return pd.DataFrame(columns=list(COLUMNS))
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name in (*COLUMNS, "row")}
+    board = cells.keys.iloc[columns.pop("row")].reset_index(drop=True).assign(**columns)
+    board["better"] = np.array([*cells.better, ""], dtype=object)[board["metric"]]
+    board["metric"] = np.array([*cells.metrics, ""], dtype=object)[board["metric"]]
+    return board.join(costs, on=[*GROUP, *CONTENDER])[list(COLUMNS)]
 
 
 @dataclass
@@ -300,27 +319,32 @@ def _starts(codes: np.ndarray) -> np.ndarray:
 
 
 def _ids(codes: np.ndarray) -> np.ndarray:
-    """One integer, counted from 0, for each different row of ``codes``."""
-    return np.unique(codes, axis=0, return_inverse=True)[1].ravel()
+    """One integer for each different row of ``codes``, counted from 0 in their order."""
+    packed = np.zeros(len(codes), dtype=np.int64)
+    for column in codes.T:
+        packed = np.unique(packed * (column.max(initial=0) + 1) + column, return_inverse=True)[1]
+    return packed
 
 
 def _any_by(ids: np.ndarray, flags: np.ndarray) -> np.ndarray:
     """For each row, whether any row with its id has the flag; column by column."""
-    return np.column_stack([np.bincount(ids, weights=column)[ids] > 0 for column in flags.T])
+    found = np.empty_like(flags)
+    for j, column in enumerate(flags.T):
+        found[:, j] = np.bincount(ids, weights=column)[ids] > 0
+    return found
 
 
 # -- one group ---------------------------------------------------------------------------------------------------------
 
 
-def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed: int) -> pd.DataFrame:
+def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed: int) -> _Part:
     """The board of one (task, dataset, sensor)."""
-    keys, codes = cells.keys.iloc[group], cells.codes[group]
+    codes = cells.codes[group]
     unit, contender = _ids(codes[:, 3:5]), _ids(codes[:, 5:7])
     first = np.unique(contender, return_index=True)[1]
-    board = keys.iloc[first][[*GROUP, *CONTENDER]].reset_index(drop=True)
     used = np.flatnonzero(cells.planned[group].any(axis=0))
     if not len(used):
-        return _unscored(board, np.bincount(contender, cells.rows[group])) if cells.mute[group].all() else board[:0]
+        return _unscored(cells, group, first, contender)
 
     def cube(array: np.ndarray, empty: float = 0) -> np.ndarray:
         """(units, contenders, used metrics); ``empty`` where a contender was not run."""
@@ -334,35 +358,34 @@ def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed
     # Of a single case only the seeds can be resampled: the interval then speaks of this case, not of others.
     clusters = cases if len(cases) > 1 else np.arange(len(case_of_unit))
 
-    weights = resampling_weights(len(clusters), resamples, generator(seed, *map(str, board.loc[0, GROUP])))
+    label = cells.keys.iloc[group.start][GROUP]
+    weights = resampling_weights(len(clusters), resamples, generator(seed, *map(str, label)))
     sums = np.add.reduceat(cube(cells.value), clusters).reshape(len(clusters), -1)
     counts = np.add.reduceat((solved > 0).astype(float), clusters).reshape(len(clusters), -1)
     mean, low, high = (a.reshape(len(first), -1) for a in mean_intervals(sums, counts, weights, level))
-    floors = np.isfinite(floor).sum(axis=0)
-    floor = np.where(floors > 0, np.nansum(floor, axis=0) / np.maximum(floors, 1), np.nan)
 
-    badness = cube(cells.badness)
-    parts = []
-    for j, m in enumerate(used):
-        who = np.flatnonzero(planned[..., j].any(axis=0))
-        complete = (solved[:, who, j] == planned[:, who, j]) & (planned[:, who, j] > 0)
-        values = penalise(badness[:, who, j], complete, cases)
-        some = solved[:, who, j].any(axis=0)
-        rank_low, rank_high, order = _ranks(values, planned[:, who, j] > 0, some, clusters, level)
-        part = board.iloc[who].assign(
-            metric=cells.metrics[m],
-            better=cells.better[m],
-            mean=mean[who, j],
-            ci_low=low[who, j],
-            ci_high=high[who, j],
-            floor=floor[who, j],
-            rank_low=rank_low,
-            rank_high=rank_high,
-            solved=solved[:, who, j].sum(axis=0),
-            planned=planned[:, who, j].sum(axis=0),
-        )
-        parts.append(part.iloc[np.lexsort([who, rank_high, order, rank_low])])
-    return pd.concat(parts)
+    values = penalise(cube(cells.badness), (solved == planned) & (planned > 0), cases)
+    rank_low, rank_high, order = _ranks(values, planned > 0, solved.any(axis=0), clusters, level)
+    floors = np.isfinite(floor).sum(axis=0)
+    table = {
+        "row": np.broadcast_to(group.start + first[:, None], mean.shape),
+        "metric": np.broadcast_to(used, mean.shape),
+        "mean": mean,
+        "ci_low": low,
+        "ci_high": high,
+        "floor": np.where(floors > 0, np.nansum(floor, axis=0) / np.maximum(floors, 1), np.nan),
+        "rank_low": rank_low,
+        "rank_high": rank_high,
+        "order": order,
+        "solved": solved.sum(axis=0),
+        "planned": planned.sum(axis=0),
+    }
+    # By metric, then rank; contenders are in the order of their names.
+    place = np.lexsort(
+        [table["row"].ravel(), *(table[c].ravel() for c in ("rank_high", "order", "rank_low", "metric"))]
+    )
+    place = place[table["planned"].ravel()[place] > 0]
+    return {name: array.ravel()[place] for name, array in table.items()}
 
 
 def penalise(badness: np.ndarray, solved: np.ndarray, cases: np.ndarray) -> np.ndarray:
@@ -373,22 +396,22 @@ def penalise(badness: np.ndarray, solved: np.ndarray, cases: np.ndarray) -> np.n
 
     Parameters
     ----------
-    badness : (units, k) array
+    badness : (units, k, m) array
         Lower is better.
-    solved : (units, k) bool array
+    solved : (units, k, m) bool array
     cases : (n,) int array
         The first unit of each case.
 
     Returns
     -------
-    (units, k) array
+    (units, k, m) array
     """
     worst = np.maximum.reduceat(np.where(solved, badness, -np.inf).max(axis=1), cases)
     best = np.minimum.reduceat(np.where(solved, badness, np.inf).min(axis=1), cases)
     nobody = np.isinf(worst)
     worst, best = np.where(nobody, 0.0, worst), np.where(nobody, 0.0, best)
     scale = np.where(worst > best, worst - best, np.where(worst != 0, abs(worst), 1.0))
-    failed = np.repeat(worst + WORSE * scale, np.diff([*cases, len(badness)]))
+    failed = np.repeat(worst + WORSE * scale, np.diff([*cases, len(badness)]), axis=0)
     return np.where(solved, badness, failed[:, None])
 
 
@@ -396,19 +419,19 @@ def _ranks(
     values: np.ndarray, planned: np.ndarray, some: np.ndarray, clusters: np.ndarray, level: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rank intervals; who solved nothing shares the last places, by definition and not by a test."""
-    k, ranked = len(some), int(some.sum())
-    low, high, order = np.full(k, ranked + 1), np.full(k, k), np.full(k, k)
-    if ranked:
-        low[some], high[some], order[some] = rank_intervals(values[:, some], planned[:, some], clusters, level)
-    return low, high, order
+    low, high, order = rank_intervals(values, planned & some, clusters, level)
+    last, everyone = some.sum(axis=0) + 1, planned.any(axis=0).sum(axis=0)
+    return np.where(some, low, last), np.where(some, high, everyone), np.where(some, order, len(some))
 
 
-def _unscored(board: pd.DataFrame, rows: np.ndarray) -> pd.DataFrame:
-    """Lines for a group where nothing was solved and no metric is known: it must not vanish."""
-    nothing = dict.fromkeys(("mean", "ci_low", "ci_high", "floor"), np.nan)
-    return board.assign(
-        metric="", better="", **nothing, rank_low=1, rank_high=len(board), solved=0, planned=rows.astype(int)
-    )
+def _unscored(cells: _Cells, group: slice, first: np.ndarray, contender: np.ndarray) -> _Part:
+    """Lines for a group where all failed and nothing says by which metrics: it must not vanish."""
+    if not cells.mute[group].all():
+        return {}
+    k = len(first)
+    part = {name: np.full(k, np.nan) for name in ("mean", "ci_low", "ci_high", "floor")}
+    part |= {name: np.full(k, n) for name, n in (("metric", -1), ("rank_low", 1), ("rank_high", k), ("solved", 0))}
+    return part | {"row": group.start + first, "planned": np.bincount(contender, cells.rows[group]).astype(int)}
 
 
 # -- what else a reader wants to know ----------------------------------------------------------------------------------

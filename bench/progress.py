@@ -107,3 +107,31 @@ class Bars(Lines):
 
 
 Progress = Lines | Bars
+
+
+class Steps:
+    """A bar for one method call, on a terminal."""
+
+    def __init__(self, title: str):
+        self._title = title
+        self._progress: Any = None
+
+    def __enter__(self) -> Steps:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+            columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+            self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._progress.start()
+            self._bar = self._progress.add_task(self._title, total=None)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._progress:
+            self._progress.stop()
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Move the bar."""
+        if self._progress and event["event"] == "progress":
+            self._progress.update(self._bar, completed=event["done"], total=event["total"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import functools
 import hashlib
 import importlib.metadata
@@ -138,22 +139,27 @@ def _resolve(name: str, importer: Path) -> Path | None:
 # -- packages ----------------------------------------------------------------------------------------------------------
 
 
-@functools.cache
-def _distributions() -> dict[str, list[str]]:
-    return dict(importlib.metadata.packages_distributions())
+# Import names that are not the names of their distributions; asking importlib.metadata for all takes half a second.
+DISTRIBUTIONS = {
+    "CGAL": ("cgal",),
+    "igl": ("libigl",),
+    "open3d": ("open3d-cpu", "open3d"),
+    "skimage": ("scikit-image",),
+    "sklearn": ("scikit-learn",),
+    "cv2": ("opencv-python-headless", "opencv-python"),
+}
 
 
 @functools.cache
 def package_version(module: str) -> str | None:
     """The version of the distribution that brings an import name; None when it is not installed."""
-    try:
-        return importlib.metadata.version(module)
-    except importlib.metadata.PackageNotFoundError:
-        pass
-    for name in _distributions().get(module, ()):
-        return f"{name} {importlib.metadata.version(name)}" if name != module else importlib.metadata.version(name)
-    spec = importlib.util.find_spec(module) if module.isidentifier() else None
-    return "present, version unknown" if spec else None
+    for name in DISTRIBUTIONS.get(module, (module,)):
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            return importlib.metadata.version(name)
+    if importlib.util.find_spec(module) is None:
+        return None
+    names = importlib.metadata.packages_distributions().get(module, ())
+    return next((f"{name} {importlib.metadata.version(name)}" for name in names), "present, version unknown")
 
 
 # -- machine -----------------------------------------------------------------------------------------------------------

@@ -148,6 +148,7 @@ class Registry:
         self._collisions: dict[tuple[str, str], PluginError] = {}
         self.broken: list[Broken] = []
         self._loaded: set[str] = set()
+        self._discovered = False
         self._origin: str | None = None
 
     # -- registering -----------------------------------------------------------------------------------------------
@@ -199,6 +200,9 @@ class Registry:
 
     def discover(self) -> None:
         """Load every entry point of the group, once."""
+        if self._discovered:
+            return
+        self._discovered = True
         for entry in sorted(importlib.metadata.entry_points(group=ENTRY_POINTS), key=lambda e: (not _ours(e), e.name)):
             origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.name
             for module in self._plugin_modules(entry.module, origin):

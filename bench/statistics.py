@@ -11,12 +11,15 @@ therefore take sums and counts per *cluster*: per case, or, where there is one c
   percentile level, as Hesterberg does, ends at the smallest and largest case, which for four cases covers 88 %. So the
   percentile interval is stretched instead: the bootstrap says how the width is shared between the two sides, and the
   width is Student's. ``tests/test_statistics.py`` measures the coverage.
-* Ranks: pairs are compared on the cases that both were run on, by the paired difference and its standard error. That
-  error is the one that the paired bootstrap on the same resamples tends to with infinitely many of them, and needs no
-  drawing; levels as small as those that many comparisons ask for could not be read off 2,000 resamples. Each method's
-  rank interval holds at the chosen level for itself, as each mean's interval does: Holm's correction (*Scand. J.
-  Statist.* 6, 1979) runs over the comparisons that involve this method (Mogstad, Romano, Shaikh and Wilhelm, "Inference
-  for Ranks", *Review of Economic Studies* 91, 2024).
+* Ranks: each two methods are compared on the units (case and seed) that both were run on, by the paired relative
+  difference (a - b) / (|a| + |b|) and Student's t over the clusters. Relative, because the error on a hard case is a
+  multiple of that on an easy one, and so is the difference of two methods: the plain difference would mostly measure
+  how unlike the cases are (Fleming and Wallace, *Comm. ACM* 29, 1986, on normalised results). A method is surely better
+  only if its mean is better too. The standard error is what the paired bootstrap tends to with infinitely many
+  resamples; levels as small as many comparisons ask for could not be read off 2,000.
+* Each rank interval holds at the chosen level for its own method, as each mean's interval does: Holm's correction
+  (*Scand. J. Statist.* 6, 1979) runs over the comparisons that involve this method (Mogstad, Romano, Shaikh and
+  Wilhelm, "Inference for Ranks", *Review of Economic Studies* 91, 2024).
 """
 
 from __future__ import annotations
@@ -108,78 +111,90 @@ def _percentile_sides(
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far the percentile interval reaches below and above the mean."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        resampled = np.ascontiguousarray(((weights @ sums) / (weights @ counts)).T)
-    # A resample may hold only clusters without a value; it is as if it had not been drawn.
-    quantile = np.nanquantile if np.isnan(resampled).any() else np.quantile
-    low, high = quantile(resampled, [tail, 1 - tail], axis=1)
+        resampled = (sums.T @ weights.T) / (counts.T @ weights.T)
+    # A resample may hold only clusters without a value: NaN, sorted to the end. It is as if it had not been drawn.
+    resampled.sort(axis=1)
+    last = (~np.isnan(resampled)).sum(axis=1, keepdims=True) - 1
+    low, high = (_sorted_quantile(resampled, last, q) for q in (tail, 1 - tail))
     return np.maximum(mean - low, 0), np.maximum(high - mean, 0)
 
 
+def _sorted_quantile(rows: np.ndarray, last: np.ndarray, q: float) -> np.ndarray:
+    """The quantile of each sorted row up to its index ``last``, linear between neighbours."""
+    below = np.floor(q * last).astype(int)
+    left, right = (np.take_along_axis(rows, np.minimum(i, last), axis=1) for i in (below, below + 1))
+    return (left + (q * last - below) * (right - left))[:, 0]
+
+
 def paired_differences(values: np.ndarray, planned: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean paired difference of each two columns, and its two-sided p-value.
+    """Mean paired difference of each two methods, and the two-sided p-value of the relative one.
 
     Parameters
     ----------
-    values : (units, k) array
-        One row per case and seed, one column per method; ignored where not planned.
-    planned : (units, k) bool array
+    values : (units, k, m) array
+        One row per case and seed, one column per method, one layer per metric; ignored where not planned.
+    planned : (units, k, m) bool array
         Whether the method was to solve the unit. A pair is compared on the units that both have.
     starts : (n,) int array
         The first unit of each cluster; units of a cluster are neighbours.
 
     Returns
     -------
-    difference : (k, k) array
+    difference : (k, k, m) array
         ``difference[i, j]`` is the mean of ``values[:, i] - values[:, j]``; 0 without a common unit.
-    p : (k, k) array
-        1 where nothing is known: fewer than two common clusters, or no difference.
+    p : (k, k, m) array
+        1 where nothing is known: fewer than two common clusters, no difference, or a relative difference whose sign
+        is not that of the mean.
     """
-    units, k = values.shape
-    difference, p = np.zeros((k, k)), np.ones((k, k))
+    units, k, m = values.shape
+    difference, p = np.zeros((k, k, m)), np.ones((k, k, m))
     values = np.where(planned, values, 0.0)
-    step = max(1, _BLOCK // max(1, units * k))
+    step = max(1, _BLOCK // max(1, units * k * m))
     for first in range(0, k, step):
         mine = slice(first, min(first + step, k))
-        both = (planned[:, mine, None] & planned[:, None, :]).astype(float)
-        sums = np.add.reduceat((values[:, mine, None] - values[:, None, :]) * both, starts, axis=0)
-        sizes = np.add.reduceat((abs(values[:, mine, None]) + abs(values[:, None, :])) * both, starts, axis=0)
-        counts = np.add.reduceat(both, starts, axis=0)
-        difference[mine], p[mine] = _paired_test(sums, sizes, counts)
+        a, b = values[:, mine, None], values[:, None, :]
+        both = planned[:, mine, None] & planned[:, None, :]
+        size = abs(a) + abs(b)
+        plain = np.where(both & (abs(a - b) > SAME * size), a - b, 0.0)
+        relative = np.divide(plain, size, out=np.zeros_like(plain), where=size > 0)
+        counts = np.add.reduceat(both.astype(float), starts)
+        difference[mine] = plain.sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
+        p[mine] = _p_value(np.add.reduceat(relative, starts), counts, difference[mine])
     return difference, p
 
 
-def _paired_test(sums: np.ndarray, sizes: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    n = (counts > 0).sum(axis=0)
-    total = np.maximum(counts.sum(axis=0), 1)
-    difference = sums.sum(axis=0) / total
-    size = sizes.sum(axis=0) / total
-    difference = np.where(abs(difference) <= SAME * size, 0.0, difference)
-    error = np.nan_to_num(standard_error(sums, counts))
-    constant = error <= SAME * size
+def _p_value(sums: np.ndarray, counts: np.ndarray, difference: np.ndarray) -> np.ndarray:
+    """Student's t of a mean over clusters against 0; 1 if its sign is not that of ``difference``."""
+    n, units = (counts > 0).sum(axis=0), counts.sum(axis=0)
+    mean, error = sums.sum(axis=0) / np.maximum(units, 1), np.nan_to_num(standard_error(sums, counts))
     with np.errstate(divide="ignore", invalid="ignore"):
-        p = 2 * special.stdtr(np.maximum(n - 1.0, 1.0), -abs(difference / error))
-    # The same difference in every case, as yes/no metrics give it, has no spread to measure it by. Two methods whose
-    # answers are independent coins differ so, one way or the other, with probability 2 / 4^n at most.
-    p = np.where(constant, 2 * 0.25**n, p)
-    return difference, np.where((n > 1) & (difference != 0), p, 1.0)
+        p = 2 * special.stdtr(np.maximum(n - 1.0, 1.0), -abs(mean / error))
+    # The same difference in every unit, as yes/no metrics give it, has no spread to measure it by. Two methods whose
+    # answers are independent throws of one coin differ so, one way or the other, with probability 2 / 4^units at most.
+    p = np.where(error <= SAME, 2 * 0.25**units, p)
+    return np.where((n > 1) & (mean * difference > 0), p, 1.0)
 
 
-def holm(p: np.ndarray, alpha: float) -> np.ndarray:
-    """Which hypotheses Holm's step-down procedure rejects, row by row.
+def holm(p: np.ndarray, alpha: float, hypotheses: np.ndarray | int | None = None) -> np.ndarray:
+    """Which hypotheses Holm's step-down procedure rejects.
 
     Parameters
     ----------
-    p : (rows, m) array
+    p : (families, h) array
         Each row is one family of hypotheses.
+    alpha : float
+        Chance of any false rejection in a family.
+    hypotheses : (families,) int array, optional
+        How many of a row are real, where the others are padding with p = 1.
 
     Returns
     -------
-    rejected : (rows, m) bool array
+    rejected : (families, h) bool array
     """
-    m = p.shape[1]
+    size = np.broadcast_to(p.shape[1] if hypotheses is None else hypotheses, len(p))
     order = np.argsort(p, axis=1, kind="stable")
-    ordered = np.take_along_axis(p, order, axis=1)
-    passed = np.logical_and.accumulate(ordered <= alpha / np.arange(m, 0, -1), axis=1)
+    left = np.maximum(size[:, None] - np.arange(p.shape[1]), 1)
+    passed = np.logical_and.accumulate(np.take_along_axis(p, order, axis=1) <= alpha / left, axis=1)
     rejected = np.empty_like(passed)
     np.put_along_axis(rejected, order, passed, axis=1)
     return rejected
@@ -188,26 +203,26 @@ def holm(p: np.ndarray, alpha: float) -> np.ndarray:
 def rank_intervals(
     values: np.ndarray, planned: np.ndarray, starts: np.ndarray, level: float = 0.95
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Between which ranks each method lies; 1 is the smallest value.
+    """Between which ranks each method lies, for each metric; 1 is the smallest value.
 
     Parameters
     ----------
     values, planned, starts
-        As in :func:`paired_differences`; lower values are better.
+        As in :func:`paired_differences`; lower values are better. A method without a planned unit takes no part.
 
     Returns
     -------
-    low, high : (k,) int arrays
-        ``low = 1 + number of methods surely better``, ``high = k - number surely worse``.
-    beaten_by : (k,) int array
+    low, high : (k, m) int arrays
+        ``low = 1 + number of methods surely better``, ``high = k - number surely worse``, of the k that take part.
+    beaten_by : (k, m) int array
         How many methods have the better paired mean, sure or not: the order to print ties in.
     """
-    k = values.shape[1]
+    k, m = values.shape[1:]
     difference, p = paired_differences(values, planned, starts)
-    others = ~np.eye(k, dtype=bool)
-    sure = np.zeros((k, k), dtype=bool)
-    if k > 1:
-        sure[others] = holm(p[others].reshape(k, k - 1), 1 - level).ravel()
+    taking_part = planned.any(axis=0).sum(axis=0)
+    families = p.transpose(2, 0, 1).reshape(m * k, k)
+    rejected = holm(families, 1 - level, np.repeat(taking_part - 1, k))
+    sure = rejected.reshape(m, k, k).transpose(1, 2, 0) & (p < 1)
     low = 1 + (sure & (difference > 0)).sum(axis=1)
-    high = k - (sure & (difference < 0)).sum(axis=1)
+    high = taking_part - (sure & (difference < 0)).sum(axis=1)
     return low, high, (difference > 0).sum(axis=1)

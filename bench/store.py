@@ -165,7 +165,7 @@ class Results:
         import pyarrow.parquet as pq
 
         try:
-            table = pq.read_table(path, page_checksum_verification=True, partitioning=None)
+            table = pq.ParquetFile(path, page_checksum_verification=True).read()
             meta = json.loads(table.schema.metadata[META_KEY])
             rows = table.to_pylist()
             if not rows or rows[0]["fingerprint"] not in path.name or meta["planned"] != len(rows):

@@ -11,7 +11,7 @@ or ``views`` instead of ``shapes``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -21,7 +21,7 @@ import numpy as np
 from .errors import InvalidOutput, UsageError
 from .registry import register
 from .seeds import generator
-from .shapes import Case, PointCloud, Shape
+from .shapes import Case, Frame, PointCloud, Shape
 
 if TYPE_CHECKING:
     from .run import Run
@@ -58,6 +58,32 @@ class Task:
     def input(self, cloud: PointCloud) -> dict[str, Any]:
         """The arguments of the method's function."""
         return {"cloud": cloud}
+
+    def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
+        """The arguments of the method's function from the user's files, and the frame that they were scaled to.
+
+        Raises
+        ------
+        BadInput
+            Naming the file and what was expected of it.
+        """
+        from .geometry.check import check_points
+        from .geometry.files import load_cloud
+
+        if len(paths) != 1:
+            raise UsageError(f"expected one input file, got {len(paths)}: {', '.join(paths) or 'none'}")
+        cloud = load_cloud(paths[0])
+        check_points(cloud.points, str(paths[0]), at_least=3)
+        frame = Frame.of(cloud.points)
+        return self.input(PointCloud(frame.apply(cloud.points), cloud.normals, cloud.colors)), frame
+
+    def restore(self, output: Any, frame: Frame) -> Any:
+        """An output in the coordinates of the user's file."""
+        if isinstance(output, PointCloud):
+            return PointCloud(frame.invert(output.points), output.normals, output.colors)
+        output = output.copy()
+        output.vertices = frame.invert(output.vertices)
+        return output
 
     def solve(self, method: Any, name: str, input: dict[str, Any], run: Run) -> Any:
         """Call the method's function of this task."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import faulthandler
 import gc
+import importlib
 import json
 import math
 import os
@@ -51,8 +52,9 @@ class Channel:
 def work(spec: dict[str, Any], fd: int) -> None:
     """Run the job of ``spec`` and report to the file descriptor ``fd``.
 
-    ``spec`` holds ``cpus`` (processors to pin to), ``threads``, ``memory_gb``, and either ``cell`` (a benchmark cell)
-    or ``call`` (one call of a method on a file; see :mod:`bench.application`).
+    ``spec`` holds ``cpus`` (processors to pin to), ``threads``, ``seconds``, ``memory_gb``, and either ``cell`` (a
+    benchmark cell) or ``function`` (``module:name`` of ours, called with the spec and the channel; see
+    :mod:`bench.isolate`).
     """
     channel = Channel(fd)
     faulthandler.enable()
@@ -60,10 +62,9 @@ def work(spec: dict[str, Any], fd: int) -> None:
         os.sched_setaffinity(0, spec["cpus"])
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(spec["threads"])
-    if "call" in spec:
-        from .application import call
-
-        call(spec, channel)
+    if "function" in spec:
+        module, _, name = spec["function"].partition(":")
+        getattr(importlib.import_module(module), name)(spec, channel)
     else:
         _Session(spec, channel).run()
     channel.send("done")

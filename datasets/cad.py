@@ -16,8 +16,8 @@ from .parts import KINDS, Part
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-THIN = 0.04  # a wall thinner than this fraction of the size counts as thin
-HIGH_GENUS = 5
+THIN = 0.03  # a wall thinner than this fraction of the size counts as thin
+HIGH_GENUS = 10
 
 
 @register("dataset", requires=("manifold3d", "trimesh"))
@@ -27,7 +27,7 @@ class Cad:
 
     Closed manifold meshes of one component, in turn of each kind, every one with measures of its own. A part is turned
     at random, since faces along the axes would favour methods that work on a grid. Tags: ``sharp`` (all), ``thin``
-    (a wall below 4 % of the size) and ``high_genus`` (5 or more).
+    (a wall below 3 % of the size) and ``high_genus`` (10 or more).
     """
 
     kind: Literal["all", "plate", "bracket", "gear", "pipe_tee", "heat_sink", "block", "lattice"] = "all"  # of part

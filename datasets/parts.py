@@ -82,7 +82,7 @@ def gear(rng: np.random.Generator) -> Part:
     height, hub = rng.uniform(0.2, 0.4), rng.uniform(0.3, 0.36)
     root = 1 - 4.5 / (teeth + 2)  # 2.25 modules deep, as the standard tooth
     bore, rise = rng.uniform(0.45, 0.6) * hub, rng.uniform(0.1, 0.25)
-    window = min(0.42 * (root - hub), 0.35 * (root + hub) / max(windows, 1) * 2) * 0.8
+    window = min(0.34 * (root - hub), 0.56 * (root + hub) / max(windows, 1))
     angles = np.arange(teeth)[:, None] * 2 * pi / teeth + np.array([-0.30, -0.13, 0.13, 0.30]) * 2 * pi / teeth
     radii = np.tile([root, 1.0, 1.0, root], teeth)
 
@@ -98,7 +98,8 @@ def gear(rng: np.random.Generator) -> Part:
             solid -= _drill(window, height).translate(((root + hub) / 2 * cos(a), (root + hub) / 2 * sin(a), 0))
         return solid
 
-    return Part(build, 1 + windows, hub - 1.25 * bore, hypot(2, 2, height + 2 * rise))
+    thinnest = min(hub - 1.25 * bore, 0.26 * 2 * pi / teeth, (root - hub) / 2 - window)  # hub, tip of a tooth, web
+    return Part(build, 1 + windows, thinnest, hypot(2, 2, height + 2 * rise))
 
 
 def pipe_tee(rng: np.random.Generator) -> Part:

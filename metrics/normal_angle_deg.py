@@ -24,7 +24,9 @@ class NormalAngleDeg:
     consistency of Occupancy Networks (Mescheder et al. 2019), forward without its sampling, and as an angle, in which
     small errors can be told apart. Random normals score 57.3 degrees (one radian).
 
-    Normals of length zero have no direction and are left out of the mean. A cloud without normals gets no score.
+    A surface that the dataset knows exactly has its own normals, not those of the faces of its tessellation. Where the
+    closest point lies on an edge, the normal of any one of its faces counts. Normals of length zero have no direction
+    and are left out of the mean. A cloud without normals gets no score.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:

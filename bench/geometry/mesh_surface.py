@@ -14,6 +14,8 @@ from .sampling import face_normals, sample_uniform
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
+CREASE = np.cos(np.radians(30))  # a normal that differs more from its face's belongs to another side of an edge
+
 
 class MeshSurface:
     """The mesh itself is the truth: uniform samples with face normals, exact closest points.
@@ -52,3 +54,27 @@ class MeshSurface:
         tree, faces = self._tree
         found = tree.closest(points)
         return found._replace(faces=faces[found.faces])
+
+    def interpolate_normals(self, vertex_normals: np.ndarray, at: Closest) -> np.ndarray:
+        """Unit normals at points of the mesh, between normals (v, 3) that are known at its vertices: an (n, 3) array.
+
+        A vertex on a crease has the normal of one of its sides; in faces of the other side, the face's own is taken.
+        """
+        face_normals, corners = self.normals[at.faces], np.asarray(self.mesh.faces)[at.faces]
+        normals = np.zeros_like(at.points)
+        for k, weight in enumerate(_barycentric(at.points, np.asarray(self.mesh.vertices), corners)):
+            at_corner = vertex_normals[corners[:, k]]
+            same_side = np.einsum("ni,ni->n", at_corner, face_normals) > CREASE
+            normals += weight[:, None] * np.where(same_side[:, None], at_corner, face_normals)
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def _barycentric(points: np.ndarray, V: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The weights of the corners of ``triangles`` (n, 3) at ``points`` (n, 3) in them: three (n,) arrays in 0..1."""
+    a, b, c = (V[triangles[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    area = np.einsum("ni,ni->n", normal, normal)
+    # Each weight is the share of the area that the point spans with the opposite edge.
+    u = np.clip(np.einsum("ni,ni->n", np.cross(b - points, c - points), normal) / area, 0, 1)
+    v = np.clip(np.einsum("ni,ni->n", np.cross(c - points, a - points), normal) / area, 0, 1 - u)
+    return u, v, 1 - u - v

@@ -1,0 +1,120 @@
+"""One method on one file: the worker's side and the runner's side of ``detailbench apply``.
+
+The call is made in a child process like a benchmark cell, so a method that crashes, hangs or takes all memory ends in
+a message.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from .config import Limits
+from .isolate import Isolation
+from .plan import Choice
+
+if TYPE_CHECKING:
+    from .worker import Channel
+
+
+@dataclass(frozen=True)
+class Application:
+    """What to apply to what."""
+
+    task: Choice
+    method: Choice
+    inputs: tuple[str, ...]
+    output: str
+    seed: int = 0
+    threads: int = 1
+    device: str = "cpu"
+    limit: Limits = Limits()
+    plugins: tuple[str, ...] = ()
+    verbose: bool = False
+
+
+def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda event: None) -> dict[str, Any]:
+    """Run the application in a child process.
+
+    Returns
+    -------
+    dict
+        ``status`` and ``message`` like those of a row; with ``ok`` also ``seconds``, ``peak_rss_mb``, ``input`` and
+        ``output`` (in words).
+    """
+    arguments = {
+        "task": asdict(job.task),
+        "method": asdict(job.method),
+        "inputs": list(job.inputs),
+        "output": job.output,
+        "seed": job.seed,
+        "device": job.device,
+    }
+    with Isolation(job.method.plugin.requires, job.plugins, job.threads) as isolation:
+        return isolation.call(
+            "bench.application:call", arguments, limit=job.limit, on_event=on_event, verbose=job.verbose
+        )
+
+
+def call(spec: Mapping[str, Any], channel: Channel) -> None:
+    """The worker's side: read, call, validate, write."""
+    from .worker import Meter, failure, plain
+
+    call = spec["arguments"]
+    stage = "case"
+    try:
+        channel.send("begin", index=0, stage=stage)
+        task, method = Choice(**call["task"]), Choice(**call["method"])
+        method.plugin.require()
+        solver, promised = method.build(), task.build()
+        inputs, frame = promised.read(call["inputs"])
+        meter = Meter(spec["memory_gb"], call["device"])
+        run = _run(spec, channel)
+        stage = "method"
+        channel.send("begin", index=0, stage=stage)
+        with meter:
+            run._started = time.perf_counter()
+            output = promised.solve(solver, task.name, dict(inputs), run)
+        promised.validate(output, inputs)
+        stage = "write"
+        channel.send("begin", index=0, stage=stage)
+        row = meter.figures() | _write(promised.restore(output, frame), call["output"])
+        row |= {"status": "ok", "message": "", "input": _words(inputs.values())}
+    except BaseException as error:  # the boundary: shown as one message
+        row = {"stage": stage} | failure(error, stage)
+    channel.send("result", row=plain(row))
+
+
+def _run(spec: Mapping[str, Any], channel: Channel) -> Any:
+    from .run import Run
+    from .worker import seed_globals
+
+    call = spec["arguments"]
+    seed_globals(call["seed"])
+    return Run(
+        seed=call["seed"],
+        device=call["device"],
+        threads=spec["threads"],
+        seconds=spec["seconds"],
+        on_progress=lambda done, total: channel.send("progress", done=done, total=total),
+    )
+
+
+def _write(output: Any, path: str) -> dict[str, Any]:
+    from .geometry.files import save
+
+    save(output, path)
+    return {"output": _words([output])}
+
+
+def _words(values: Sequence[Any] | Any) -> str:
+    """Geometry in words: ``20,000 points with normals``."""
+    words = []
+    for value in values:
+        if hasattr(value, "faces"):
+            words.append(f"{len(value.vertices):,} vertices, {len(value.faces):,} faces")
+        elif hasattr(value, "points"):
+            words.append(f"{len(value.points):,} points{' with normals' if value.normals is not None else ''}")
+    return "; ".join(words)

@@ -1,0 +1,119 @@
+"""Apply one method to one file.
+
+  detailbench apply method=poisson scan.ply mesh.ply method.depth=9
+  detailbench apply method=rimls task=denoise scan.ply clean.ply
+
+INPUT is a point cloud (PLY, XYZ, TXT, OBJ) or a mesh whose vertices are taken; OUTPUT is written in the coordinates of
+INPUT, as PLY, OBJ, STL, OFF or GLB. Parameters that are lengths refer to the frame in which the input has radius 1. Where a
+method solves several tasks, task= says which. Further keys: seed, threads, device, limit.seconds, limit.memory_gb.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from ..cli import add_plugin_argument, load_plugins
+from ..errors import DetailbenchError, UsageError
+from ..registry import registry
+
+CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".csv")
+MESH_SUFFIXES = (".obj", ".stl", ".off", ".glb")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("words", nargs="+", metavar="method=NAME INPUT OUTPUT [key=value ...]")
+    add_plugin_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, call the method in a child process, write; say what was made."""
+    from ..application import apply
+    from ..progress import Steps
+
+    plugins = load_plugins(args.plugin)
+    overrides = [w for w in args.words if _is_override(w)]
+    files = [w for w in args.words if not _is_override(w)]
+    if len(files) < 2:
+        raise UsageError(f"expected an INPUT and an OUTPUT file, got {', '.join(files) or 'none'}")
+    job = job_of(overrides, files, plugins)
+    with Steps(f"{job.method.label}") as steps:
+        result = apply(job, steps.event)
+    if result["status"] != "ok":
+        if args.plugin and result.get("traceback"):
+            print(result["traceback"], file=sys.stderr)
+        raise DetailbenchError(f"{job.method.label}: {result['status']}: {result['message']}")
+    print(f"{files[0]} ({result['input']}) -> {job.output} ({result['output']})")
+    print(f"{job.method.label}: {result['seconds']:.3g} s, peak {result['peak_rss_mb']:.0f} MB")
+    return 0
+
+
+def _is_override(word: str) -> bool:
+    key, equals, _ = word.partition("=")
+    return bool(equals) and key.lstrip("+").replace(".", "_").replace("@", "_").replace("/", "_").isidentifier()
+
+
+def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> Any:
+    """The application that the words describe, checked."""
+    from omegaconf import OmegaConf
+
+    from ..application import Application
+    from ..config import Limits, compose
+    from ..overrides import check_overrides, chosen
+    from ..plan import Choice, check_root
+
+    check_overrides(overrides, multirun=False)
+    if not any(w.startswith("method=") for w in overrides):
+        raise UsageError("choose a method: detailbench apply method=NAME INPUT OUTPUT (detailbench list methods)")
+    method = registry().find("method", chosen("method", overrides)[0])
+    *inputs, output = files
+    tasks = [w for w in overrides if w.startswith("task=")]
+    if not tasks:
+        overrides = [*overrides, f"task={_task_for(method, output)}"]
+    values = OmegaConf.to_container(compose(overrides), resolve=True)
+    check_root(values)
+    task = Choice.of("task", values["task"])
+    if not method.solves(task.name):
+        raise UsageError(f"method {method.name} does not solve {task.name}")
+    for path in inputs:
+        if not Path(path).exists():
+            raise UsageError(f"{path}: no such file")
+    if not Path(output).absolute().parent.is_dir():
+        raise UsageError(f"{output}: there is no folder {Path(output).absolute().parent}")
+    # A file of one's own may take its time; a benchmark's limits are for those who ask for them.
+    limit = values["limit"] if any(w.lstrip("+").startswith("limit.") for w in overrides) else {}
+    return Application(
+        task=task,
+        method=Choice.of("method", values["method"]),
+        inputs=tuple(inputs),
+        output=output,
+        seed=values["seed"],
+        threads=values["threads"],
+        device=values["device"],
+        limit=Limits(**({"seconds": 86400.0, "memory_gb": _memory_gb()} | limit)),
+        plugins=plugins,
+        verbose=values["verbose"],
+    )
+
+
+def _memory_gb() -> float:
+    import psutil
+
+    return 0.9 * psutil.virtual_memory().total / 2**30
+
+
+def _task_for(method: Any, output: str) -> str:
+    """The task that a method and the kind of the output file leave no doubt about."""
+    tasks = [t for t in registry().names("task") if method.solves(t)]
+    suffix = Path(output).suffix.lower()
+    kinds = {"mesh"} if suffix in MESH_SUFFIXES else {"cloud"} if suffix in CLOUD_SUFFIXES else {"mesh", "cloud"}
+    fitting = [t for t in tasks if getattr(registry().find("task", t).cls, "output", "cloud") in kinds]
+    if len(fitting) == 1:
+        return fitting[0]
+    if not tasks:
+        raise UsageError(f"method {method.name} solves no task that is known here")
+    choice = " or ".join(f"task={t}" for t in (fitting or tasks))
+    raise UsageError(f"method {method.name} solves {', '.join(tasks)}: add {choice}")

@@ -1,0 +1,82 @@
+"""Run a stored cell again, from its record alone, and compare every score.
+
+  detailbench reproduce CELL results=DIR
+
+Seed, parameters, limits and plugin files are those of the record. The result goes to a temporary folder: the stored
+one is not touched. Exit code 0 when all cases agree, 3 when some do not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import tempfile
+from typing import Any
+
+from ..cli import load_plugins
+from ..config import Limits
+from ..plan import Cell, Settings
+from ..store import Record
+from .why import add_cell_arguments, newest_record
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    add_cell_arguments(parser)
+    parser.add_argument("--rtol", type=float, default=1e-9, help="relative difference that still counts as equal")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run, compare, and say what differs in what the result depends on."""
+    from ..progress import Lines
+    from ..provenance import explain, ingredients
+    from ..runner import forget_servers, run_cell
+
+    load_plugins(args.plugin)
+    _, record = newest_record(args.cell, args.folder)
+    load_plugins([p for p in record.meta["settings"]["plugins"] if p not in args.plugin])
+    cell = Cell.from_json(record.meta["cell"])
+    print(f"cell {cell.id}: {cell.title}")
+    for line in explain(record.meta["ingredients"], ingredients(cell)):
+        print(f"  differs: {line}")
+    stored = record.meta["settings"]
+    with tempfile.TemporaryDirectory(prefix="detailbench-") as folder:
+        settings = Settings(
+            results=folder, limit=Limits(**stored["limit"]), plugins=tuple(stored["plugins"]), profile=stored["profile"]
+        )
+        try:
+            again = run_cell(cell, dataclasses.replace(settings), Lines()).record
+        finally:
+            forget_servers()
+    differences = compare(record, again, args.rtol)
+    for line in differences:
+        print(f"  {line}")
+    print("reproduced: every status and score agrees" if not differences else f"{len(differences)} differences")
+    return 3 if differences else 0
+
+
+def compare(stored: Record, again: Record, rtol: float) -> list[str]:
+    """What differs between two records of a cell, one line per case and score."""
+    now = {row["case"]: row for row in again.rows}
+    lines = []
+    for then in stored.rows:
+        row = now.get(then["case"])
+        if row is None:
+            lines.append(f"{then['case']}: is not there any more")
+        elif row["status"] != then["status"]:
+            lines.append(f"{then['case']}: was {then['status']}, is {row['status']}: {row['message']}")
+        else:
+            keys = sorted(k for k in {*then, *row} if k.startswith("score."))
+            lines.extend(
+                f"{then['case']}: {key.removeprefix('score.')} was {then.get(key)}, is {row.get(key)}"
+                for key in keys
+                if not _close(then.get(key), row.get(key), rtol)
+            )
+    return lines
+
+
+def _close(a: Any, b: Any, rtol: float) -> bool:
+    if a is None or b is None or math.isnan(a) or math.isnan(b):
+        return (a is None or math.isnan(a)) and (b is None or math.isnan(b))
+    return math.isclose(a, b, rel_tol=rtol, abs_tol=1e-15)

@@ -1,0 +1,63 @@
+"""Say why a stored cell is current or not: what differs between the day it was run and today.
+
+  detailbench why CELL results=DIR
+
+CELL is a cell id, or its beginning; `detailbench plan` prints them, and every row of the results has one.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from ..cli import add_plugin_argument, load_plugins
+from ..errors import UsageError
+from ..plan import Cell
+from ..store import Record, Results
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    add_cell_arguments(parser)
+
+
+def add_cell_arguments(parser: argparse.ArgumentParser) -> None:
+    """A cell and the folder it is in."""
+    parser.add_argument("cell", metavar="CELL", help="a cell id, or its beginning")
+    parser.add_argument("folder", metavar="results=DIR", nargs="?", default="results=results", help="where to look")
+    add_plugin_argument(parser)
+
+
+def newest_record(cell: str, folder: str) -> tuple[Results, Record]:
+    """The results folder, and the newest record of the one cell whose id begins so."""
+    key, equals, path = folder.rpartition("=")
+    if equals and key != "results":
+        raise UsageError(f"{folder}: expected results=DIR")
+    results = Results(path)
+    records = results.records(results.find_cell(cell))
+    if not records:
+        raise UsageError(f"cell {cell} in {results.folder}: {'; '.join(results.damaged) or 'has no record'}")
+    return results, records[0]
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print what the newest record is, and what differs."""
+    from ..provenance import explain, ingredients
+
+    load_plugins(args.plugin)
+    results, record = newest_record(args.cell, args.folder)
+    stored_plugins = record.meta["settings"]["plugins"]
+    load_plugins([p for p in stored_plugins if p not in args.plugin], warn=False)
+    cell = Cell.from_json(record.meta["cell"])
+    print(f"cell {cell.id}: {cell.title}")
+    print(f"run {record.meta['finished']} on {record.meta['provenance']['host']}: {record.solved}/{len(record.rows)} solved")
+    for row in record.rows:
+        if row["status"] != "ok":
+            print(f"  {row['case']}: {row['status']}: {row['message']}")
+    differences = explain(record.meta["ingredients"], ingredients(cell))
+    if not differences:
+        print("current: parameters, sources, packages and metrics are those of today; it would not be run again")
+    for line in differences:
+        print(f"  {line}")
+    if differences:
+        print("not current: `detailbench run` with these words would run it again")
+    return 0

@@ -1,0 +1,308 @@
+"""The conformance kit behind ``detailbench check``: a plugin held against the contract, every trial in a child process.
+
+A check *fails* when the plugin would spoil a benchmark: another result under the same seed, a broken promise, a crash
+or a hang, an unclear error on poor input. It *warns* where the engine protects the plugin anyway.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .config import Limits
+from .errors import BadInput, DetailbenchError, InvalidOutput
+from .isolate import Isolation
+from .registry import Plugin, registry
+from .schema import NAME_KEY, build, config_class, parameters
+from .seeds import generator
+from .shapes import Case, PointCloud, Shape
+
+LIMIT = Limits(seconds=60, memory_gb=4, setup_seconds=120)
+POINTS = 2000  # of the toy cloud
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the report."""
+
+    name: str
+    verdict: str  # ok, warn or fail
+    detail: str = ""
+
+
+def check_plugin(plugin: Plugin, plugins: tuple[str, ...] = ()) -> Iterator[Check]:
+    """All checks of one plugin, one after the other.
+
+    Parameters
+    ----------
+    plugin : what to check
+    plugins : the ``--plugin`` files that the children load
+    """
+    yield config_round_trip(plugin)
+    with Isolation(plugin.requires, plugins) as isolation:
+        trial = _Trials(plugin, isolation)
+        lacking = trial.run("require")
+        if lacking["status"] == "skipped":
+            yield Check("libraries", "warn", f"{lacking['message']}; nothing else can be tried")
+            return
+        yield from {"method": method_checks, "dataset": dataset_checks}.get(plugin.kind, simple_checks)(trial)
+
+
+class _Trials:
+    """Runs the trials of one plugin in children."""
+
+    def __init__(self, plugin: Plugin, isolation: Isolation):
+        self.plugin, self._isolation = plugin, isolation
+
+    def run(self, trial: str, **arguments: Any) -> dict[str, Any]:
+        asked = {"kind": self.plugin.kind, "name": self.plugin.name, "trial": trial, **arguments}
+        return self._isolation.call("bench.conformance:attempt", asked, limit=LIMIT)
+
+
+def config_round_trip(plugin: Plugin) -> Check:
+    """The parameters survive the way through a config and its YAML."""
+    from omegaconf import OmegaConf
+
+    name = "config round trip"
+    try:
+        node = OmegaConf.structured(config_class(plugin))
+        again = OmegaConf.merge(node, OmegaConf.create(OmegaConf.to_yaml(node)))
+        values = OmegaConf.to_container(again, resolve=True)
+        before, after = plugin.cls(), build(plugin, values)
+    except (DetailbenchError, ValueError, TypeError) as error:
+        return Check(name, "fail", str(error))
+    if parameters(plugin, before) != parameters(plugin, after):
+        return Check(name, "fail", f"defaults {parameters(plugin, before)} come back as {parameters(plugin, after)}")
+    return Check(name, "ok", f"{len(values) - (NAME_KEY in values)} parameters")
+
+
+# -- methods -----------------------------------------------------------------------------------------------------------
+
+POOR_INPUTS = ("empty", "tiny", "nan", "duplicates")
+
+
+def method_checks(trial: _Trials) -> Iterator[Check]:
+    """A toy case per task, determinism, poor inputs, time."""
+    tasks = [t for t in registry().names("task") if trial.plugin.solves(t)]
+    if not tasks:
+        yield Check("tasks", "fail", f"no function is named after a task ({', '.join(registry().names('task'))})")
+        return
+    yield Check("tasks", "ok", ", ".join(tasks))
+    for task in tasks:
+        first = trial.run("solve", task=task, input="toy")
+        if first["status"] == "no_toy":
+            yield Check(f"{task}: toy case", "warn", first["message"])
+            continue
+        if first["status"] != "ok":
+            yield Check(f"{task}: toy case", "fail", f"{first['status']}: {first['message']}")
+            continue
+        yield Check(f"{task}: toy case", "ok", f"{first['output']} in {first['seconds']:.3g} s")
+        again = trial.run("solve", task=task, input="toy")
+        same = again.get("digest") == first["digest"]
+        yield Check(
+            f"{task}: same seed, same result",
+            "ok" if same else "fail",
+            "two processes agree to the bit" if same else "draw from run.rng, and give libraries one thread or a seed",
+        )
+        bare = trial.run("solve", task=task, input="bare")
+        yield _refusable(f"{task}: cloud without normals", bare, lenient=False)
+        for poor in POOR_INPUTS:
+            yield _refusable(f"{task}: {poor} input", trial.run("solve", task=task, input=poor), poor in ("empty", "nan"))
+
+
+def _refusable(name: str, row: dict[str, Any], lenient: bool) -> Check:
+    """A valid result or a clear refusal pass; what the engine keeps away from a method anyway only warns."""
+    if row["status"] == "ok":
+        return Check(name, "ok", row["output"])
+    if row["status"] == "refused":
+        return Check(name, "ok", f"refused: {row['message']}")
+    harmless = lenient and row["status"] in ("invalid", "error")
+    hint = "; raise bench.BadInput with what was expected" if row["status"] in ("error", "invalid") else ""
+    return Check(name, "warn" if harmless else "fail", f"{row['status']}: {row['message']}{hint}")
+
+
+# -- datasets ----------------------------------------------------------------------------------------------------------
+
+
+def dataset_checks(trial: _Trials) -> Iterator[Check]:
+    """Ids, frames, determinism, and splits that do not meet."""
+    first, again = trial.run("shapes", split="test"), trial.run("shapes", split="test")
+    if first["status"] != "ok":
+        yield Check("shapes", "warn" if first["status"] == "refused" else "fail", first["message"])
+        return
+    yield Check("shapes", "ok", first["output"])
+    same = first["digests"] == again.get("digests")
+    yield Check("same shapes every time", "ok" if same else "fail", "" if same else "draw from bench.generator(...)")
+    train = trial.run("shapes", split="train")
+    if train["status"] == "ok":
+        common = set(first["digests"]) & set(train["digests"])
+        yield Check("train and test differ", "fail" if common else "ok", f"{len(common)} shapes are in both")
+
+
+# -- sensors, metrics, tasks -------------------------------------------------------------------------------------------
+
+
+def simple_checks(trial: _Trials) -> Iterator[Check]:
+    """One trial that judges itself, and determinism."""
+    first, again = trial.run(trial.plugin.kind), trial.run(trial.plugin.kind)
+    yield Check(f"{trial.plugin.kind} on a toy", *(("ok", first["output"]) if first["status"] == "ok" else ("fail", first["message"])))
+    if first["status"] == "ok":
+        same = first["digest"] == again.get("digest")
+        yield Check("same seed, same result", "ok" if same else "fail")
+
+
+# -- what runs in the child --------------------------------------------------------------------------------------------
+
+
+def attempt(spec: dict[str, Any], channel: Any) -> None:
+    """One trial, in a child; its outcome is sent as a row."""
+    from .worker import failure, plain
+
+    asked = spec["arguments"]
+    plugin = registry().find(asked["kind"], asked["name"])
+    try:
+        plugin.require()
+        row = {"status": "ok", "message": ""} | _TRIALS[asked["trial"]](plugin, asked, spec, channel)
+    except (BadInput, ValueError) as error:
+        row = {"status": "refused", "message": f"{error}"}
+    except BaseException as error:  # the boundary: the verdict is made of it
+        row = failure(error, "method")
+    channel.send("result", row=plain(row))
+
+
+def toy_shape() -> Shape:
+    """A closed bumpy ball of 1,280 faces, in the frame."""
+    from trimesh.creation import icosphere
+
+    mesh = icosphere(subdivisions=3)
+    x, y, z = mesh.vertices.T
+    mesh.vertices *= (1 + 0.1 * np.sin(3 * x) * np.cos(4 * y) + 0.05 * z)[:, None]
+    mesh.process(validate=False)
+    shape, _ = Shape("toy", mesh, tags=("smooth",)).framed()
+    return shape
+
+
+def toy_cloud(kind: str) -> PointCloud:
+    """The toy cloud, or a poor one."""
+    points, normals = toy_shape().surface.sample(POINTS, generator("toy"))
+    points = points + generator("toy noise").normal(scale=0.005, size=points.shape)
+    if kind == "empty":
+        return PointCloud(points[:0], normals[:0])
+    if kind == "tiny":
+        return PointCloud(points[:3], normals[:3])
+    if kind == "nan":
+        points[7] = np.nan
+    if kind == "duplicates":
+        points, normals = np.repeat(points[:200], 10, axis=0), np.repeat(normals[:200], 10, axis=0)
+    return PointCloud(points, None if kind == "bare" else normals)
+
+
+def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
+    import time
+
+    from .run import Run
+    from .worker import seed_globals
+
+    task = registry().find("task", asked["task"]).cls()
+    try:
+        inputs = task.input(toy_cloud(asked["input"]))
+    except (AttributeError, TypeError):
+        return {"status": "no_toy", "message": "this task is not made from one cloud; try it in a run"}
+    seed_globals(0)
+    run = Run(seed=0, threads=spec["threads"], seconds=spec["seconds"])
+    channel.send("begin", index=0, stage="method")
+    begin = time.perf_counter()
+    output = task.solve(plugin.cls(), asked["task"], inputs, run)
+    seconds = time.perf_counter() - begin
+    if asked["input"] == "empty" and isinstance(output, PointCloud) and not len(output):
+        return {"output": "nothing from nothing", "seconds": seconds, "digest": ""}
+    task.validate(output, inputs)
+    return {"output": repr(output).strip("<>"), "seconds": seconds, "digest": digest_of(output)}
+
+
+def digest_of(value: Any) -> str:
+    """SHA-256 of what a result holds, to the bit."""
+    total = hashlib.sha256()
+    for name in ("points", "normals", "vertices", "faces"):
+        array = getattr(value, name, None)
+        if array is not None:
+            total.update(name.encode() + np.ascontiguousarray(array).tobytes())
+        if hasattr(value, "faces") and name == "normals":
+            continue
+    return total.hexdigest()
+
+
+def _shapes(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
+    import re
+    from itertools import islice
+
+    shapes = list(islice(plugin.cls().shapes(asked["split"]), 3))
+    if not shapes:
+        raise BadInput(f"no shapes in the split {asked['split']!r}")
+    for shape in shapes:
+        if not re.fullmatch(r"[\w.+-]+", shape.id):
+            raise InvalidOutput(f"the id {shape.id!r} is no file name; use letters, digits and ._+-")
+    if len({shape.id for shape in shapes}) < len(shapes):
+        raise InvalidOutput(f"two shapes have one id: {[shape.id for shape in shapes]}")
+    framed = [shape.framed()[0] for shape in shapes]
+    words = ", ".join(f"{s.id} ({len(s.mesh.vertices)} vertices)" for s in framed)
+    return {"output": words, "digests": [digest_of(s.mesh) for s in framed]}
+
+
+def _sensor(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
+    from .tasks import validate_cloud
+
+    cloud = plugin.cls().sense(toy_shape(), generator("check"))
+    validate_cloud(cloud, "a PointCloud")
+    return {"output": repr(cloud), "digest": digest_of(cloud)}
+
+
+def _metric(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
+    """A perfect output must score better than a noisy one, and that better than a random one."""
+    metric = plugin.cls()
+    shape = toy_shape()
+    case = Case("toy", {}, shape)
+    kinds = plugin.options.get("outputs", ("mesh", "cloud"))
+    ladder = [_spoiled(shape, kinds, amount) for amount in (0.0, 0.02, 0.5)]
+    scores = [metric.score(output, case) for output in ladder]
+    for key in scores[0]:
+        direction = plugin.better(key)
+        values = [float(s[key]) for s in scores if key in s]
+        if not np.isfinite(values).all():
+            raise InvalidOutput(f"{key} is not finite: {values}")
+        order = values if direction == "lower" else [-v for v in values]
+        if direction != "reference" and not order[0] <= order[1] <= order[2]:
+            raise InvalidOutput(f"{key} is better={direction}, but perfect, noisy and random outputs score {values}")
+    words = ", ".join(f"{k}={v:.3g}" for k, v in scores[0].items())
+    return {"output": f"perfect output: {words}", "digest": words}
+
+
+def _spoiled(shape: Shape, kinds: tuple[str, ...], amount: float) -> Any:
+    from trimesh import Trimesh
+
+    rng = generator("spoil", int(1000 * amount))
+    if "cloud" in kinds:
+        points, normals = shape.surface.sample(POINTS, rng)
+        noisy = normals + 4 * amount * rng.normal(size=normals.shape)
+        noisy /= np.linalg.norm(noisy, axis=1, keepdims=True)
+        return PointCloud(points + amount * rng.normal(size=points.shape), noisy)
+    vertices = shape.mesh.vertices + amount * rng.normal(size=shape.mesh.vertices.shape)
+    return Trimesh(vertices, shape.mesh.faces, process=False)
+
+
+def _task(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
+    return {"output": f"promises {plugin.cls().promise}", "digest": ""}
+
+
+_TRIALS = {
+    "require": lambda plugin, *rest: {},
+    "solve": _solve,
+    "shapes": _shapes,
+    "sensor": _sensor,
+    "metric": _metric,
+    "task": _task,
+}

@@ -1,0 +1,66 @@
+"""Calls in a child process with limits, for the commands that are not a sweep: ``apply`` and ``check``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from .affinity import claim
+from .config import Limits
+from .forkserver import ForkServer
+from .runner import of_death
+from .watch import Worker
+
+
+class Isolation:
+    """A fork server of one's own.
+
+    Example
+    -------
+    ``with Isolation(("open3d",)) as isolation: row = isolation.call("bench.application:call", {...})``
+    """
+
+    def __init__(self, preload: tuple[str, ...] = (), plugins: tuple[str, ...] = (), threads: int = 1):
+        self.threads = threads
+        self._server = ForkServer(preload, plugins, threads)
+
+    def __enter__(self) -> Isolation:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._server.close()
+
+    def call(
+        self,
+        function: str,
+        arguments: Mapping[str, Any],
+        *,
+        limit: Limits = Limits(),  # noqa: B008
+        on_event: Callable[[dict[str, Any]], None] = lambda event: None,
+        verbose: bool = False,
+    ) -> dict[str, Any]:
+        """Call ``module:name`` as ``name(spec, channel)`` in a worker.
+
+        Returns
+        -------
+        dict
+            The ``row`` of the ``result`` event that it sent, or, when it died before, the columns that tell how.
+        """
+        result: dict[str, Any] = {}
+
+        def hear(event: dict[str, Any]) -> None:
+            if event["event"] == "result":
+                result.update(event["row"])
+            on_event(event)
+
+        with claim(self.threads) as cpus:
+            spec = {
+                "function": function,
+                "arguments": dict(arguments),
+                "cpus": cpus,
+                "threads": self.threads,
+                "seconds": limit.seconds,
+                "memory_gb": limit.memory_gb,
+            }
+            death = Worker(self._server, spec, limit, hear, verbose=verbose).watch()
+        return result if death is None else of_death(death)

@@ -1,0 +1,74 @@
+"""Numbers as a reader wants them: no more digits than the interval supports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+
+def unit_exponent(values: Iterable[float]) -> int:
+    """The power of ten, a multiple of three, to take out of a column; 0 when the numbers read well as they are.
+
+    Example
+    -------
+    >>> unit_exponent([0.0021, 0.0034, 0.4])
+    -3
+    >>> unit_exponent([0.97, 0.5])
+    0
+    """
+    sizes = sorted(abs(v) for v in values if math.isfinite(v) and v != 0)
+    if not sizes:
+        return 0
+    middle = sizes[(len(sizes) - 1) // 2]
+    return 0 if 0.1 <= middle < 1e5 else 3 * math.floor(math.log10(middle) / 3)
+
+
+def decimals(value: float, low: float, high: float) -> int:
+    """How many digits after the point: two of the interval's half width, three of the value where there is none."""
+    half = (high - low) / 2
+    if math.isfinite(half) and half > 0:
+        wanted = 1 - math.floor(math.log10(half))
+        most = 4 - _magnitude(value)  # a tiny interval does not call for ten digits
+        return max(0, min(wanted, most))
+    return max(0, 2 - _magnitude(value)) if value != int(value) else 0
+
+
+def with_interval(value: float, low: float, high: float, exponent: int = 0) -> str:
+    """``12.3 [11.0, 14.0]``; ``-`` for nothing; the value alone where the interval is unknown.
+
+    Example
+    -------
+    >>> with_interval(0.01234, 0.0110, 0.0140, exponent=-3)
+    '12.3 [11.0, 14.0]'
+    """
+    if not math.isfinite(value):
+        return "-"
+    value, low, high = (x / 10.0**exponent for x in (value, low, high))
+    digits = decimals(value, low, high)
+    if not math.isfinite(low + high):
+        return _fixed(value, digits)
+    return f"{_fixed(value, digits)} [{_fixed(low, digits)}, {_fixed(high, digits)}]"
+
+
+def plain(value: float, exponent: int = 0) -> str:
+    """Three significant digits."""
+    return with_interval(value, math.nan, math.nan, exponent)
+
+
+def count(value: float) -> str:
+    """``1.3M`` for a number of parameters; ``-`` for none."""
+    if not math.isfinite(value):
+        return "-"
+    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if value >= size:
+            return f"{value / size:.3g}{letter}"
+    return f"{value:.0f}"
+
+
+def _magnitude(value: float) -> int:
+    return math.floor(math.log10(abs(value))) if value else 0
+
+
+def _fixed(value: float, digits: int) -> str:
+    text = f"{value:.{digits}f}"
+    return text.removeprefix("-") if float(text) == 0 else text

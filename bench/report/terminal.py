@@ -1,0 +1,127 @@
+"""Tables for the terminal: as wide as it is, in several blocks where the metrics need them, never cut off."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+from .tables import GROUP, Metric, Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from rich.table import Table as RichTable
+
+ARROWS = {"lower": "↓", "higher": "↑", "reference": "→ref"}
+GAP = 2  # blanks between columns
+MOST_MESSAGE = 200  # letters of a failure's message; the rest is in the record
+
+
+def terminal(tables: list[Table], width: int = 120, color: bool = False) -> str:
+    """The tables as text, each with its notes."""
+    if not tables:
+        return "No results.\n"
+    return "\n".join(_one(table, width, color) for table in tables)
+
+
+def heading(metric: Metric) -> str:
+    """``chamfer_l1_mean ↓ (1e-3)``."""
+    unit = f" (1e{metric.exponent})" if metric.exponent else ""
+    return f"{metric.name} {ARROWS[metric.better]}{unit}"
+
+
+def blocks(table: Table, width: int) -> list[list[Metric]]:
+    """The metrics, as many to a block as fit; the first block has the costs beside it."""
+    left = _width(["method", *table.methods, "floor / reference"])
+    room = width - left - _width(["rank", *table.ranks])
+    first = room - sum(_width([title, *cells]) for title, cells in table.costs)
+    split: list[list[Metric]] = [[]]
+    room_left = first
+    for metric in table.metrics:
+        wide = _width([heading(metric), metric.floor, *(c.text + c.mark + "*" for c in metric.cells)])
+        if wide > room_left and split[-1]:
+            split.append([])
+            room_left = width - left
+        split[-1].append(metric)
+        room_left -= wide
+    return split
+
+
+def _width(cells: list[str]) -> int:
+    from rich.cells import cell_len
+
+    return max(map(cell_len, cells)) + GAP
+
+
+def _one(table: Table, width: int, color: bool) -> str:
+    parts = [_block(table, metrics, ranked=i == 0, many=i > 0) for i, metrics in enumerate(blocks(table, width))]
+    from rich.text import Text
+
+    return _print(
+        [
+            Text(table.title, style="bold"),
+            *parts,
+            *(Text(note, style="dim") for note in (*table.notes, "*: tied for first.")),
+        ],
+        color,
+    )
+
+
+def _block(table: Table, metrics: list[Metric], ranked: bool, many: bool) -> RichTable:
+    from rich import box
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    grid = RichTable(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, GAP, 0, 0), pad_edge=False, header_style="")
+    grid.add_column("method", no_wrap=True)
+    if ranked:
+        grid.add_column("rank", no_wrap=True)
+    for metric in metrics:
+        grid.add_column(heading(metric), no_wrap=True)
+    costs = table.costs if ranked else []
+    for title, _ in costs:
+        grid.add_column(title, no_wrap=True, justify="right")
+    for i, method in enumerate(table.methods):
+        scores = [_score(metric, i) for metric in metrics]
+        grid.add_row(Text(method), *([table.ranks[i]] if ranked else []), *scores, *(cells[i] for _, cells in costs))
+    if any(metric.floor for metric in metrics):
+        floors = [Text(metric.floor, style="dim") for metric in metrics]
+        grid.add_row(Text("floor / reference", style="dim"), *([""] if ranked else []), *floors, *("" for _ in costs))
+    return grid
+
+
+def _score(metric: Metric, i: int):
+    from rich.text import Text
+
+    cell = metric.cells[i]
+    # The star says the same as the bold letters, for files and for eyes that do not see bold.
+    return Text(cell.text + ("*" if cell.best else "") + cell.mark, style="bold" if cell.best else "")
+
+
+def failure_list(board: pd.DataFrame, rows: pd.DataFrame, width: int = 120, color: bool = False) -> str:
+    """What failed in the groups of a board: how often, how, and the first message of each kind; empty if nothing."""
+    from rich.text import Text
+
+    from ..leaderboard import failures
+
+    shown = set(board[[*GROUP, "method", "variant"]].itertuples(index=False, name=None))
+    lines = []
+    for f in failures(rows).itertuples(index=False):
+        if (f.task, f.dataset, f.sensor, f.method, f.variant) not in shown:
+            continue
+        label = f"{f.method} ({f.variant.replace(',', ', ')})" if f.variant else f.method
+        message = " ".join(str(f.message or "").split())
+        message = message if len(message) <= MOST_MESSAGE else message[: MOST_MESSAGE - 1] + "…"
+        where = " · ".join((f.task, f.dataset, f.sensor))
+        lines.append(Text(f"  {label}: {f.count} {f.status} ({where}){': ' + message if message else ''}"))
+    return _print([Text("\nNot solved", style="bold"), *lines], color) if lines else ""
+
+
+def _print(parts: list, color: bool) -> str:
+    from rich.console import Console
+
+    out = io.StringIO()
+    # Wider than anything: the blocks were made to fit, and what does not fit must wrap rather than vanish.
+    console = Console(file=out, width=10_000, force_terminal=color, no_color=not color, highlight=False, markup=False)
+    for part in parts:
+        console.print(part, soft_wrap=True)
+    return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())

@@ -1,0 +1,189 @@
+"""Intervals and ranks, against closed forms, naive loops, scipy, and by how often they are right."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from bench.statistics import (
+    holm,
+    mean_intervals,
+    paired_differences,
+    rank_intervals,
+    resampling_weights,
+    standard_error,
+)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def intervals(case_means, rng, level=0.95, resamples=2000):
+    """(n, k) case means -> mean, low, high."""
+    return mean_intervals(
+        case_means, np.ones_like(case_means), resampling_weights(len(case_means), resamples, rng), level
+    )
+
+
+def test_weights_draw_as_many_clusters_as_there_are(rng):
+    weights = resampling_weights(7, 500, rng)
+    assert weights.shape == (500, 7)
+    assert (weights.sum(axis=1) == 7).all()
+    assert weights.mean() == 1
+
+
+def test_the_standard_error_is_the_classical_one_for_equal_counts(rng):
+    x = rng.normal(size=(9, 4))
+    assert standard_error(3 * x, np.full_like(x, 3)) == pytest.approx(stats.sem(x, axis=0))
+
+
+def test_the_standard_error_is_what_the_bootstrap_tends_to(rng):
+    sums, counts = rng.normal(5, 1, size=(12, 1)), rng.integers(2, 5, size=(12, 1)).astype(float)
+    sums *= counts
+    weights = resampling_weights(12, 40_000, rng)
+    resampled = (weights @ sums) / (weights @ counts)
+    assert standard_error(sums, counts)[0] == pytest.approx(resampled.std() * np.sqrt(12 / 11), rel=0.03)
+
+
+def test_interval_width_is_students_and_its_middle_follows_the_skew(rng):
+    x = np.c_[rng.normal(size=8), np.exp(2 * rng.normal(size=8))]
+    mean, low, high = intervals(x, rng)
+    t = stats.t.ppf(0.975, 7)
+    assert high - low == pytest.approx(2 * t * stats.sem(x, axis=0))
+    assert high[1] - mean[1] > 1.1 * (mean[1] - low[1])
+    assert high[0] - mean[0] == pytest.approx(mean[0] - low[0], rel=0.25)
+
+
+def test_a_higher_level_is_wider(rng):
+    x = rng.normal(size=(6, 1))
+    _, low, high = intervals(x, np.random.default_rng(0), level=0.9)
+    _, lower, higher = intervals(x, np.random.default_rng(0), level=0.99)
+    assert lower < low < high < higher
+
+
+def test_one_cluster_or_none_has_no_interval(rng):
+    sums, counts = np.array([[1.0, 2.0, 0.0], [3.0, 0.0, 0.0]]), np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    mean, low, high = mean_intervals(sums, counts, resampling_weights(2, 200, rng))
+    assert mean[:2].tolist() == [2, 2]
+    assert np.isnan(mean[2])
+    assert np.isnan(low).tolist() == np.isnan(high).tolist() == [False, True, True]
+
+
+def test_resamples_without_a_value_do_not_count(rng):
+    sums, counts = np.array([[1.0], [3.0], [0.0], [0.0]]), np.array([[1.0], [1.0], [0.0], [0.0]])
+    mean, low, high = mean_intervals(sums, counts, resampling_weights(4, 4000, rng))
+    assert mean[0] == 2
+    # Two values: mean and standard error 1; Student's quantile for one degree of freedom.
+    assert high[0] - low[0] == pytest.approx(2 * stats.t.ppf(0.975, 1))
+
+
+@pytest.mark.parametrize("cases", [2, 4, 8, 20])
+@pytest.mark.parametrize("seed_noise", [0.0, 3.0])
+def test_coverage_is_as_promised_for_normal_cases_with_seeds(cases, seed_noise, rng):
+    trials, seeds = 3000, 3
+    x = rng.normal(size=(cases, 1, trials)) + seed_noise * rng.normal(size=(cases, seeds, trials))
+    _, low, high = intervals(x.mean(axis=1), rng)
+    assert ((low <= 0) & (high >= 0)).mean() == pytest.approx(0.95, abs=0.015)
+
+
+@pytest.mark.parametrize(("cases", "least"), [(4, 0.90), (8, 0.90), (20, 0.91)])
+def test_coverage_of_skewed_scores_stays_near(cases, least, rng):
+    x = np.exp(0.5 * rng.normal(size=(cases, 3000)))
+    _, low, high = intervals(x, rng)
+    truth = np.exp(0.125)
+    assert least < ((low <= truth) & (high >= truth)).mean() < 0.97
+
+
+def test_paired_differences_against_a_naive_loop(rng):
+    cases, seeds, k = 5, 3, 4
+    values = np.exp(rng.normal(size=(cases * seeds, k, 2)))
+    planned = rng.random(values.shape) > 0.2
+    difference, p = paired_differences(values, planned, np.arange(0, cases * seeds, seeds))
+    for i in range(k):
+        for j in range(k):
+            for m in range(2):
+                both = planned[:, i, m] & planned[:, j, m]
+                a, b = values[both, i, m], values[both, j, m]
+                assert difference[i, j, m] == pytest.approx((a - b).mean())
+                relative = (a - b) / (a + b)
+                if i == j or relative.mean() * (a - b).mean() <= 0:
+                    assert p[i, j, m] == 1
+                    continue
+                case = (np.arange(cases * seeds) // seeds)[both]
+                n = len(set(case))
+                residual = np.array([(relative[case == c] - relative.mean()).sum() for c in set(case)])
+                t = relative.mean() * len(a) / np.sqrt(n / (n - 1) * (residual**2).sum())
+                assert p[i, j, m] == pytest.approx(2 * stats.t.sf(abs(t), n - 1))
+
+
+def test_with_one_seed_it_is_the_t_test(rng):
+    values = np.exp(rng.normal(size=(9, 2, 1)))
+    _, p = paired_differences(values, np.ones_like(values, dtype=bool), np.arange(9))
+    a, b = values[:, 0, 0], values[:, 1, 0]
+    if (a - b).mean() * ((a - b) / (a + b)).mean() > 0:
+        assert p[0, 1, 0] == pytest.approx(stats.ttest_1samp((a - b) / (a + b), 0).pvalue)
+
+
+def test_pairing_finds_what_two_separate_means_do_not(rng):
+    hard = np.exp(1.5 * rng.normal(size=12))  # cases differ by factors
+    a, b = hard * (1 + 0.02 * rng.random(12)), 1.1 * hard * (1 + 0.02 * rng.random(12))
+    assert stats.ttest_ind(a, b).pvalue > 0.5
+    values = np.c_[a, b][..., None]
+    low, high, _ = rank_intervals(values, np.ones_like(values, dtype=bool), np.arange(12))
+    assert low.ravel().tolist() == high.ravel().tolist() == [1, 2]
+
+
+def test_rounding_is_a_tie(rng):
+    a = 1 + rng.random(8)
+    values = np.c_[a, a * (1 + 1e-14)][..., None]
+    low, high, beaten = rank_intervals(values, np.ones_like(values, dtype=bool), np.arange(8))
+    assert low.ravel().tolist() == [1, 1]
+    assert high.ravel().tolist() == [2, 2]
+    assert beaten.ravel().tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(("cases", "sure"), [(2, False), (3, True)])
+def test_yes_no_results_need_three_units(cases, sure):
+    values = np.zeros((cases, 2, 1))
+    values[:, 1] = 1
+    low, high, _ = rank_intervals(values, np.ones_like(values, dtype=bool), np.arange(cases))
+    assert (low.ravel().tolist(), high.ravel().tolist()) == (([1, 2], [1, 2]) if sure else ([1, 1], [2, 2]))
+
+
+def test_a_method_without_a_planned_unit_takes_no_part(rng):
+    values = np.exp(rng.normal(size=(10, 3, 1)) * 0.01) * np.array([1.0, 2.0, 4.0])[:, None]
+    planned = np.ones_like(values, dtype=bool)
+    planned[:, 0] = False
+    low, high, _ = rank_intervals(values, planned, np.arange(10))
+    assert low.ravel()[1:].tolist() == high.ravel()[1:].tolist() == [1, 2]
+
+
+def test_holm_by_hand():
+    p = np.array([[0.01, 0.04, 0.03, 0.005], [0.02, 0.5, 0.5, 0.5]])
+    # Row 1, alpha 0.05: 0.005 <= .0125, 0.01 <= .0167, 0.03 > .025: stop. Row 2: 0.02 > .0125.
+    assert holm(p, 0.05).tolist() == [[True, False, False, True], [False] * 4]
+    assert holm(np.array([[0.02, 1.0, 1.0]]), 0.05, np.array([2])).tolist() == [[True, False, False]]
+
+
+@pytest.mark.parametrize("cases", [4, 12])
+def test_rank_intervals_of_equal_methods_are_full_as_often_as_promised(cases, rng):
+    trials, seeds, k = 400, 2, 6
+    hard = np.exp(rng.normal(size=(cases, 1, 1, trials)))
+    values = hard * np.exp(0.3 * rng.normal(size=(cases, seeds, k, trials)))
+    values = values.reshape(cases * seeds, k, trials)
+    starts = np.arange(0, cases * seeds, seeds)
+    low, high, _ = rank_intervals(values, np.ones_like(values, dtype=bool), starts)
+    assert ((low == 1) & (high == k)).mean() > 0.94
+
+
+def test_blocks_change_nothing(rng, monkeypatch):
+    values = np.exp(rng.normal(size=(12, 7, 2)))
+    planned = rng.random(values.shape) > 0.1
+    whole = rank_intervals(values, planned, np.arange(12))
+    wide = intervals(values.reshape(12, -1), np.random.default_rng(1))
+    monkeypatch.setattr("bench.statistics._BLOCK", 500)
+    for a, b in zip(whole, rank_intervals(values, planned, np.arange(12)), strict=True):
+        assert (a == b).all()
+    for a, b in zip(wide, intervals(values.reshape(12, -1), np.random.default_rng(1)), strict=True):
+        assert a == pytest.approx(b, rel=1e-12)
