@@ -27,7 +27,22 @@ _EXPORTS = {
     "UsageError": "errors",
     "generator": "seeds",
 }
-__all__ = sorted(_EXPORTS)
+__all__ = [
+    "BadInput",
+    "Case",
+    "CaseRecipe",
+    "Frame",
+    "InvalidOutput",
+    "MissingLibrary",
+    "PointCloud",
+    "Run",
+    "Shape",
+    "Surface",
+    "Task",
+    "UsageError",
+    "generator",
+    "register",
+]
 
 if TYPE_CHECKING:
     from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError

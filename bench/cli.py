@@ -10,7 +10,7 @@ import argparse
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from .errors import DetailbenchError, did_you_mean
 
@@ -26,7 +26,8 @@ COMMANDS = {
     "why": "what differs between a stored result and today",
     "reproduce": "run a stored cell again and compare",
 }
-EXIT_CODES = "exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved, 130 interrupted"
+EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved,
+130 interrupted"""
 
 
 def parser_for(command: str) -> argparse.ArgumentParser:
@@ -102,7 +103,7 @@ def _main(arguments: list[str]) -> int:
     return module.run(args)
 
 
-def _usage_error(parser: argparse.ArgumentParser):  # noqa: ANN202
+def _usage_error(parser: argparse.ArgumentParser) -> Callable[[str], None]:
     def error(message: str) -> None:
         """argparse ends with 2; our code for a usage error is 1."""
         print(f"error: {message}\n{parser.format_usage().strip()}\nMore: {parser.prog} --help", file=sys.stderr)

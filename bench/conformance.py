@@ -111,7 +111,8 @@ def method_checks(trial: _Trials) -> Iterator[Check]:
         bare = trial.run("solve", task=task, input="bare")
         yield _refusable(f"{task}: cloud without normals", bare, lenient=False)
         for poor in POOR_INPUTS:
-            yield _refusable(f"{task}: {poor} input", trial.run("solve", task=task, input=poor), poor in ("empty", "nan"))
+            row = trial.run("solve", task=task, input=poor)
+            yield _refusable(f"{task}: {poor} input", row, lenient=poor in ("empty", "nan"))
 
 
 def _refusable(name: str, row: dict[str, Any], lenient: bool) -> Check:
@@ -149,10 +150,12 @@ def dataset_checks(trial: _Trials) -> Iterator[Check]:
 def simple_checks(trial: _Trials) -> Iterator[Check]:
     """One trial that judges itself, and determinism."""
     first, again = trial.run(trial.plugin.kind), trial.run(trial.plugin.kind)
-    yield Check(f"{trial.plugin.kind} on a toy", *(("ok", first["output"]) if first["status"] == "ok" else ("fail", first["message"])))
-    if first["status"] == "ok":
-        same = first["digest"] == again.get("digest")
-        yield Check("same seed, same result", "ok" if same else "fail")
+    name = f"{trial.plugin.kind} on a toy"
+    if first["status"] != "ok":
+        yield Check(name, "fail", f"{first['status']}: {first['message']}")
+        return
+    yield Check(name, "ok", first["output"])
+    yield Check("same seed, same result", "ok" if first["digest"] == again.get("digest") else "fail")
 
 
 # -- what runs in the child --------------------------------------------------------------------------------------------

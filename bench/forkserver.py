@@ -36,6 +36,19 @@ THREAD_VARIABLES = (
     "NUMBA_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
+# What every worker needs to make a case and to score an output.
+ALWAYS = (
+    "numpy",
+    "scipy.spatial",
+    "trimesh",
+    "igl",
+    "bench.worker",
+    "bench.isolate",
+    "bench.geometry.check",
+    "bench.geometry.comparison",
+    "bench.geometry.files",
+    "bench.geometry.mesh_surface",
+)
 
 
 def _prctl(option: int, value: int) -> None:
@@ -140,7 +153,7 @@ def _load(request: dict[str, Any]) -> dict[str, Any]:
     found = registry()
     for path in request["plugins"]:
         found.load_file(path)
-    for module in ("numpy", "psutil", "bench.worker", *request["preload"]):
+    for module in (*ALWAYS, *request["preload"]):
         with contextlib.suppress(ImportError):  # the worker says which library is missing
             importlib.import_module(module)
     gc.collect()

@@ -94,8 +94,8 @@ def select(
     if tag is not None:
         tags = rows["tags"].map(_tags)
         known = sorted(set().union(*tags))
-        matching = set(matching("tag", tag, known))
-        chosen &= np.fromiter((not matching.isdisjoint(t) for t in tags), dtype=bool, count=len(rows))
+        tagged = set(matching("tag", tag, known))
+        chosen &= np.fromiter((not tagged.isdisjoint(t) for t in tags), dtype=bool, count=len(rows))
     if not chosen.any() and len(rows):
         given = [f"{option}={names}" for option, names in {**wanted, "tag": tag}.items() if names is not None]
         raise UsageError(f"no result has {' and '.join(given)} together")

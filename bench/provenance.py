@@ -14,13 +14,10 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import __version__
 from .plan import Cell, digest
-
-if TYPE_CHECKING:
-    from .registry import Plugin
 
 # Packages that take part in every cell; a plugin's `requires` come on top.
 ALWAYS = ("numpy", "scipy", "trimesh")
@@ -167,7 +164,7 @@ def package_version(module: str) -> str | None:
 
 @functools.cache
 def machine() -> dict[str, Any]:
-    """What ran: host, processor, memory, system, Python, and the commit of detailbench where it runs from a checkout."""
+    """What ran: host, processor, memory, system, Python, and the commit of a checkout of detailbench."""
     import psutil
 
     return {

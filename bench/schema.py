@@ -68,7 +68,7 @@ def _config_type(annotation: Any, where: str) -> Any:
     if origin in (Union, types.UnionType):
         inner = tuple(_config_type(a, where) for a in args if a is not type(None))
         if len(inner) == len(args):
-            return Union[inner] if all(i in _SCALARS for i in inner) else Any
+            return Union[inner] if all(i in _SCALARS for i in inner) else Any  # noqa: UP007
         return typing.Optional[inner[0]] if len(inner) == 1 else Any  # noqa: UP045
     if origin is list or annotation is list:
         return list[_config_type(args[0], where)] if args else list[Any]

@@ -316,5 +316,3 @@ def newest(frame: pd.DataFrame) -> pd.DataFrame:
     """Of several rows for one place in a table, the newest."""
     ordered = frame.sort_values("finished", kind="stable")
     return ordered.drop_duplicates(subset=list(IDENTITY), keep="last").sort_index().reset_index(drop=True)
-
-

@@ -198,5 +198,3 @@ def launch(overrides: list[str], multirun: bool) -> int:
     finally:
         sys.argv = argv
     return 0
-
-

@@ -109,6 +109,7 @@ class Reconstruct(Task):
     promise: ClassVar[str] = "a trimesh.Trimesh with faces and finite vertices"
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
+        """Hold an output against the promise."""
         validate_mesh(output, self.promise)
 
 
@@ -120,6 +121,7 @@ class Denoise(Task):
     promise: ClassVar[str] = "a PointCloud with at least one point, all finite"
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
+        """Hold an output against the promise."""
         validate_cloud(output, self.promise)
 
 
@@ -136,12 +138,15 @@ class Upsample(Task):
 
     @property
     def promise(self) -> str:  # type: ignore[override]
+        """The exact count, in words."""
         return f"a PointCloud of exactly {self.ratio} x N points, all finite"
 
     def input(self, cloud: PointCloud) -> dict[str, Any]:
+        """The cloud and the ratio."""
         return {"cloud": cloud, "ratio": self.ratio}
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
+        """Hold an output against the promise."""
         validate_cloud(output, self.promise)
         wanted = self.ratio * len(input["cloud"])
         if len(output) != wanted:

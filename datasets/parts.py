@@ -125,7 +125,7 @@ def pipe_tee(rng: np.random.Generator) -> Part:
         # Ball joints close the corner where the arms meet.
         return solid + _ball(outer) - (inside + _ball(outer - wall))
 
-    return Part(build, 2 + 3 * bolts, wall, hypot(2 * length, 2 * flange, length + outer))
+    return Part(build, 2 + 3 * bolts, wall, hypot(2 * length, 2 * flange, length + flange))
 
 
 def heat_sink(rng: np.random.Generator) -> Part:

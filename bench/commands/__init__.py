@@ -1,1 +1,1 @@
-"""The commands, one file each: ``add_arguments(parser)`` and ``run(args) -> exit code``. Their docstring is the help."""
+"""The commands, one file each: ``add_arguments(parser)`` and ``run(args)``. Their docstring is the help."""

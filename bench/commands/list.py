@@ -1,9 +1,9 @@
 """List what there is: tasks, datasets, sensors, methods and metrics, where they come from, and what is broken.
 
-  detailbench list                    everything
-  detailbench list methods            one kind
-  detailbench list method poisson     one plugin: its parameters, their defaults and meaning
-  detailbench list --json             for scripts
+detailbench list                    everything
+detailbench list methods            one kind
+detailbench list method poisson     one plugin: its parameters, their defaults and meaning
+detailbench list --json             for scripts
 """
 
 from __future__ import annotations

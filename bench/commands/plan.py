@@ -59,7 +59,8 @@ def run(args: argparse.Namespace) -> int:
     rest = totals["planned"] - totals["finished"]
     about = f", about {totals['seconds']:.3g} s" if totals["unknown"] < rest else ""
     unknown = f" and {totals['unknown']} cases never timed" if totals["unknown"] else ""
-    print(f"{totals['cells']} cells, {totals['planned']} cases, {totals['finished']} finished, {rest} to do{about}{unknown}")
+    done = f"{totals['planned']} cases, {totals['finished']} finished"
+    print(f"{totals['cells']} cells, {done}, {rest} to do{about}{unknown}")
     if plugins:
         print(f"with the plugins of {', '.join(plugins)}")
     return 0

@@ -7,8 +7,9 @@
   detailbench run -m ... hydra/launcher=joblib hydra.launcher.n_jobs=2
 
 Everything after the options is a Hydra override. The keys: task, dataset, sensor, method, metric (plugins, with their
-parameters behind a dot), seed, cases, split, threads, device, results, outputs=none|first|all, rerun=never|failed|always,
-limit.seconds, limit.memory_gb, limit.setup_seconds, profile=quick|paper, experiment, verbose.
+parameters behind a dot), seed, cases, split, threads, device, results, outputs=none|first|all,
+rerun=never|failed|always, limit.seconds, limit.memory_gb, limit.setup_seconds, profile=quick|paper, experiment,
+verbose.
 
 A finished case is never run twice: start the same command again after an interruption, or with more methods, and it
 goes on from there. `detailbench plan ...` with the same words says what would be run.
@@ -92,10 +93,10 @@ def _report(
     if not cells:
         return code or 1
     if not args.no_leaderboard:
-        from ..report.board import print_board
+        from .leaderboard import show
 
         rows = results.rows()
-        print_board(rows[rows["cell"].isin({c["cell"] for c in cells})])
+        show(rows[rows["cell"].isin({c["cell"] for c in cells})])
     solved, planned = sum(c["solved"] for c in cells), sum(c["planned"] for c in cells)
     cached = sum(c["cached"] for c in cells)
     print(

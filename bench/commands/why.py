@@ -49,7 +49,8 @@ def run(args: argparse.Namespace) -> int:
     load_plugins([p for p in stored_plugins if p not in args.plugin], warn=False)
     cell = Cell.from_json(record.meta["cell"])
     print(f"cell {cell.id}: {cell.title}")
-    print(f"run {record.meta['finished']} on {record.meta['provenance']['host']}: {record.solved}/{len(record.rows)} solved")
+    host, count = record.meta["provenance"]["host"], f"{record.solved}/{len(record.rows)} solved"
+    print(f"run {record.meta['finished']} on {host}: {count}")
     for row in record.rows:
         if row["status"] != "ok":
             print(f"  {row['case']}: {row['status']}: {row['message']}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import uuid
 import warnings
 from collections.abc import Callable
@@ -145,7 +146,7 @@ def _suffix_of_content(data: bytes) -> str:
         return ".stl"
     if head[:5].lower() == b"solid" and b"facet" in data[:4096]:
         return ".stl"
-    return ".obj" if head[:2] == b"v " else ""
+    return ".obj" if re.search(rb"^v\s+[-+.\d]", head, re.MULTILINE) else ""
 
 
 def _read_xyz(data: bytes, name: str) -> RawGeometry:

@@ -7,47 +7,21 @@ writers round coordinates to float32, which at a distance of 1e6 from the origin
 from __future__ import annotations
 
 import warnings
-from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import BadInput
+from .ply_tables import AsciiSource, BinarySource, Columns, Element, Property, Ragged
 from .raw import NO_FACES, RawGeometry, triangulate
 
 # fmt: off
 TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
-    "float64": "f8",
+    "double": "f8", "float64": "f8",
 }
 # fmt: on
 EXPECTED = "expected a PLY file (ascii or binary, version 1.0)"
-
-
-class Property(NamedTuple):
-    """One column, or a list when ``length`` says how its length is stored."""
-
-    name: str
-    type: str
-    length: str = ""
-
-
-class Element(NamedTuple):
-    """One table of the file."""
-
-    name: str
-    count: int
-    properties: list[Property]
-
-
-class Ragged(NamedTuple):
-    """A column of lists: their sizes (n,), and all values one after the other."""
-
-    sizes: np.ndarray
-    values: np.ndarray
-
-
-Columns = dict[str, "np.ndarray | Ragged"]
 
 
 def read_ply(data: bytes, name: str) -> RawGeometry:
@@ -59,7 +33,7 @@ def read_ply(data: bytes, name: str) -> RawGeometry:
         If it is no PLY file, or ends before all that its header promises.
     """
     form, elements, body = _header(data, name)
-    source = _Ascii(body, name) if form == "ascii" else _Binary(body, name, "<" if "little" in form else ">")
+    source = AsciiSource(body, name) if form == "ascii" else BinarySource(body, name, "<" if "little" in form else ">")
     tables = {element.name: source.table(element) for element in elements}
     if source.left_over():
         warnings.warn(f"{name}: there is more in the file than its header says; the rest is ignored", stacklevel=3)
@@ -131,151 +105,7 @@ def _header(data: bytes, name: str) -> tuple[str, list[Element], bytes]:
     return form, elements, body
 
 
-# -- the tables --------------------------------------------------------------------------------------------------------
-
-
-class _Source:
-    """Reads one table after the other; the two formats differ in how a run of equal rows is read."""
-
-    def __init__(self, name: str):
-        self.name, self.at = name, 0
-
-    def run(self, element: Element, sizes: list[int], count: int) -> np.ndarray | None:
-        """Up to ``count`` rows whose lists have these sizes, as a structured array; None where the file ends."""
-        raise NotImplementedError
-
-    def skip(self, element: Element, sizes: list[int], rows: int) -> None:
-        """Move past ``rows`` such rows."""
-        raise NotImplementedError
-
-    def sizes_of_row(self, element: Element) -> list[int] | None:
-        """The sizes of the lists in the row that comes next."""
-        raise NotImplementedError
-
-    def table(self, element: Element) -> Columns:
-        """One table, read in runs of rows that are laid out alike (mostly the whole table is one)."""
-        parts: list[np.ndarray] = []
-        done, guess = 0, element.count
-        while done < element.count:
-            sizes = self.sizes_of_row(element)
-            rows = None if sizes is None else self.run(element, sizes, min(guess, element.count - done))
-            if rows is None or not len(rows):
-                raise BadInput(
-                    f"{self.name}: ends early: its header promises {element.count} of {element.name!r}, "
-                    f"{done} are there. The file is cut off; copy or export it again"
-                )
-            same = np.ones(len(rows), dtype=bool)
-            for title, size in zip(_lists(element), sizes or (), strict=True):
-                same &= rows[f"size of {title}"] == size
-            length = len(rows) if same.all() else int(same.argmin())
-            # After a short run the next is probably short too; reading far ahead each time would cost a square.
-            guess = 4 * length if length < len(rows) else element.count
-            parts.append(rows[:length])
-            self.skip(element, sizes or [], length)
-            done += length
-        return _columns(element, parts)
-
-
-class _Binary(_Source):
-    def __init__(self, body: bytes, name: str, order: str):
-        super().__init__(name)
-        self.body, self.order = body, order
-
-    def sizes_of_row(self, element: Element) -> list[int] | None:
-        sizes, at = [], self.at
-        for prop in element.properties:
-            if prop.length:
-                kind = np.dtype(self.order + prop.length)
-                if at + kind.itemsize > len(self.body):
-                    return None
-                size = int(np.frombuffer(self.body, kind, 1, at)[0])
-                if size < 0:
-                    return None
-                sizes.append(size)
-                at += kind.itemsize + size * np.dtype(prop.type).itemsize
-            else:
-                at += np.dtype(prop.type).itemsize
-        return sizes if at <= len(self.body) else None
-
-    def run(self, element: Element, sizes: list[int], count: int) -> np.ndarray | None:
-        kind = _row_type(element, sizes, self.order)
-        there = (len(self.body) - self.at) // kind.itemsize
-        return np.frombuffer(self.body, kind, min(count, there), self.at) if there > 0 else None
-
-    def skip(self, element: Element, sizes: list[int], rows: int) -> None:
-        self.at += rows * _row_type(element, sizes, self.order).itemsize
-
-    def left_over(self) -> bool:
-        return bool(self.body[self.at :].strip())
-
-
-class _Ascii(_Source):
-    def __init__(self, body: bytes, name: str):
-        super().__init__(name)
-        try:
-            self.values = np.array(body.split(), dtype=np.float64)
-        except ValueError as error:
-            raise BadInput(f"{name}: {error}; {EXPECTED}. The file is cut off or damaged") from None
-
-    def sizes_of_row(self, element: Element) -> list[int] | None:
-        sizes, at = [], self.at
-        for prop in element.properties:
-            if prop.length:
-                if at >= len(self.values) or not 0 <= self.values[at] < 2**31:
-                    return None
-                sizes.append(int(self.values[at]))
-                at += sizes[-1]
-            at += 1
-        return sizes if at <= len(self.values) else None
-
-    def run(self, element: Element, sizes: list[int], count: int) -> np.ndarray | None:
-        width = len(element.properties) + sum(sizes)
-        rows = min(count, (len(self.values) - self.at) // width)
-        block = self.values[self.at : self.at + rows * width].reshape(rows, width)
-        # Every number of the row as float64: the same fields as in a binary file.
-        kind = _row_type(element, sizes, "=", everything="f8")
-        return np.ascontiguousarray(block).view(kind)[:, 0] if rows else None
-
-    def skip(self, element: Element, sizes: list[int], rows: int) -> None:
-        self.at += rows * (len(element.properties) + sum(sizes))
-
-    def left_over(self) -> bool:
-        return self.at < len(self.values)
-
-
-def _lists(element: Element) -> list[str]:
-    return [prop.name for prop in element.properties if prop.length]
-
-
-def _row_type(element: Element, sizes: list[int], order: str, everything: str = "") -> np.dtype:
-    fields: list[tuple] = []
-    remaining = iter(sizes)
-    for prop in element.properties:
-        kind = order + (everything or prop.type)
-        if prop.length:
-            fields.append((f"size of {prop.name}", order + (everything or prop.length)))
-            fields.append((prop.name, kind, (next(remaining),)))
-        else:
-            fields.append((prop.name, kind))
-    return np.dtype(fields)
-
-
-def _columns(element: Element, parts: list[np.ndarray]) -> Columns:
-    columns: Columns = {}
-    for prop in element.properties:
-        if prop.length:
-            sizes = [np.full(len(rows), rows[prop.name].shape[1], dtype=np.int64) for rows in parts]
-            values = [rows[prop.name].ravel() for rows in parts]
-            columns[prop.name] = Ragged(_join(sizes, "i8"), _join(values, prop.type))
-        else:
-            columns[prop.name] = _join([rows[prop.name] for rows in parts], prop.type)
-    return columns
-
-
-def _join(parts: list[np.ndarray], kind: str) -> np.ndarray:
-    kind = "f8" if kind in ("f4", "f8") else kind  # an ASCII file may hold more digits than the type that it names
-    with np.errstate(invalid="ignore"):  # NaN as an index becomes one that names no vertex
-        return np.concatenate(parts).astype(kind) if parts else np.empty(0, dtype=kind)
+# -- columns ----------------------------------------------------------------------------------------------------------
 
 
 def _stack(vertex: Columns, *names: str) -> np.ndarray | None:

@@ -1,0 +1,76 @@
+"""Rank finished results: who is better, by how much, how surely, at what cost.
+
+  detailbench leaderboard                                  of the folder `results`
+  detailbench leaderboard DIR [DIR ...] --task denoise --metric p2f_mean
+  detailbench leaderboard DIR --format csv > board.csv     markdown, latex and csv besides the terminal
+
+Means are over solved cases with 95 % bootstrap intervals over cases and seeds; rank 1-2 means that nobody is surely
+better than place 1, nor is it surely worse than place 2. An unsolved case counts as worse than every solved one in the
+ranks, and solved/planned stands beside the mean. docs/metrics.md has the formulas.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import UsageError
+from ..report import FORMATS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("results", nargs="*", metavar="RESULTS", help="folders of results (default: results)")
+    for name in ("task", "dataset", "sensor", "method", "metric", "tag"):
+        parser.add_argument(f"--{name}", metavar="NAMES", help=f"only these {name}s: one, or several with commas")
+    parser.add_argument("--format", choices=FORMATS, default="terminal", help="how to print (default: terminal)")
+    parser.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
+    parser.add_argument("--no-index", action="store_true", help="read every file, do not use or write the index")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the board."""
+    if not 0 < args.level < 1:
+        raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
+    rows = read_rows(args.results or ["results"], use_index=not args.no_index)
+    filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag")}
+    show(rows, args.format, metric=args.metric, level=args.level, **filters)
+    return 0
+
+
+def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
+    """The rows of several results folders together, the newest of each case."""
+    import pandas as pd
+
+    from ..store import Results, newest
+
+    frames = []
+    for word in folders:
+        results = Results(word.removeprefix("results="))
+        if not results.folder.is_dir():
+            raise UsageError(f"{results.folder}: no such folder; expected results of `detailbench run`")
+        frames.append(results.rows(use_index=use_index))
+        for note in results.damaged:
+            print(f"warning: {note}", file=sys.stderr)
+    rows = newest(pd.concat(frames, ignore_index=True)) if len(frames) > 1 else frames[0]
+    if rows.empty:
+        raise UsageError(f"{', '.join(str(Path(f)) for f in folders)}: there are no results yet; see detailbench run")
+    return rows
+
+
+def show(rows: pd.DataFrame, format: str = "terminal", *, level: float = 0.95, **filters: str | None) -> None:
+    """Rank the rows that the filters leave, and print."""
+    from ..leaderboard import leaderboard, select
+    from ..report import render
+
+    board = leaderboard(rows, level=level, **filters)
+    chosen = select(rows, **{k: v for k, v in filters.items() if k != "metric"})
+    terminal = sys.stdout.isatty()
+    width = shutil.get_terminal_size((120, 24)).columns if terminal else 160
+    print(render(board, format, rows=chosen, width=width, color=terminal).rstrip("\n"))

@@ -1,0 +1,37 @@
+"""Algebraic point set surfaces, by MeshLab."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from bench import PointCloud, Run, register
+
+from . import mls
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+@register("method", cite="Guennebaud and Gross 2007", requires=("pymeshlab", "scipy", "trimesh"))
+@dataclass(frozen=True)
+class Apss:
+    """Algebraic point set surfaces: moving least squares with spheres instead of planes."""
+
+    filterscale: float = 4.0  # support in local spacings; larger smooths more
+    spherical: float = 1.0  # 1 fits spheres, 0 planes
+    resolution: int = 150  # marching cubes cells along the longest side of the bounding box (reconstruct)
+
+    def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
+        """Every point projected to the surface."""
+        return mls.project(cloud, "apss", filterscale=self.filterscale, sphericalparameter=self.spherical)
+
+    def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
+        """The surface by marching cubes; open where points are missing."""
+        return mls.isosurface(
+            cloud,
+            "apss",
+            filterscale=self.filterscale,
+            sphericalparameter=self.spherical,
+            resolution=self.resolution,
+        )

@@ -1,0 +1,56 @@
+"""What every classical method asks of its input, before native code sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench import BadInput, PointCloud
+from bench.geometry.check import check_points
+
+
+def distinct_points(points: np.ndarray, method: str, at_least: int) -> tuple[np.ndarray, np.ndarray]:
+    """The points without repetitions; libraries hang, crash or answer NaN on what is refused here.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    method : str
+        Named in the messages.
+    at_least : int
+        How many points must differ.
+
+    Returns
+    -------
+    distinct : (m, 3) float64 array, writeable (libraries refuse the cloud's frozen arrays)
+    inverse : (n,) int array, so that ``distinct[inverse]`` are the points
+
+    Raises
+    ------
+    BadInput
+        If points are not finite, too few differ, or all lie on one line.
+    """
+    check_points(points, method, at_least=at_least)
+    distinct, inverse = np.unique(points, axis=0, return_inverse=True)
+    if len(distinct) < at_least:
+        raise BadInput(f"{method}: only {len(distinct)} of {len(points)} points differ; expected at least {at_least}")
+    widths = np.linalg.svd(distinct - distinct.mean(axis=0), compute_uv=False)
+    if not widths[1] > 1e-6 * widths[0]:
+        raise BadInput(f"{method}: all {len(points)} points lie on one line; expected points of a surface")
+    return distinct, inverse.ravel()
+
+
+def distinct_oriented(cloud: PointCloud, method: str, at_least: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """:func:`distinct_points` with unit normals, given or estimated.
+
+    Returns
+    -------
+    distinct, normals : (m, 3) float64 arrays, writeable
+    inverse : (n,) int array
+    """
+    from bench.geometry.normals import with_normals
+
+    distinct, inverse = distinct_points(cloud.points, method, at_least)
+    first = np.full(len(distinct), len(inverse))
+    np.minimum.at(first, inverse, np.arange(len(inverse)))
+    normals = with_normals(cloud).normals
+    return distinct, np.array(normals[first]), inverse

@@ -1,0 +1,35 @@
+"""Jet smoothing, by CGAL."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bench import PointCloud, Run, register
+
+from .inputs import distinct_points
+
+
+@register("method", cite="Cazals and Pouget 2005", requires=("CGAL",))
+@dataclass(frozen=True)
+class Jet:
+    """Jet smoothing: every point moves onto a quadric fitted to its nearest neighbours."""
+
+    k: int = 24  # neighbours of the fit; more smooth more
+    iterations: int = 2  # passes
+
+    def __post_init__(self) -> None:
+        if self.k < 6:
+            raise ValueError(f"k: a quadric needs at least 6 neighbours, got {self.k}")
+
+    def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
+        """As many points as the input has, in its order."""
+        from CGAL.CGAL_Point_set_processing_3 import jet_smooth_point_set
+
+        from .point_sets import to_array, to_point_set
+
+        points, inverse = distinct_points(cloud.points, "jet", at_least=10)
+        point_set = to_point_set(points)
+        for done in range(self.iterations):
+            jet_smooth_point_set(point_set, min(self.k, len(points) - 1))
+            run.progress(done + 1, self.iterations)
+        return PointCloud(to_array(point_set)[inverse])

@@ -1,0 +1,33 @@
+"""Robust implicit moving least squares, by MeshLab."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from bench import PointCloud, Run, register
+
+from . import mls
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+@register("method", cite="Öztireli, Guennebaud and Gross 2009", requires=("pymeshlab", "scipy", "trimesh"))
+@dataclass(frozen=True)
+class Rimls:
+    """Robust implicit moving least squares: a kernel regression that keeps sharp features."""
+
+    filterscale: float = 3.0  # support in local spacings; larger smooths more
+    sigma_n: float = 0.75  # how far normals may differ before they count less; smaller is sharper
+    resolution: int = 150  # marching cubes cells along the longest side of the bounding box (reconstruct)
+
+    def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
+        """Every point projected to the surface."""
+        return mls.project(cloud, "rimls", filterscale=self.filterscale, sigman=self.sigma_n)
+
+    def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
+        """The surface by marching cubes; open where points are missing."""
+        return mls.isosurface(
+            cloud, "rimls", filterscale=self.filterscale, sigman=self.sigma_n, resolution=self.resolution
+        )

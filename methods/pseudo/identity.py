@@ -1,0 +1,44 @@
+"""The input as it came."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench import PointCloud, Run, register
+from bench.geometry.check import check_points
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+@register("method", requires=("scipy", "trimesh"))
+@dataclass(frozen=True)
+class Identity:
+    """The input unchanged: what every method has to beat."""
+
+    size: float = 0.01  # of the triangles that stand for points in a mesh, relative to the mean spacing
+
+    def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
+        """The cloud itself."""
+        check_points(cloud.points, "identity")
+        return cloud
+
+    def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
+        """Every point ``ratio`` times."""
+        check_points(cloud.points, "identity")
+        parts = (cloud.points, cloud.normals, cloud.colors)
+        return PointCloud(*(None if part is None else np.repeat(part, ratio, axis=0) for part in parts))
+
+    def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
+        """A tiny triangle around every point, in its tangent plane: its distances are those of the cloud."""
+        from bench.geometry.normals import with_normals
+        from bench.geometry.spacing import mean_spacing
+
+        from .triangles import triangles_around
+
+        check_points(cloud.points, "identity", at_least=3)
+        normals = with_normals(cloud).normals
+        return triangles_around(cloud.points, normals, self.size * mean_spacing(cloud.points))

@@ -1,0 +1,148 @@
+"""What the tests of the command line share: the installed command, run like a user would, and nothing left behind."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+import uuid
+from pathlib import Path
+
+import psutil
+import pytest
+
+COMMAND = [str(Path(sys.prefix) / "bin" / "detailbench")]
+MARK = "DETAILBENCH_TEST_MARK"  # in the environment of a command: all that descends from it carries it
+TOYS = Path(__file__).parent / "faults" / "toys.py"
+WORDS = ("task=denoise", "dataset=ball", "sensor=dots", "metric=[spread]", "cases=2")
+LAUNCHERS = {"basic": (), "joblib": ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")}
+
+
+class Shell:
+    """A folder in which commands are run, and all the processes that they start.
+
+    The folder holds ``work`` (the current directory of the commands), ``results`` and ``calls.log``, in which the toy
+    methods write a line per call.
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.mark = uuid.uuid4().hex
+        self.work, self.results, self.log = folder / "work", folder / "results", folder / "calls.log"
+        self.work.mkdir()
+
+    def environment(self) -> dict[str, str]:
+        return {**os.environ, MARK: self.mark, "TOY_LOG": str(self.log), "COLUMNS": "200"}
+
+    def start(self, *words: str, command: list[str] | None = None, **options) -> subprocess.Popen[str]:
+        """Start ``detailbench WORDS`` in a session of its own, as a terminal would."""
+        return subprocess.Popen(
+            [*(command or COMMAND), *map(str, words)],
+            cwd=self.work,
+            env=self.environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            **options,
+        )
+
+    def call(self, *words: str, timeout: float = 120, **options) -> subprocess.CompletedProcess[str]:
+        """Run ``detailbench WORDS`` to its end."""
+        process = self.start(*words, **options)
+        try:
+            out, err = process.communicate(timeout=timeout)
+        except BaseException:
+            self.kill_all()
+            raise
+        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+    def run(self, *words: str, launcher: str = "basic", sweep: bool = True, plugins=(TOYS,), **options):
+        """``detailbench run`` with the toy plugins, into this shell's results."""
+        flags = [part for plugin in plugins for part in ("--plugin", plugin)]
+        results = () if any(w.startswith("results=") for w in words) else (f"results={self.results}",)
+        given = {w.partition("=")[0] for w in words}
+        usual = [w for w in WORDS if w.partition("=")[0] not in given]
+        how = ("-m", *LAUNCHERS[launcher]) if sweep else ()
+        act = options.pop("act", self.call)
+        return act("run", *how, *flags, *usual, *words, *results, **options)
+
+    def processes(self) -> list[psutil.Process]:
+        """All processes that descend from this shell's commands."""
+        found = []
+        for process in psutil.process_iter():
+            try:
+                if process.environ().get(MARK) == self.mark and process.status() != psutil.STATUS_ZOMBIE:
+                    found.append(process)
+            except (psutil.Error, OSError):
+                continue
+        return found
+
+    def left_over(self, seconds: float = 5.0) -> list[str]:
+        """The processes that are still there after a grace of some seconds, in words."""
+        end = time.monotonic() + seconds
+        while (left := self.processes()) and time.monotonic() < end:
+            time.sleep(0.1)
+        return [repr(process) for process in left]
+
+    def kill_all(self) -> None:
+        """Clean up after a test, whatever it did."""
+        for process in self.processes():
+            try:
+                process.kill()
+            except psutil.Error:
+                continue
+
+    def wait_for(self, condition, seconds: float = 60.0) -> None:
+        """Wait until ``condition()`` holds."""
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, f"{condition} did not come true; calls so far:\n{self.calls()}"
+            time.sleep(0.02)
+
+    def calls(self) -> list[str]:
+        """What the toy methods logged, one ``method seed case`` per call."""
+        return [" ".join(line.split()[:3]) for line in self._logged()]
+
+    def call_times(self) -> dict[str, float]:
+        """When each call began, in seconds since the epoch."""
+        return {" ".join(line.split()[:3]): float(line.split()[3]) for line in self._logged()}
+
+    def _logged(self) -> list[str]:
+        return [line for line in self.log.read_text().splitlines() if line.strip()] if self.log.exists() else []
+
+    def rows(self, **wanted):
+        """The stored rows as a table, without the help of the index."""
+        from bench.store import Results
+
+        frame = Results(self.results).rows(use_index=False)
+        for key, value in wanted.items():
+            frame = frame[frame[key] == value]
+        return frame.sort_values(["method", "seed", "case_index"]).reset_index(drop=True)
+
+    def files(self) -> list[Path]:
+        """The files of finished cells."""
+        return sorted(self.results.glob("cells/*/*.parquet"))
+
+
+@pytest.fixture
+def shell(tmp_path):
+    made = Shell(tmp_path)
+    yield made
+    made.kill_all()
+
+
+@pytest.fixture(scope="module")
+def shells(tmp_path_factory):
+    """Makes shells that live as long as the module's tests."""
+    made = []
+
+    def make(name: str) -> Shell:
+        made.append(Shell(tmp_path_factory.mktemp(name)))
+        return made[-1]
+
+    yield make
+    for shell in made:
+        shell.kill_all()

@@ -1,0 +1,175 @@
+"""Whatever a method does, its case gets a row that says so, and every other case and cell completes.
+
+One sweep per launcher over all bad methods; the tests look at what it left.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+MISBEHAVING = Path(__file__).with_name("misbehaving.py")
+TOYS = Path(__file__).with_name("toys.py")
+SECONDS, MEMORY_GB = 1.5, 0.3
+
+# method: status of the case of index 1, and what its message says
+DENOISE = {
+    "fine": ("ok", ""),
+    "raises": ("error", "ArithmeticError: the matrix is singular"),
+    "exits": ("error", "sys.exit(3)"),
+    "interrupts": ("error", "KeyboardInterrupt"),
+    "os_exits": ("crashed", "exit status 9"),
+    "segfaults": ("crashed", "SIGSEGV"),
+    "aborts": ("crashed", "SIGABRT"),
+    "killed": ("crashed", "SIGKILL"),
+    "kills_its_group": ("crashed", "SIGKILL"),
+    "loops": ("timeout", "limit.seconds=1.5"),
+    "ignores_sigterm": ("timeout", "limit.seconds=1.5"),
+    "sleeps_in_c": ("timeout", "limit.seconds=1.5"),
+    "matches_for_ever": ("timeout", "limit.seconds=1.5"),
+    "leaves_a_child_and_loops": ("timeout", "limit.seconds=1.5"),
+    "leaves_a_daemon_and_loops": ("timeout", "limit.seconds=1.5"),
+    "leaves_a_child": ("ok", ""),
+    "leaves_a_session": ("ok", ""),
+    "leaves_a_daemon": ("ok", ""),
+    "forks_and_returns_twice": ("ok", ""),
+    "allocates_untouched": ("oom", "memory limit"),
+    "allocates_with_numpy": ("oom", "memory limit"),
+    "grows_a_list": ("oom", "memory"),
+    "grows_shared_memory": ("oom", "limit.memory_gb=0.3"),
+    "lets_a_child_allocate": ("oom", "limit.memory_gb=0.3"),
+    "returns_nan": ("invalid", "all finite; 1 of 110 points are NaN"),
+    "returns_no_points": ("invalid", "promised a PointCloud with at least one point"),
+    "returns_an_array": ("invalid", "promised a PointCloud with at least one point, all finite; got numpy.ndarray"),
+    "returns_nothing": ("invalid", "got NoneType"),
+    "undeclared_missing": ("skipped", "pip install no_such_library_undeclared"),
+}
+OTHER_TASKS = {
+    "wrong_count": ("invalid", "exactly 4 x N points, all finite: 440 points; got 220"),
+    "no_faces": ("invalid", "promised a trimesh.Trimesh with faces and finite vertices; got a mesh of 110 vertices"),
+    "infinite_vertices": ("invalid", "1 of 42 vertices are NaN or infinite"),
+}
+TIMEOUTS = [name for name, (status, _) in DENOISE.items() if status == "timeout"]
+LIMITS = (f"limit.seconds={SECONDS}", f"limit.memory_gb={MEMORY_GB}", "cases=3")
+PLUGINS = (TOYS, MISBEHAVING)
+
+launchers = pytest.mark.parametrize("launcher", ["basic", "joblib"])
+
+
+@pytest.fixture(scope="module")
+def sweeps(shells):
+    """Makes, once per launcher, the sweep over the bad denoisers."""
+    made = {}
+
+    def sweep(launcher):
+        if launcher not in made:
+            shell = shells(f"denoise_{launcher}")
+            words = ",".join([*DENOISE, "declared_missing"])
+            done = shell.run(f"method={words}", *LIMITS, launcher=launcher, plugins=PLUGINS, timeout=400)
+            left = shell.left_over()
+            shell.kill_all()
+            made[launcher] = shell, done, left, shell.rows()
+        return made[launcher]
+
+    return sweep
+
+
+@launchers
+@pytest.mark.parametrize("method", DENOISE)
+def test_a_bad_case_gets_its_status_and_spoils_no_other(sweeps, launcher, method):
+    _, _, _, rows = sweeps(launcher)
+    status, message = DENOISE[method]
+    found = rows[rows["method"] == method]
+    assert list(found["status"]) == ["ok", status, "ok"], list(found["message"])
+    assert message in found["message"].iloc[1]
+    assert list(found["case"]) == ["ball-test-000", "ball-test-001", "ball-test-002"]
+
+
+@launchers
+def test_a_missing_declared_library_skips_every_case_with_the_install_line(sweeps, launcher):
+    _, _, _, rows = sweeps(launcher)
+    found = rows[rows["method"] == "declared_missing"]
+    assert list(found["status"]) == ["skipped"] * 3
+    assert all("pip install no_such_library_declared" in message for message in found["message"])
+
+
+@launchers
+def test_errors_keep_their_traceback_and_the_stage(sweeps, launcher):
+    _, _, _, rows = sweeps(launcher)
+    row = rows[(rows["method"] == "raises") & (rows["case_index"] == 1)].iloc[0]
+    assert row["stage"] == "method"
+    assert "misbehaving.py" in _traceback(sweeps(launcher)[0], row["cell"])
+
+
+def _traceback(shell, cell):
+    from bench.store import Results
+
+    (record,) = Results(shell.results).records(cell)
+    return record.rows[1]["traceback"]
+
+
+@launchers
+def test_every_good_case_is_called_once(sweeps, launcher):
+    shell, _, _, _ = sweeps(launcher)
+    calls = shell.calls()
+    assert sorted(set(calls)) == sorted(calls)
+    assert set(calls) == {f"{method} 0 {case}" for method in DENOISE for case in range(3)}
+
+
+@launchers
+@pytest.mark.parametrize("method", TIMEOUTS)
+def test_a_timeout_is_over_two_seconds_after_the_limit(sweeps, launcher, method):
+    shell, _, _, rows = sweeps(launcher)
+    row = rows[(rows["method"] == method) & (rows["case_index"] == 1)].iloc[0]
+    began = shell.call_times()[f"{method} 0 1"]  # written by the method itself, as its first act
+    took = datetime.fromisoformat(row["finished"]).timestamp() - began
+    assert SECONDS - 0.1 < took < SECONDS + 2.0
+
+
+@launchers
+def test_the_exit_code_tells_and_nothing_else_goes_wrong(sweeps, launcher):
+    shell, done, _, rows = sweeps(launcher)
+    assert done.returncode == 3, done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    planned = 3 * (len(DENOISE) + 1)
+    assert len(rows) == planned
+    solved = int((rows["status"] == "ok").sum())
+    assert (
+        f"{len(DENOISE) + 1} cells, {solved}/{planned} cases solved, {planned} run now, 0 there already" in done.stderr
+    )
+    assert "fine" in done.stdout  # the leaderboard
+
+
+@launchers
+def test_no_process_of_the_sweep_is_left(sweeps, launcher):
+    _, _, left, _ = sweeps(launcher)
+    assert not left
+
+
+@launchers
+def test_nothing_is_littered(sweeps, launcher):
+    shell, *_ = sweeps(launcher)
+    assert list(shell.work.iterdir()) == []
+    assert not list(shell.results.glob(".sweeps/*"))
+    assert not list(shell.results.glob(".partial/*"))
+    assert not list(shell.results.rglob("*.tmp"))
+    assert not {p.name for p in shell.results.rglob("*")} & {"outputs", "multirun", ".hydra"}
+
+
+@launchers
+def test_broken_promises_of_other_tasks_and_pairs_that_do_not_fit(shell, launcher):
+    words = ",".join([*OTHER_TASKS, "identity"])
+    done = shell.run("task=upsample,reconstruct", f"method={words}", *LIMITS, launcher=launcher, plugins=PLUGINS)
+    assert done.returncode == 3
+    rows = shell.rows()
+    assert len(rows) == 3 * 5, done.stderr  # identity solves both tasks, each bad method one
+    assert (rows[rows["method"] == "identity"]["status"] == "ok").all()
+    for method, (status, message) in OTHER_TASKS.items():
+        found = rows[rows["method"] == method]
+        assert list(found["status"]) == ["ok", status, "ok"], list(found["message"])
+        assert message in found["message"].iloc[1]
+    assert "not planned: method wrong_count does not solve reconstruct: it solves upsample" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not shell.left_over()

@@ -1,0 +1,306 @@
+"""The leaderboard's numbers, by hand and by what must not change them."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.errors import UsageError
+from bench.leaderboard import COLUMNS, failures, leaderboard, penalise, select
+
+DOCUMENTED = (
+    "task,dataset,sensor,method,variant,metric,better,mean,ci_low,ci_high,floor,rank_low,rank_high,solved,planned,"
+    "seconds_median,peak_rss_mb"
+)
+
+
+def row(method="poisson", case="a", seed=0, scores=None, floors=None, better="lower", **changes):
+    """One row as the store gives it; ``scores=None`` is a failure that says nothing of metrics."""
+    base = {
+        "schema_version": 1,
+        "cell": "c",
+        "fingerprint": "f",
+        "task": "reconstruct",
+        "dataset": "bumps",
+        "sensor": "samples",
+        "method": method,
+        "variant": "",
+        "seed": seed,
+        "threads": 1,
+        "device": "cpu",
+        "host": "h",
+        "case": case,
+        "case_index": 0,
+        "tags": "",
+        "status": "ok" if scores is not None else "error",
+        "stage": "",
+        "message": "" if scores is not None else "boom",
+        "seconds": 1.0,
+        "cpu_seconds": 1.0,
+        "peak_rss_mb": 100.0,
+        "peak_device_mb": 0.0,
+        "parameters": None,
+        "directions": "" if scores is None else json.dumps(dict.fromkeys(scores, better)),
+        "finished": "2024-01-01T00:00:00",
+    }
+    base |= {f"score.{key}": value for key, value in (scores or {}).items()}
+    base |= {f"floor.{key}": value for key, value in (floors or {}).items()}
+    return base | changes
+
+
+def rows(*records):
+    frame = pd.DataFrame(records)
+    frame["parameters"] = frame["parameters"].astype("Int64")
+    return frame
+
+
+def table(scores, **options):
+    """Rows from {method: {(case, seed): score, None for a failure}} for one metric ``d``."""
+    return rows(
+        *(
+            row(method, case, seed, None if value is None else {"d": value}, **options)
+            for method, results in scores.items()
+            for (case, seed), value in results.items()
+        )
+    )
+
+
+def units(*values, cases="abcdefgh", seeds=1):
+    keys = [(c, s) for c in cases for s in range(seeds)]
+    return dict(zip(keys, values, strict=False))
+
+
+def ranks(board):
+    return {m: (int(a), int(b)) for m, a, b in zip(board["method"], board["rank_low"], board["rank_high"], strict=True)}
+
+
+def line(board, method, metric="d"):
+    return board[(board["method"] == method) & (board["metric"] == metric)].iloc[0]
+
+
+def test_the_columns_are_the_documented_ones():
+    assert ",".join(COLUMNS) == DOCUMENTED
+    assert tuple(leaderboard(table({"poisson": units(1, 2)})).columns) == COLUMNS
+
+
+def test_a_small_table_by_hand():
+    frame = rows(
+        row("poisson", "a", 0, {"d": 1.0}, {"d": 0.1}, seconds=1.0, peak_rss_mb=50.0),
+        row("poisson", "a", 1, {"d": 2.0}, {"d": 0.2}, seconds=2.0, peak_rss_mb=70.0),
+        row("poisson", "b", 0, {"d": 3.0}, {"d": 0.3}, seconds=9.0, peak_rss_mb=60.0),
+        row("poisson", "b", 1, seconds=60.0, peak_rss_mb=900.0, status="timeout"),
+    )
+    got = leaderboard(frame).iloc[0]
+    assert (got["task"], got["dataset"], got["sensor"]) == ("reconstruct", "bumps", "samples")
+    assert (got["metric"], got["better"]) == ("d", "lower")
+    assert got["mean"] == pytest.approx(2.0)
+    assert got["floor"] == pytest.approx(0.2)
+    assert (got["solved"], got["planned"]) == (3, 4)
+    assert (got["seconds_median"], got["peak_rss_mb"]) == (2.0, 70.0)
+    assert (got["rank_low"], got["rank_high"]) == (1, 1)
+    assert got["ci_low"] < 2 < got["ci_high"]
+
+
+def test_clear_differences_have_one_rank_each_and_are_sorted_by_it():
+    wobble = np.array([1.00, 1.03, 0.98, 1.01, 0.99, 1.02, 0.97, 1.0])
+    board = leaderboard(
+        table({"worst": units(*4 * wobble), "best": units(*wobble[::-1]), "middle": units(*2 * wobble**2)})
+    )
+    assert board["method"].tolist() == ["best", "middle", "worst"]
+    assert ranks(board) == {"best": (1, 1), "middle": (2, 2), "worst": (3, 3)}
+
+
+def test_higher_is_better_turns_the_order_round():
+    wobble = np.array([1.00, 1.03, 0.98, 1.01, 0.99, 1.02, 0.97, 1.0])
+    board = leaderboard(table({"low": units(*0.2 * wobble), "high": units(*0.9 * wobble**2)}, better="higher"))
+    assert ranks(board) == {"high": (1, 1), "low": (2, 2)}
+    assert line(board, "high")["mean"] == pytest.approx((0.9 * wobble**2).mean())
+
+
+def test_reference_ranks_by_the_distance_and_shows_the_value():
+    near, far, below = (1, 1, 1, 2, 1, 1, 1, 1), (9, 8, 9, 7, 9, 9, 8, 9), (0, -1, 0, -2, -1, -2, -2, -1)
+    scores = {"far": units(*far), "near": units(*near), "below": units(*below)}
+    board = leaderboard(table(scores, better="reference", floors={"d": 1.0}))
+    assert board["method"].tolist() == ["near", "below", "far"]
+    assert line(board, "below")["mean"] == pytest.approx(np.mean(below))
+    assert set(board["floor"]) == {1.0}
+
+
+def test_identical_results_are_ties():
+    board = leaderboard(table({"one": units(1, 2, 3, 4), "two": units(1, 2, 3, 4)}))
+    assert ranks(board) == {"one": (1, 2), "two": (1, 2)}
+    assert board["method"].tolist() == ["one", "two"]
+
+
+def test_a_failure_counts_as_worse_than_every_solved_result_of_its_case():
+    values = np.array([[[1.0], [5.0], [0.0]], [[2.0], [0.0], [0.0]], [[0.0], [0.0], [0.0]]])
+    solved = np.array([[[1], [1], [0]], [[1], [0], [0]], [[0], [0], [0]]], dtype=bool)
+    full = penalise(values, solved, np.array([0, 1, 2]))[..., 0]
+    assert full[0].tolist() == pytest.approx([1, 5, 5.4])
+    assert full[1].tolist() == pytest.approx([2, 2.2, 2.2])
+    assert len(set(full[2])) == 1  # nobody solved it: it tells nobody apart
+
+
+def test_solving_only_the_easy_cases_does_not_pay():
+    careful = units(*(1.0, 1.1, 0.9, 1.0, 10.0, 11.0, 9.0, 10.0))
+    lucky = units(*(0.99, 1.09, 0.89, 0.99, None, None, None, None))
+    board = leaderboard(table({"careful": careful, "lucky": lucky, "bad": units(*[20.0] * 8)}))
+    assert line(board, "lucky")["mean"] < line(board, "careful")["mean"]
+    assert (line(board, "lucky")["solved"], line(board, "lucky")["planned"]) == (4, 8)
+    assert board["method"].tolist()[0] == "careful"
+
+
+@pytest.mark.parametrize("status", ["error", "timeout", "oom", "crashed", "invalid", "skipped"])
+def test_who_solved_nothing_is_last(status):
+    frame = table({"good": units(1, 2, 3, 4), "bad": units(8, 9, 7, 8), "none": units(*[None] * 4)})
+    frame.loc[frame["method"] == "none", "status"] = status
+    board = leaderboard(frame)
+    got = board.iloc[-1]
+    assert (got["method"], got["solved"], got["planned"]) == ("none", 0, 4)
+    assert np.isnan(got["mean"])
+    assert np.isnan(got["seconds_median"])
+    assert (got["rank_low"], got["rank_high"]) == (3, 3)
+    assert board["rank_high"].iloc[:2].max() <= 2
+
+
+def test_several_who_solved_nothing_share_the_last_places():
+    board = leaderboard(table({"good": units(1, 2), "no": units(None, None), "nor": units(None, None)}))
+    assert ranks(board) == {"good": (1, 1), "no": (2, 3), "nor": (2, 3)}
+
+
+def test_when_all_failed_the_group_stays_on_the_board():
+    board = leaderboard(table({"a": units(None, None), "b": units(None, None)}))
+    assert board["metric"].tolist() == ["", ""]
+    assert board["planned"].tolist() == [2, 2]
+    assert board["solved"].tolist() == [0, 0]
+    assert ranks(board) == {"a": (1, 2), "b": (1, 2)}
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_score_that_is_no_number_is_a_failure_of_that_metric(value):
+    frame = rows(
+        *(row("a", c, 0, {"d": 1.0 + i, "e": value if c == "a" else 1.0}) for i, c in enumerate("abcd")),
+        *(row("b", c, 0, {"d": 1.5 + i, "e": 2.0}) for i, c in enumerate("abcd")),
+    )
+    board = leaderboard(frame)
+    assert line(board, "a", "d")["solved"] == 4
+    assert (line(board, "a", "e")["solved"], line(board, "a", "e")["planned"]) == (3, 4)
+    assert line(board, "a", "e")["mean"] == 1
+
+
+def test_a_metric_that_a_method_is_never_scored_by_is_no_failure():
+    frame = rows(
+        *(row("clouds", c, 0, {"d": 1.0}) for c in "abc"),
+        row("clouds", "d", 0),
+        *(row("oriented", c, 0, {"d": 1.0, "normal": 3.0}) for c in "abc"),
+        row("oriented", "d", 0),
+    )
+    board = leaderboard(frame)
+    assert board[board["metric"] == "normal"]["method"].tolist() == ["oriented"]
+    assert line(board, "oriented", "normal")["planned"] == 4
+    assert line(board, "clouds")["planned"] == 4
+
+
+def test_not_being_run_on_the_hard_case_does_not_help():
+    hard = units(1.0, 1.1, 0.9, 1.2, 50.0)
+    easy = units(1.2, 1.3, 1.1, 1.45)
+    board = leaderboard(table({"everywhere": hard, "chosen": easy}))
+    assert line(board, "chosen")["mean"] < line(board, "everywhere")["mean"]
+    assert board["planned"].tolist() == [5, 4]
+    assert board["method"].tolist() == ["everywhere", "chosen"]
+    assert ranks(board)["everywhere"] == (1, 1)
+
+
+def test_no_common_case_no_claim():
+    board = leaderboard(table({"a": units(1, 1.1, 1.2), "b": units(100, 110, 120, cases="xyz")}))
+    assert ranks(board) == {"a": (1, 2), "b": (1, 2)}
+
+
+def test_a_single_unit_says_nothing():
+    board = leaderboard(table({"a": units(1), "b": units(100)}))
+    assert board[["ci_low", "ci_high"]].isna().all().all()
+    assert ranks(board) == {"a": (1, 2), "b": (1, 2)}
+
+
+def test_one_case_with_seeds_resamples_the_seeds():
+    a, b = units(1, 1.1, 0.9, 1.05, cases="a", seeds=4), units(3, 3.3, 3.1, 2.9, cases="a", seeds=4)
+    board = leaderboard(table({"a": a, "b": b}))
+    assert (board["ci_low"] < board["mean"]).all()
+    assert ranks(board) == {"a": (1, 1), "b": (2, 2)}
+
+
+def test_rows_that_differ_in_threads_alone_are_one_unit():
+    frame = rows(*(row("a", c, 0, {"d": v}, threads=t) for c in "ab" for t, v in ((1, 1.0), (8, 3.0))))
+    got = leaderboard(frame).iloc[0]
+    assert (got["mean"], got["solved"], got["planned"]) == (2, 4, 4)
+
+
+def synthetic(rng):
+    scores = {
+        m: {(c, s): None if rng.random() < 0.1 else float(rng.random()) for c in "abcd" for s in range(3)}
+        for m in ("one", "two", "three")
+    }
+    return pd.concat([table(scores), table(scores).assign(dataset="cad"), table(scores).assign(variant="depth=9")])
+
+
+def test_the_order_of_rows_changes_nothing_and_neither_does_the_clock():
+    frame = synthetic(np.random.default_rng(2)).reset_index(drop=True)
+    board = leaderboard(frame)
+    for seed in range(3):
+        pd.testing.assert_frame_equal(board, leaderboard(frame.sample(frac=1, random_state=seed)), check_exact=True)
+
+
+def test_a_group_does_not_depend_on_the_others():
+    frame = synthetic(np.random.default_rng(3))
+    board = leaderboard(frame)
+    alone = leaderboard(frame, dataset="cad")
+    both = board[board["dataset"] == "cad"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(alone, both, check_exact=True)
+
+
+def test_another_seed_moves_the_interval_a_little():
+    frame = table({"a": units(1, 2, 3, 5, 8)})
+    first, second = leaderboard(frame, seed=0).iloc[0], leaderboard(frame, seed=1).iloc[0]
+    assert first["ci_low"] != second["ci_low"]
+    assert first["ci_low"] == pytest.approx(second["ci_low"], abs=0.5)
+
+
+@pytest.mark.parametrize("tags", [["sharp,thin", "smooth"], [["sharp", "thin"], ["smooth"]]])
+def test_filters(tags):
+    frame = rows(
+        row("poisson", "a", 0, {"d": 1.0, "f@0.01": 1.0}, dataset="bumps[a=1,b=2]"),
+        row("rimls", "a", 0, {"d": 1.0, "f@0.01": 1.0}, dataset="cad"),
+    )
+    frame["tags"] = tags
+    assert leaderboard(frame, dataset="bumps[a=1,b=2]")["method"].unique().tolist() == ["poisson"]
+    assert leaderboard(frame, dataset="bumps")["method"].unique().tolist() == ["poisson"]
+    assert leaderboard(frame, dataset="cad,bumps", method=["poisson", "rimls"]).shape[0] == 4
+    assert leaderboard(frame, metric="f")["metric"].unique().tolist() == ["f@0.01"]
+    assert leaderboard(frame, method="r*")["method"].unique().tolist() == ["rimls"]
+    assert select(frame, tag="thin")["method"].tolist() == ["poisson"]
+    assert select(frame, tag="smooth,thin")["method"].tolist() == ["poisson", "rimls"]
+    with pytest.raises(UsageError, match="together"):
+        leaderboard(frame, dataset="cad", method="poisson")
+
+
+@pytest.mark.parametrize("option", ["task", "dataset", "sensor", "method", "metric", "tag"])
+def test_a_wrong_name_gets_the_nearest_right_one(option):
+    frame = rows(row("poisson", "a", 0, {"chamfer": 1.0}, tags="sharp"))
+    right = {"metric": "chamfer", "tag": "sharp"}.get(option) or frame[option].iloc[0]
+    with pytest.raises(UsageError, match=f"{option} '{right}x'.*Did you mean '{right}'"):
+        leaderboard(frame, **{option: right + "x"})
+
+
+@pytest.mark.parametrize("wrong", [{"level": 0}, {"level": 95}, {"resamples": 0}])
+def test_settings_that_make_no_sense(wrong):
+    with pytest.raises(UsageError, match=next(iter(wrong))):
+        leaderboard(table({"a": units(1, 2)}), **wrong)
+
+
+def test_failures_are_listed_with_their_first_message():
+    frame = table({"a": units(None, 1, None), "b": units(1, 1, 1)})
+    frame.loc[0, "message"] = "first"
+    frame.loc[2, "message"] = "second"
+    got = failures(frame)
+    assert got[["method", "status", "count", "message"]].to_numpy().tolist() == [["a", "error", 2, "first"]]

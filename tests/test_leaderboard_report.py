@@ -1,0 +1,177 @@
+"""The printed forms: what they say, that nothing is cut off, that other programs can read them."""
+
+import io
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_leaderboard_board import DOCUMENTED, row, rows
+
+from bench.errors import UsageError
+from bench.leaderboard import leaderboard
+from bench.report import FORMATS, render
+from bench.report.board import print_board
+from bench.report.latex import escape
+from bench.report.numbers import count, decimals, unit_exponent, with_interval
+from bench.report.tables import tables
+
+METRICS = [f"a_metric_with_a_long_name_{i}" for i in range(10)]
+
+
+@pytest.fixture(scope="module")
+def frame():
+    """Three methods, ten metrics, failures, a learned method, names that need care."""
+    rng = np.random.default_rng(0)
+    records = []
+    for k, method in enumerate(["best", "other_one", "fails|x"]):
+        for case in "abcd":
+            scores = {m: 1e-3 * (1 + k) * (1 + 0.02 * rng.random()) for m in METRICS}
+            changes = {"dataset": "bumps[max_degree=20]", "variant": "depth=9,trim=0.1" if k == 1 else ""}
+            failed = method == "fails|x" and case in "ab"
+            record = row(method, case, 0, None if failed else scores, {} if failed else {METRICS[0]: 1e-4}, **changes)
+            records.append(record | {"parameters": 1_300_000 if k == 1 else 0})
+    records[-3]["message"] = "a message " + "x" * 300
+    return rows(*records)
+
+
+@pytest.fixture(scope="module")
+def board(frame):
+    return leaderboard(frame)
+
+
+def test_csv_is_the_board(board):
+    text = render(board, "csv")
+    assert text.splitlines()[0] == DOCUMENTED
+    back = pd.read_csv(io.StringIO(text), keep_default_na=False, na_values=[""], dtype={"variant": str})
+    back["variant"] = back["variant"].fillna("")
+    pd.testing.assert_frame_equal(back, board, check_dtype=False, check_exact=True)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_every_method_and_every_metric_is_in_every_format(format, board, frame):
+    text = render(board, format, rows=frame)
+    plain = text.replace("\\", "")
+    assert all(name in plain for name in ["best", "other_one", "fails|x" if format != "latex" else "fails", *METRICS])
+    assert "\x1b" not in text
+
+
+def test_the_terminal_keeps_its_width_and_loses_nothing(board, frame):
+    text = render(board, "terminal", rows=frame, width=120)
+    tables_only = text.split("Not solved")[0]
+    assert max(map(len, tables_only.splitlines())) <= 120
+    assert "…" not in tables_only
+    assert text.count("1.0") >= len(METRICS)
+    narrow = render(board, "terminal", rows=frame, width=20)
+    assert sorted(re.findall(r"\[.*?\]", narrow)) == sorted(re.findall(r"\[.*?\]", text))
+
+
+def test_the_terminal_says_what_failed(board, frame):
+    text = render(board, "terminal", rows=frame)
+    assert re.search(r"fails\|x: 2 error \(reconstruct · bumps\[max_degree=20\] · samples\): boom", text)
+    assert "2/4" in text and "†" in text and "leaves failed cases out" in text
+    assert "1.3M" in text
+
+
+def test_best_is_marked(board, frame):
+    lines = render(board, "terminal", rows=frame).splitlines()
+    assert "*" in next(line for line in lines if line.startswith("best"))
+    assert "*" not in next(line for line in lines if line.startswith("other_one"))
+    assert "\x1b[1m" in render(board, "terminal", rows=frame, color=True)
+
+
+def test_markdown_tables_are_rectangular(board, frame):
+    text = render(board, "markdown", rows=frame)
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    cells = [len(re.split(r"(?<!\\)\|", line)) for line in lines]
+    assert len(lines) == 2 + 3 + 1
+    assert len(set(cells)) == 1
+    assert r"fails\|x" in text
+    assert set(lines[1]) <= set("|-: ")
+
+
+def test_latex_is_balanced_and_escaped(board, frame):
+    text = render(board, "latex", rows=frame)
+    for name in ("table", "tabular"):
+        assert text.count(rf"\begin{{{name}}}") == text.count(rf"\end{{{name}}}") > 0
+    body = re.sub(r"\\[#$%&_{}]", "", "\n".join(line for line in text.splitlines() if not line.startswith("%")))
+    assert body.count("{") == body.count("}")
+    assert body.count("$") % 2 == 0
+    assert "_" not in body and "%" not in body
+    assert body.isascii()
+    for tabular in re.findall(r"\\begin\{tabular\}\{(\w+)\}(.*?)\\end\{tabular\}", body, re.DOTALL):
+        columns, inside = tabular
+        for line in (part for part in inside.splitlines() if part.endswith(r"\\")):
+            assert line.count("&") == len(columns) - 1
+
+
+def test_latex_escapes_every_special_letter():
+    assert escape("a_b") == r"a\_b"
+    assert escape(r"50% {x} #1 & ~ ^ \ $") == (
+        r"50\% \{x\} \#1 \& \textasciitilde{} \textasciicircum{} \textbackslash{} \$"
+    )
+
+
+def test_an_unknown_format_gets_the_nearest(board):
+    with pytest.raises(UsageError, match="Did you mean 'markdown'"):
+        render(board, "markdwn")
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_empty_boards_print(format, frame):
+    assert render(leaderboard(frame.iloc[:0]), format, rows=frame.iloc[:0])
+
+
+def test_groups_where_all_failed_print():
+    frame = rows(row("a", "x"), row("a", "y"))
+    text = render(leaderboard(frame), "terminal", rows=frame)
+    assert "0/2" in text and "2 error" in text
+    assert "0/2" in render(leaderboard(frame), "markdown") and "0/2" in render(leaderboard(frame), "latex")
+
+
+def test_the_metrics_stand_in_the_order_asked_for(board):
+    table = tables(board, metrics=[METRICS[4]])[0]
+    assert [m.name for m in table.metrics][:2] == [METRICS[4], METRICS[0]]
+
+
+def test_what_describes_a_result_stands_behind_what_measures_it():
+    directions = {"components": "reference", "dist": "lower", "a_count": "lower", "fscore": "higher"}
+    scores = dict.fromkeys(directions, 1.0)
+    floors = {"dist": 0.1, "components": 1.0}
+    frame = rows(*(row("m", c, 0, scores, floors, directions=json.dumps(directions)) for c in "ab"))
+    assert [m.name for m in tables(leaderboard(frame))[0].metrics] == ["dist", "a_count", "fscore", "components"]
+
+
+def test_print_board_into_a_pipe(frame):
+    out = io.StringIO()
+    print_board(frame, metric=f"{METRICS[2]},{METRICS[1]}", method="best,other_one", stream=out)
+    text = out.getvalue()
+    assert "\x1b" not in text and "fails" not in text
+    assert text.index(METRICS[2]) < text.index(METRICS[1])
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "text"),
+    [
+        (0.5, 0.4, 0.6, "0.50 [0.40, 0.60]"),
+        (12.345, 11.0, 14.0, "12.3 [11.0, 14.0]"),
+        (123.4, -50.0, 300.0, "123 [-50, 300]"),
+        (0.98765, 0.987649, 0.987651, "0.98765 [0.98765, 0.98765]"),
+        (1.0, 1.0, 1.0, "1 [1, 1]"),
+        (0.123456, np.nan, np.nan, "0.123"),
+        (np.nan, np.nan, np.nan, "-"),
+        (-0.001, -1.0, 1.0, "0.0 [-1.0, 1.0]"),
+    ],
+)
+def test_digits(value, low, high, text):
+    assert with_interval(value, low, high) == text
+
+
+def test_units_of_columns():
+    assert unit_exponent([2e-5, 3e-5, 0.4]) == -6
+    assert unit_exponent([0.5, 0.0, np.nan]) == 0
+    assert unit_exponent([]) == 0
+    assert unit_exponent([5e6]) == 6
+    assert decimals(2.0, np.nan, np.nan) == 0
+    assert [count(n) for n in (12, 1300, 1_250_000, np.nan)] == ["12", "1.3k", "1.25M", "-"]

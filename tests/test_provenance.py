@@ -1,0 +1,210 @@
+"""What a result depends on: every ingredient changes the fingerprint, nothing else does."""
+
+from dataclasses import dataclass, replace
+
+import pytest
+
+from bench import PointCloud, Shape, register
+from bench.config import Limits
+from bench.errors import UsageError
+from bench.plan import Cell, Choice, Settings, settings_of
+from bench.provenance import explain, fingerprint, ingredients, package_version, source_closure, source_digest
+from bench.registry import registry
+
+
+@register("method", name="provenance_method")
+@dataclass(frozen=True)
+class Method:
+    """Keeps the cloud."""
+
+    depth: int = 8
+
+    def denoise(self, cloud, run):
+        return cloud
+
+
+@register("dataset", name="provenance_dataset")
+@dataclass(frozen=True)
+class Dataset:
+    """Has a state."""
+
+    content: str = "one"
+
+    def shapes(self, split):
+        yield Shape("x", None)
+
+    def state(self):
+        return {"x.ply": self.content}
+
+
+@register("sensor", name="provenance_sensor")
+@dataclass(frozen=True)
+class Sensor:
+    """Sees nothing."""
+
+    def sense(self, shape, rng):
+        return PointCloud([])
+
+
+@register("metric", name="provenance_metric", version=1)
+@dataclass(frozen=True)
+class Metric:
+    """Scores nothing."""
+
+    def score(self, output, case):
+        return {}
+
+
+def node(kind, name, **values):
+    return {"_name_": name, **values}
+
+
+def config(**changes):
+    values = {
+        "task": node("task", "denoise"),
+        "dataset": node("dataset", "provenance_dataset"),
+        "sensor": node("sensor", "provenance_sensor"),
+        "method": node("method", "provenance_method"),
+        "metric": {"provenance_metric": node("metric", "provenance_metric")},
+        "seed": 0,
+        "split": "test",
+        "cases": 4,
+        "threads": 1,
+        "device": "cpu",
+    }
+    return values | changes
+
+
+CELL = Cell.from_config(config())
+
+
+def test_a_cell_survives_json():
+    import json
+
+    again = Cell.from_json(json.loads(json.dumps(CELL.to_json())))
+    assert again == CELL and again.id == CELL.id and len(CELL.id) == 12
+
+
+def test_a_default_that_is_given_makes_no_other_cell():
+    assert Cell.from_config(config(method=node("method", "provenance_method", depth=8))).id == CELL.id
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"seed": 1},
+        {"cases": 5},
+        {"threads": 2},
+        {"split": "train"},
+        {"method": node("method", "provenance_method", depth=9)},
+        {"dataset": node("dataset", "provenance_dataset", content="two")},
+    ],
+)
+def test_what_is_asked_for_is_in_the_id(change):
+    assert Cell.from_config(config(**change)).id != CELL.id
+
+
+def test_the_label_shows_what_is_not_default():
+    cell = Cell.from_config(config(method=node("method", "provenance_method", depth=9)))
+    assert cell.method.label == "provenance_method[depth=9]"
+    assert cell.title == "denoise provenance_dataset provenance_sensor provenance_method[depth=9] seed=0"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"cases": 0}, "cases=0: expected at least 1"),
+        ({"seed": -1}, "seed=-1"),
+        ({"split": "tset"}, "Did you mean 'test'"),
+        ({"device": "gpu"}, "device=gpu"),
+        ({"metric": {}}, "none that is chosen scores a cloud"),
+        ({"task": node("task", "reconstruct")}, "method provenance_method does not solve reconstruct: it solves denoise"),
+        ({"method": {}}, "choose a method by name"),
+    ],
+)
+def test_what_cannot_be_run_is_refused(change, words):
+    with pytest.raises(UsageError, match=words):
+        Cell.from_config(config(**change))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"outputs": "some"}, "outputs=some"),
+        ({"rerun": "nevre"}, "Did you mean 'never'"),
+        ({"limit": {"seconds": 0}}, "limit.seconds=0"),
+    ],
+)
+def test_wrong_settings_are_refused(changes, words):
+    usual = {"results": "r", "outputs": "none", "rerun": "never", "verbose": False, "plugins": [], "profile": "quick"}
+    assert settings_of(usual | {"limit": {}}) == Settings(results="r", limit=Limits())
+    with pytest.raises(UsageError, match=words):
+        settings_of({"limit": {}} | usual | changes)
+
+
+def test_every_ingredient_changes_the_fingerprint():
+    parts = ingredients(CELL)
+    assert parts["version of metric provenance_metric"] == 1
+    assert parts["file x.ply"] == "one"
+    assert parts["package numpy"] == package_version("numpy")
+    marks = {fingerprint(parts)} | {fingerprint(parts | {key: "other"}) for key in parts}
+    assert len(marks) == len(parts) + 1
+    assert fingerprint(ingredients(CELL)) == fingerprint(parts)
+
+
+def test_a_raised_metric_version_is_an_other_result(monkeypatch):
+    before = fingerprint(ingredients(CELL))
+    known = registry().find("metric", "provenance_metric")
+    monkeypatch.setitem(registry()._plugins["metric"], "provenance_metric", replace(known, options={"version": 2}))
+    assert fingerprint(ingredients(CELL)) != before
+
+
+def test_explain_says_what_differs():
+    then = {"package torch": "2.5", "source of method a": "1", "file a": "1", "file b": "1", "version of metric m": 1}
+    now = {"package torch": None, "source of method a": "2", "file a": "2", "file c": "1", "version of metric m": 2}
+    assert explain(then, now) == [
+        "file a has other content",
+        "file b is gone",
+        "file c is new",
+        "package torch: 2.5 -> not installed",
+        "source of method a was edited",
+        "version of metric m: 1 -> 2",
+    ]
+    assert explain(then, then) == []
+
+
+def test_the_source_of_a_plugin_is_its_file_and_what_it_imports_beside_it(tmp_path):
+    plugin, neighbour, stranger = (tmp_path / name for name in ("plugin.py", "helper.py", "unrelated.py"))
+    plugin.write_text("import numpy\nfrom helper import f\nfrom bench.geometry.sampling import sample_uniform\n")
+    neighbour.write_text("x = 1\n")
+    stranger.write_text("y = 1\n")
+    names = {path.name for path in source_closure(plugin)}
+    assert {"plugin.py", "helper.py", "sampling.py"} <= names and "unrelated.py" not in names
+    before = source_digest(plugin)
+    stranger.write_text("y = 2\n")
+    assert source_digest(plugin) == before
+    neighbour.write_text("x = 22\n")
+    assert source_digest(plugin) != before
+
+
+def test_relative_imports_of_a_package_count(tmp_path):
+    package = tmp_path / "family"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "block.py").write_text("")
+    (package / "plugin.py").write_text("from .block import x\nfrom . import block\nimport family.other\n")
+    assert {path.name for path in source_closure(package / "plugin.py")} == {"plugin.py", "block.py", "__init__.py"}
+
+
+def test_versions_of_packages():
+    import numpy
+
+    assert package_version("numpy") == numpy.__version__
+    assert package_version("igl")
+    assert package_version("there_is_no_such_package") is None
+
+
+def test_choices_are_checked_and_completed():
+    choice = Choice.of("method", node("method", "provenance_method"))
+    assert choice.parameters == {"depth": 8}
+    assert choice.build() == Method()

@@ -1,0 +1,121 @@
+"""The clock and the memory of a method call, and what failures are called."""
+
+import math
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from bench.errors import BadInput, InvalidOutput, MissingLibrary
+from bench.run import Run
+from bench.worker import Meter, failure, plain
+
+MB = 2**20
+
+
+def test_the_meter_sees_only_what_happens_inside():
+    meter = Meter(4, "cpu")
+    with meter:
+        pass
+    idle = meter.figures()
+    block = np.ones(300 * MB // 8)  # outside
+    del block
+    with meter:
+        block = np.ones(200 * MB // 8)
+        begin = time.process_time()
+        while time.process_time() - begin < 0.2:
+            pass
+        time.sleep(0.2)
+    figures = meter.figures()
+    del block
+    assert 180 < figures["peak_rss_mb"] - figures["rss_before_mb"] < 280
+    assert idle["peak_rss_mb"] - idle["rss_before_mb"] < 50
+    assert 0.19 < figures["cpu_seconds"] < figures["seconds"]
+    assert figures["seconds"] > 0.39
+    assert math.isnan(figures["peak_device_mb"])
+
+
+def test_a_paused_clock_stands_still():
+    meter = Meter(4, "cpu")
+    with meter, meter.paused():
+        block = np.ones(200 * MB // 8)
+        time.sleep(0.3)
+        del block
+    assert meter.figures()["seconds"] < 0.2
+    assert meter.figures()["peak_rss_mb"] - meter.figures()["rss_before_mb"] < 100
+
+
+@pytest.mark.parametrize("what", ["bytearray(3 * 2**30)", "__import__('numpy').ones(3 * 2**27)"])
+def test_an_allocation_past_the_limit_fails_at_once(what):
+    script = f"""
+from bench.worker import Meter
+meter = Meter(1, "cpu")
+try:
+    with meter:
+        x = {what}
+except MemoryError:
+    print("refused")
+y = bytearray(2 * 2**30)
+print("allowed again")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:2] == ["refused", "allowed again"]
+
+
+def test_processor_seconds_count_children():
+    meter = Meter(4, "cpu")
+    with meter:
+        subprocess.run([sys.executable, "-c", "sum(range(20_000_000))"], check=True)
+    assert meter.figures()["cpu_seconds"] > 0.1
+
+
+@pytest.mark.parametrize(
+    ("error", "stage", "status", "words"),
+    [
+        (ValueError("boom"), "method", "error", "ValueError: boom"),
+        (KeyboardInterrupt(), "method", "error", "KeyboardInterrupt"),
+        (SystemExit(3), "method", "error", "called sys.exit(3)"),
+        (MemoryError(), "method", "oom", "past the memory limit"),
+        (RuntimeError("std::bad_alloc"), "method", "oom", "bad_alloc"),
+        (InvalidOutput("promised x; got y"), "method", "invalid", "promised x; got y"),
+        (MissingLibrary("CGAL", "pip install x"), "method", "skipped", "install it with: pip install x"),
+        (ModuleNotFoundError("No module named 'foo'", name="foo.bar"), "method", "skipped", "pip install foo"),
+        (ModuleNotFoundError("No module named 'foo'", name="foo"), "score", "error", "No module named 'foo'"),
+        (BadInput("a.ply: is empty"), "case", "error", "a.ply: is empty"),
+    ],
+)
+def test_what_failures_are_called(error, stage, status, words):
+    row = failure(error, stage)
+    assert row["status"] == status
+    assert words in row["message"]
+
+
+def test_plain_values_are_json():
+    import json
+
+    values = plain({"a": np.float64(1.5), "b": [np.int64(2), float("nan")], 3: (np.bool_(True),)})
+    assert json.loads(json.dumps(values, allow_nan=False)) == {"a": 1.5, "b": [2, None], "3": [True]}
+
+
+def test_runs_with_one_seed_draw_the_same():
+    assert np.array_equal(Run(seed=5).rng.normal(size=9), Run(seed=5).rng.normal(size=9))
+    assert not np.array_equal(Run(seed=5).rng.normal(size=9), Run(seed=6).rng.normal(size=9))
+
+
+def test_tracing_costs_a_method_no_time():
+    scored = []
+    run = Run(seconds=10, on_trace=lambda output, seconds: (time.sleep(0.2), scored.append((output, seconds))))
+    run.trace("first")
+    run.trace("second")
+    assert run.elapsed() < 0.1 and run.seconds_left() > 9.9
+    assert [output for output, _ in scored] == ["first", "second"]
+    assert 0 <= scored[0][1] <= scored[1][1] < 0.1
+
+
+def test_a_torch_generator_follows_the_seed():
+    import torch
+
+    first, again, other = (torch.rand(4, generator=Run(seed=s).torch_generator()) for s in (1, 1, 2))
+    assert torch.equal(first, again) and not torch.equal(first, other)
