@@ -182,6 +182,8 @@ def validate_mesh(output: Any, promise: str) -> None:
     bad = int((~np.isfinite(output.vertices)).any(axis=1).sum())
     if bad:
         raise InvalidOutput(f"promised {promise}; {bad} of {len(output.vertices)} vertices are NaN or infinite")
+    if not output.area > 0:
+        raise InvalidOutput(f"promised {promise}; none of its {len(output.faces)} faces has an area")
 
 
 def _kind(value: Any) -> str:

@@ -12,7 +12,6 @@ from test_leaderboard_board import DOCUMENTED, row, rows
 from bench.errors import UsageError
 from bench.leaderboard import leaderboard
 from bench.report import FORMATS, render
-from bench.report.board import print_board
 from bench.report.latex import escape
 from bench.report.numbers import count, decimals, unit_exponent, with_interval
 from bench.report.tables import tables
@@ -141,14 +140,6 @@ def test_what_describes_a_result_stands_behind_what_measures_it():
     floors = {"dist": 0.1, "components": 1.0}
     frame = rows(*(row("m", c, 0, scores, floors, directions=json.dumps(directions)) for c in "ab"))
     assert [m.name for m in tables(leaderboard(frame))[0].metrics] == ["dist", "a_count", "fscore", "components"]
-
-
-def test_print_board_into_a_pipe(frame):
-    out = io.StringIO()
-    print_board(frame, metric=f"{METRICS[2]},{METRICS[1]}", method="best,other_one", stream=out)
-    text = out.getvalue()
-    assert "\x1b" not in text and "fails" not in text
-    assert text.index(METRICS[2]) < text.index(METRICS[1])
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ def read_obj(data: bytes, name: str) -> RawGeometry:
     counts: list[tuple[int, int]] = []  # how many v and vn stood above each face: negative indices count back from it
     text = data.decode("utf-8", errors="replace").replace("\\\r\n", " ").replace("\\\n", " ")
     for number, line in enumerate(text.splitlines(), 1):
-        words = line.partition("#")[0].split()
+        words = _words(line)
         if not words:
             continue
         keyword, values = words[0], words[1:]
@@ -56,8 +56,8 @@ def _obj_faces(
     corners = [corner.split("/") for polygon in polygons for corner in polygon]
     above = np.repeat(np.array(counts), sizes, axis=0)
     try:
-        index = np.array([corner[0] for corner in corners], dtype=np.int64)
-        of_normal = np.array([corner[2] if len(corner) > 2 and corner[2] else 0 for corner in corners], dtype=np.int64)
+        index = np.array([int(corner[0]) for corner in corners], dtype=np.int64)
+        of_normal = np.array([int(corner[2] or 0) if len(corner) > 2 else 0 for corner in corners], dtype=np.int64)
     except (ValueError, OverflowError) as error:
         raise BadInput(f"{name}: a face has a corner that is no number: {error}; expected 'f 1 2 3'") from None
     index = np.where(index < 0, above[:, 0] + index, index - 1)
@@ -108,17 +108,17 @@ def read_off(data: bytes, name: str) -> RawGeometry:
 
 
 def _words(line: str) -> list[str]:
-    return line.partition("#")[0].split()
+    return (line.partition("#")[0] if "#" in line else line).split()
 
 
 def _floats(words: list[str], *, at_least: int) -> list[float]:
     if len(words) < at_least:
         raise ValueError(f"{len(words)} numbers where {at_least} belong")
-    return [float(word) for word in words]
+    return list(map(float, words))
 
 
 def _polygon(words: list[str]) -> list[int]:
     size = int(words[0])
     if size < 0 or len(words) < size + 1:
         raise ValueError(f"a face of {size} corners names only {len(words) - 1}")
-    return [int(word) for word in words[1 : size + 1]]
+    return list(map(int, words[1 : size + 1]))

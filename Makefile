@@ -1,0 +1,45 @@
+# The two commands: make demo, make test. Both start from nothing (Python 3.11 to 3.13, git and make) and are quick
+# the second time. Another interpreter: make setup PYTHON=python3.12
+
+PYTHON ?=
+export PYTHON
+
+BIN := .venv/bin
+PYTEST := PYTHONPATH=scripts $(BIN)/python -m pytest -p no_skips
+PYTHON_CODE := bench methods datasets metrics conf tests scripts
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test bench lint wheel clean distclean
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## .venv with the pinned packages and this package (editable); system libraries where apt may install them
+	@scripts/setup.sh
+
+demo: setup ## a small sweep over procedural shapes, and its leaderboard
+	$(BIN)/detailbench run experiment=demo results=results/demo
+
+test: setup ## all tests; a skipped test counts as a failure
+	$(PYTEST) -n 2 --ignore=tests/benchmarks
+	@# alone, because they compare times
+	$(PYTEST) tests/benchmarks --benchmark-disable-gc --benchmark-min-rounds=1 --benchmark-max-time=0.1
+
+bench: setup ## the benchmarks, with their tables
+	$(PYTEST) tests/benchmarks -s
+
+lint: setup ## ruff: style and format
+	$(BIN)/ruff check $(PYTHON_CODE)
+	$(BIN)/ruff format --check $(PYTHON_CODE)
+
+wheel: setup ## dist/detailbench-*.whl
+	rm -rf build # setuptools would pack what older builds left there
+	$(BIN)/python -m build --wheel --no-isolation --outdir dist
+	rm -rf build
+
+clean: ## remove caches and what was built, but neither results nor .venv
+	rm -rf build dist *.egg-info .pytest_cache .ruff_cache .benchmarks .hypothesis
+	find $(PYTHON_CODE) -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean ## clean, and remove .venv
+	rm -rf .venv

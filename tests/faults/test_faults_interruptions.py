@@ -1,0 +1,123 @@
+"""The sweep itself is hurt: killed, interrupted, doubled. Nothing finished is lost or run twice, and no orphan goes on."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from collections import Counter
+
+import pytest
+
+SALTS, CASES = 4, 3
+SWEEP = ("method=fine", "method.salt=1,2,3,4", "method.take=0.4", f"cases={CASES}")
+ALL = {f"fine {salt} {case}" for salt in range(1, SALTS + 1) for case in range(CASES)}
+
+launchers = pytest.mark.parametrize("launcher", ["basic", "joblib"])
+
+
+def finished(shell) -> set[str]:
+    """The calls whose results are on the disk: in files of finished cells, and of those that were cut off."""
+    from bench.store import Results
+
+    rows = []
+    for path in shell.files():
+        cell, _, mark = path.stem.partition("-")
+        rows += Results(shell.results).read(cell, mark).rows
+    for path in shell.results.glob(".partial/*.jsonl"):
+        rows += [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+    return {f"fine {_salt(row['variant'])} {row['case_index']}" for row in rows if row["status"] == "ok"}
+
+
+def _salt(variant: str) -> str:
+    return dict(part.split("=") for part in variant.split(","))["salt"]
+
+
+def assert_goes_on(shell, launcher: str, kept: set[str]) -> None:
+    """The same command completes the rest, without doing again what was finished."""
+    before = Counter(shell.calls())
+    done = shell.run(*SWEEP, launcher=launcher)
+    assert done.returncode == 0, done.stderr
+    assert f"{len(ALL)} cases solved" not in done.stderr  # the line says solved/planned:
+    assert f"{len(ALL)}/{len(ALL)} cases solved, {len(ALL - kept)} run now, {len(kept)} there already" in done.stderr
+    after = Counter(shell.calls())
+    assert set(after) == ALL
+    assert all(after[call] == before[call] == 1 for call in kept)
+    assert all(after[call] <= 2 for call in ALL - kept)  # one that was cut off begins once more
+    rows = shell.rows()
+    assert len(rows) == len(ALL)
+    assert (rows["status"] == "ok").all()
+    assert not shell.left_over()
+    assert not list(shell.results.glob(".sweeps/*"))
+    assert not list(shell.results.glob(".partial/*"))
+
+
+@launchers
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_front_door_killed_in_mid_sweep(shell, launcher, number):
+    process = shell.run(*SWEEP, launcher=launcher, act=shell.start)
+    shell.wait_for(lambda: len(shell.calls()) >= 6)
+    process.send_signal(number)  # that process alone: nobody is told
+    process.wait(timeout=20)
+    process.communicate()
+    assert not shell.left_over(seconds=8), "orphans go on"
+    calls = shell.calls()
+    time.sleep(0.6)
+    assert shell.calls() == calls
+    kept = finished(shell)
+    assert 2 <= len(kept) < len(ALL)
+    assert_goes_on(shell, launcher, kept)
+
+
+@launchers
+@pytest.mark.parametrize("to", ["process", "group"])
+def test_ctrl_c(shell, launcher, to):
+    process = shell.run(*SWEEP, launcher=launcher, act=shell.start)
+    shell.wait_for(lambda: len(shell.calls()) >= 6)
+    if to == "group":  # what a terminal does
+        os.killpg(process.pid, signal.SIGINT)
+    else:
+        process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, err
+    assert "Traceback" not in out + err, err
+    said = [line for line in err.splitlines() if not line.startswith(("[", "denoise ball"))]
+    assert len(said) == 1, err
+    assert said[0].startswith("interrupted:")
+    assert not shell.left_over()
+    assert not list(shell.results.glob(".sweeps/*"))
+    kept = finished(shell)
+    assert 2 <= len(kept) < len(ALL)
+    assert_goes_on(shell, launcher, kept)
+
+
+@pytest.mark.parametrize("other", ["basic", "joblib"])
+def test_two_sweeps_at_once_into_one_folder(shell, other):
+    processes = [shell.run(*SWEEP, launcher=launcher, act=shell.start) for launcher in ("basic", other)]
+    ends = [process.communicate(timeout=120) for process in processes]
+    for process, (_, err) in zip(processes, ends, strict=True):
+        assert process.returncode == 0, err
+        assert f"{len(ALL)}/{len(ALL)} cases solved" in err
+        assert "Traceback" not in err
+        assert "damaged" not in err
+    assert Counter(shell.calls()) == Counter(ALL)  # each case once, whoever got it
+    assert len(shell.files()) == SALTS
+    assert (shell.rows()["status"] == "ok").all()
+    assert not shell.left_over()
+
+
+def test_a_killed_fork_server_costs_one_case_at_most(shell):
+    """A system short of memory may choose any process to kill."""
+    process = shell.run("method=fine", "method.take=0.5", "method.salt=1,2", "cases=3", act=shell.start)
+    shell.wait_for(lambda: len(shell.calls()) >= 2)
+    servers = [p for p in shell.processes() if "bench.forkserver" in " ".join(p.cmdline())]
+    parents = {p.pid for p in servers if p.ppid() == process.pid}
+    assert len(parents) == 1
+    os.kill(parents.pop(), signal.SIGKILL)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 3, err
+    rows = shell.rows()
+    assert len(rows) == 6
+    assert sorted(rows["status"]) == ["crashed"] + ["ok"] * 5
+    assert not shell.left_over()
