@@ -1,4 +1,4 @@
-"""The sweep itself is hurt: killed, interrupted, doubled. Nothing finished is lost or run twice, and no orphan goes on."""
+"""The sweep itself is hurt: killed, interrupted, doubled. Nothing finished is lost or run twice; no orphan goes on."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -195,20 +196,15 @@ def test_rerun_failed_and_always(shell):
     assert len(shell.rows()) == 6
 
 
-def test_a_library_that_was_installed_since_is_no_longer_missing(shell):
+def test_a_library_that_was_installed_since_is_no_longer_missing(shell, monkeypatch):
     """Skipped cases are tried again whenever the command is."""
     from test_faults_methods import MISBEHAVING
 
     words = {"plugins": (TOYS, MISBEHAVING), "sweep": False}
     assert shell.run("method=declared_missing", **words).returncode == 3
     (shell.folder / "no_such_library_declared.py").write_text("")
-    import os
-
-    os.environ, before = {**os.environ, "PYTHONPATH": f"{shell.folder}:{os.environ.get('PYTHONPATH', '')}"}, os.environ
-    try:
-        done = shell.run("method=declared_missing", **words)
-    finally:
-        os.environ = before
+    monkeypatch.setenv("PYTHONPATH", f"{shell.folder}:{os.environ.get('PYTHONPATH', '')}")
+    done = shell.run("method=declared_missing", **words)
     assert done.returncode == 0, done.stderr
     assert list(shell.rows()["status"]) == ["ok", "ok"]
 

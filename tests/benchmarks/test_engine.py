@@ -1,0 +1,49 @@
+"""What the engine adds to a cell whose method does nothing, and whether it grows with the sweep."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from bench.store import Results
+
+CELLS = 200
+PLUGIN = Path(__file__).with_name("nothing.py")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """When each of the cells of one multirun was finished, in order, in seconds."""
+    folder = tmp_path_factory.mktemp("engine")
+    command = [
+        *(sys.executable, "-m", "bench", "run", "-m", "--no-leaderboard", "--plugin", str(PLUGIN)),
+        *("task=denoise", "dataset=tiny_balls", "sensor=tiny_samples", "method=nothing", "metric=[tiny_score]"),
+        *("cases=1", f"seed=range(0,{CELLS})", f"results={folder}"),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
+    assert done.returncode == 0, done.stderr
+    times = pd.to_datetime(Results(folder).rows(use_index=False)["finished"]).sort_values()
+    assert len(times) == CELLS
+    return (times - times.iloc[0]).dt.total_seconds().to_numpy()
+
+
+def per_cell(finished, first, last):
+    """Mean seconds per cell between two cells; the one before the first starts the clock."""
+    return (finished[last - 1] - finished[first - 1]) / (last - first)
+
+
+def test_overhead_per_cell(finished, benchmark):
+    seconds = per_cell(finished, 1, CELLS)
+    benchmark.pedantic(lambda: None, rounds=1)
+    benchmark.extra_info["seconds per cell"] = seconds
+    print(f"\n{CELLS} cells that do nothing: {seconds:.3f} s per cell, Hydra's composition included (aim: 0.5)")
+
+
+def test_overhead_does_not_grow_with_the_sweep(finished, benchmark):
+    early, late = per_cell(finished, 1, 50), per_cell(finished, 151, CELLS)
+    benchmark.pedantic(lambda: None, rounds=1)
+    benchmark.extra_info["late to early"] = late / early
+    print(f"\ncells 1-50: {early:.3f} s each, cells 151-200: {late:.3f} s each, ratio {late / early:.2f} (limit 1.5)")
+    assert late / early < 1.5

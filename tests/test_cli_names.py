@@ -1,0 +1,108 @@
+"""Wrong words on the command line: exit code 1, one message with the nearest right name, no traceback, nothing run."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from conftest import TOYS
+
+RUN = ("run", "--plugin", str(TOYS), "task=denoise", "dataset=ball", "sensor=dots", "metric=[spread]", "cases=2")
+FINE = (*RUN, "method=fine")
+SWEEP = ("run", "-m", *RUN[1:])
+
+# what is typed: what the message must say
+WRONG = {
+    "method": ((*RUN, "method=fin"), ("no method is called 'fin'", "'fine'")),
+    "method in a sweep": ((*SWEEP, "method=fine,identiy"), ("no method is called 'identiy'", "'identity'")),
+    "method of no resemblance": ((*RUN, "method=xyzzy"), ("no method is called 'xyzzy'", "Known: ", "identity")),
+    "dataset": ((*FINE, "dataset=bal"), ("no dataset is called 'bal'", "'ball'")),
+    "sensor": ((*FINE, "sensor=dot"), ("no sensor is called 'dot'", "'dots'")),
+    "task": ((*FINE, "task=denoize"), ("no task is called 'denoize'", "'denoise'")),
+    "metric": ((*FINE, "metric=[spred]"), ("no metric is called 'spred'", "'spread'")),
+    "profile": ((*FINE, "profile=quik"), ("no profile is called 'quik'", "'quick'")),
+    "experiment": ((*FINE, "experiment=nope"), ("no experiment is called 'nope'",)),
+    "key": ((*FINE, "sed=1"), ("there is no key 'sed'", "'seed'")),
+    "key of the limits": ((*FINE, "limit.second=1"), ("there is no key 'limit.second'", "'limit.seconds'")),
+    "parameter": ((*FINE, "method.tak=1"), ("fine has no parameter 'tak'", "'method.take'")),
+    "parameter of a dataset": ((*FINE, "dataset.strech=1"), ("ball has no parameter 'strech'", "'dataset.stretch'")),
+    "parameter of a metric": ((*FINE, "metric.spread.bins=1"), ("spread has no parameter 'bins'",)),
+    "added parameter": ((*FINE, "+method.typo=3"), ("fine has no parameter 'typo'", "take")),
+    "added parameter of a dataset": ((*FINE, "+dataset.typo=3"), ("ball has no parameter 'typo'", "stretch")),
+    "forced parameter": ((*FINE, "++method.typo=3"), ("fine has no parameter 'typo'", "take")),
+    "added key": ((*FINE, "+typo=3"), ("there is no key 'typo'",)),
+    "forced key": ((*FINE, "++limit.typo=3"), ("there is no key 'limit.typo'",)),
+    "deleted method": ((*FINE, "~method"), ("method",)),
+    "deleted parameter": ((*FINE, "~method.take"), ("method.take",)),
+    "text for a number": ((*FINE, "method.take=soon"), ("take", "soon")),
+    "fraction for a count": ((*FINE, "method.salt=1.5"), ("salt", "1.5")),
+    "text for the seed": ((*FINE, "seed=one"), ("seed", "one")),
+    "value that the plugin refuses": ((*FINE, "sensor.jitter=-1"), ("jitter: expected 0 or more, got -1",)),
+    "negative count": ((*FINE, "cases=-1"), ("cases",)),
+    "no cases": ((*FINE, "cases=0"), ("cases",)),
+    "no threads": ((*FINE, "threads=0"), ("threads",)),
+    "negative seed": ((*FINE, "seed=-1"), ("seed",)),
+    "limit of nothing": ((*FINE, "limit.seconds=0"), ("limit.seconds", "more than 0")),
+    "one of three": ((*FINE, "rerun=fail"), ("rerun=fail", "'failed'")),
+    "one of three more": ((*FINE, "outputs=frist"), ("outputs=frist", "'first'")),
+    "split": ((*FINE, "split=tset"), ("split", "test")),
+    "device": ((*FINE, "device=gpu"), ("device", "cuda")),
+    "sweep without -m": ((*RUN, "method=fine,identity"), ("add -m",)),
+    "no key at all": ((*FINE, "poisson"), ("poisson", "key=value")),
+    "key without a value": ((*RUN, "method="), ("method",)),
+    "metric that does not score this": ((*FINE, "metric=[topology]"), ("metric", "scores a cloud")),
+    "unknown command": (("rum",), ("no command 'rum'", "'run'")),
+    "unknown flag": ((*FINE, "--frobnicate"), ("--frobnicate",)),
+    "misspelt flag": ((*FINE, "--multirum"), ("--multirum",)),
+    "unknown flag of another command": (("list", "--jsn"), ("--jsn",)),
+    "flag without its value": (("list", "--plugin"), ("--plugin",)),
+    "plugin file that is not there": ((*FINE, "--plugin", "gone.py"), ("gone.py", "no such file")),
+    "plugin that is no Python file": ((*FINE, "--plugin", "/etc/hostname"), ("/etc/hostname", ".py")),
+    "unknown kind": (("list", "metods"), ("'metods'", "'methods'")),
+    "unknown plugin of a kind": (("list", "method", "identiy"), ("'identiy'", "'identity'")),
+    "cell that is not there": (("why", "abc", "results=nowhere"), ("nowhere", "no results")),
+    "wrong word for the folder": (("why", "abc", "result=x"), ("result=x", "results=DIR")),
+    "reproduce without results": (("reproduce", "abc", "results=nowhere"), ("nowhere", "no results")),
+    "new of no kind": (("new", "metod", "mine"), ("'metod'", "'method'")),
+    "new without a name": (("new", "method"), ("name",)),
+    "new with a name that is none": (("new", "method", "9 lives"), ("letter first",)),
+    "new with a name that is taken": (("new", "method", "identity"), ("identity", "already")),
+    "check of nothing known": (("check", "identiy"), ("'identiy'", "'identity'")),
+    "check of a file without plugins": (("check", __file__), ("registers no plugin",)),
+    "leaderboard of nothing": (("leaderboard", "nowhere"), ("nowhere", "no such folder")),
+    "apply without a method": (("apply", "a.ply", "b.ply"), ("method=NAME",)),
+    "apply of a wrong method": (("apply", "method=identiy", "a.ply", "b.ply"), ("'identiy'", "'identity'")),
+    "apply without files": (("apply", "method=identity"), ("INPUT and an OUTPUT",)),
+    "apply to a file that is not there": (("apply", "method=identity", "task=denoise", "a.ply", "b.ply"), ("a.ply", "no such file")),
+    "plan with a typo": (("plan", *FINE[1:], "+method.typo=3"), ("fine has no parameter 'typo'",)),
+    "plan of a sweep without -m": (("plan", *RUN[1:], "method=fine,identity"), ("add -m",)),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def answers(shells):
+    """What each wrong command line was answered, two at a time."""
+    shell = shells("wrong")
+    with ThreadPoolExecutor(2) as pool:
+        done = pool.map(lambda case: shell.call(*case[0]), WRONG.values())
+        return shell, dict(zip(WRONG, done, strict=True))
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_wrong_words_get_one_message_with_the_right_ones(answers, what):
+    done = answers[1][what]
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr, done.stderr
+    assert "HYDRA_FULL_ERROR" not in done.stderr
+    assert "append" not in done.stderr  # Hydra's advice to add unknown keys with +
+    for word in WRONG[what][1]:
+        assert word in done.stderr
+    assert len(done.stderr.strip().splitlines()) <= 4
+
+
+def test_wrong_words_run_nothing_and_write_nothing(answers):
+    shell, _ = answers
+    assert shell.calls() == []
+    assert list(shell.work.rglob("*.parquet")) == []
+    assert {p.name for p in shell.work.iterdir()} <= {"results"}  # never outputs/ or multirun/
+    assert not shell.left_over()
