@@ -99,6 +99,9 @@ def hydra_message(error: BaseException) -> str:
     if error.__cause__ is not None and str(error.__cause__) not in parts[0]:
         parts.append(str(error.__cause__))
     lines = [line for part in parts for line in part.splitlines()]
+    for launcher, extra in (("joblib", "joblib"), ("submitit", "slurm"), ("ray", "ray")):
+        if f"hydra/launcher/{launcher}" in parts[0]:
+            lines.append(f'This launcher is an extra: pip install "detailbench[{extra}]"')
     return "\n".join(line for line in lines if line.strip() and "append with" not in line and "prepend" not in line)
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .plan import Cell
     from .runner import Outcome
-    from .sweep import Session
 
 
 def line_of(cell: Cell, outcome: Outcome) -> str:
@@ -33,8 +32,8 @@ def _first_line(text: str | None) -> str:
 class Lines:
     """One line per finished cell on stderr."""
 
-    def __init__(self, session: Session | None = None, total: int | None = None):
-        self.session, self.total, self.done = session, total, 0
+    def __init__(self, total: int | None = None):
+        self.total, self.done = total, 0
 
     def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
         """Nothing yet."""

@@ -15,7 +15,7 @@ from .errors import UsageError
 from .forkserver import ForkServer, ServerDied
 from .plan import Cell, Settings
 from .provenance import fingerprint, ingredients, provenance, source_digest
-from .store import SCHEMA_VERSION, Record, Results
+from .store import COLUMNS, SCHEMA_VERSION, Record, Results
 from .watch import Death, Worker
 
 MAX_SERVERS = 6  # a fork server holds its libraries in memory; the least recently used one goes
@@ -153,7 +153,11 @@ class _Job:
                     continue  # it never began: perhaps somebody killed the fork server
                 self.no_plan(of_death(death))
                 return
-            self.keep({"case": self.ids[death.index], "case_index": death.index} | of_death(death))
+            if death.index not in self.rows:  # otherwise it died between two cases, and that one is safe
+                self.keep({"case": self.ids[death.index], "case_index": death.index} | of_death(death))
+            elif deaths > 2 * len(self.ids):
+                self.no_plan(of_death(death))
+                return
 
     def spec(self, cpus: list[int]) -> dict[str, Any]:
         """The worker's job, as JSON values."""
@@ -184,7 +188,7 @@ class _Job:
         """Keep one finished case, at once."""
         from .worker import now
 
-        row = {"started": now(), "finished": now()} | row | self.constants
+        row = dict.fromkeys(COLUMNS) | {"started": now(), "finished": now()} | row | self.constants
         self.results.add_partial(self.cell.id, self.mark, row)
         self.rows[row["case_index"]] = row
         self.reporter.event({"event": "kept", "row": row})

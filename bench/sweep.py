@@ -132,7 +132,7 @@ def job(config: DictConfig) -> None:
             os._exit(1)
 
     alive()
-    reporter = PROGRESS if here and PROGRESS else Lines(session)
+    reporter = PROGRESS if here and PROGRESS else Lines()
     title = _title(values)
     try:
         check_root(values)

@@ -139,7 +139,8 @@ class Worker:
                 continue
             *lines, self._buffer = (self._buffer + chunk).split(b"\n")
             for line in lines:
-                self._hear(json.loads(line))
+                with contextlib.suppress(json.JSONDecodeError):  # a method that writes to every descriptor it finds
+                    self._hear(json.loads(line))
 
     def _hear(self, event: dict[str, Any]) -> None:
         kind = event["event"]

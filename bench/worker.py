@@ -101,6 +101,8 @@ class _Session:
         for choice in cell.choices:
             if choice.kind != "method":
                 choice.plugin.require()
+        if cell.device != "cpu":
+            check_device(cell.device)
         task = cell.task.build()
         sensor = cell.sensor.build() if cell.sensor in cell.choices else None
         recipes = task.recipes(cell.dataset.build(), sensor, split=cell.split, count=cell.cases, seed=cell.seed)
@@ -336,6 +338,14 @@ def cpu_seconds() -> float:
     """Processor seconds of all threads of this process, and of its children that ended."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def check_device(device: str) -> None:
+    """Raise :class:`UsageError` unless torch sees the GPU: a result must not be called what it is not."""
+    import torch
+
+    if not torch.cuda.is_available():
+        raise UsageError(f"device={device}: torch {torch.__version__} sees no GPU on this machine; use device=cpu")
 
 
 # -- small things ------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import glob
 import hashlib
 import os
@@ -104,7 +105,13 @@ def _reader(file: Path) -> Callable[[], Trimesh]:
 
 def _sha256(file: Path) -> str:
     try:
-        with file.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        stat = file.stat()
+        return _sha256_of(file, stat.st_mtime_ns, stat.st_size)
     except OSError as error:
         return f"unreadable ({error.strerror})"  # its case says so; the others go on
+
+
+@functools.lru_cache(maxsize=100_000)  # every cell of a sweep asks; gigabytes of scans are read once
+def _sha256_of(file: Path, mtime_ns: int, size: int) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

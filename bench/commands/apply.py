@@ -3,8 +3,8 @@
   detailbench apply method=poisson scan.ply mesh.ply method.depth=9
   detailbench apply method=rimls task=denoise scan.ply clean.ply
 
-INPUT is a point cloud (PLY, XYZ, TXT, OBJ) or a mesh whose vertices are taken; OUTPUT is written in the coordinates of
-INPUT, as PLY, OBJ, STL, OFF or GLB. Parameters that are lengths refer to the frame in which the input has radius 1.
+INPUT is a point cloud (PLY, XYZ, TXT, OBJ) or a mesh whose vertices are taken; OUTPUT is in the coordinates of INPUT,
+as PLY, OBJ, STL, OFF or GLB. Parameters that are lengths refer to the frame in which the input has radius 1.
 Where a method solves several tasks, task= says which. Further keys: seed, threads, device, limit.seconds, limit.memory_gb.
 """
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .numbers import count, plain, unit_exponent, with_interval
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 GROUP = ["task", "dataset", "sensor"]
+Line = dict[str, Any]  # one row of a board
 FAILED = "†"  # behind a mean that leaves failed cases out
 
 
@@ -68,74 +70,80 @@ def tables(board: pd.DataFrame, rows: pd.DataFrame | None = None, metrics: Seque
     """The tables of a board, in its order."""
     parameters = _parameters(rows)
     level = board.attrs.get("level", 0.95)
+    lines = board.to_dict("records")
     return [
-        _table(label, part, parameters, metrics, level)
-        for label, part in board.groupby(GROUP, sort=False, dropna=False)
+        _table(label, list(part), parameters, metrics, level)
+        for label, part in itertools.groupby(lines, key=lambda line: (line["task"], line["dataset"], line["sensor"]))
     ]
 
 
-def metric_order(part: pd.DataFrame, wanted: Sequence[str] = ()) -> list[str]:
+def metric_order(lines: list[Line], wanted: Sequence[str] = ()) -> list[str]:
     """The metrics of a table: those wanted first, then measured distances (they have a floor), then counts.
 
     A metric that is to be near the reference's own value says what a result is like rather than how good it is, so
     these stand last.
     """
     wanted = list(wanted)
-    found = part[part["metric"] != ""].groupby("metric").agg({"better": "first", "floor": "max"})
+    better = {line["metric"]: line["better"] for line in lines if line["metric"]}
+    measured = {line["metric"] for line in lines if math.isfinite(line["floor"])}
 
     def key(name: str) -> tuple:
         place = wanted.index(name) if name in wanted else len(wanted)
-        better, floor = found.loc[name]
-        return place, ("lower", "higher", "reference").index(better), not math.isfinite(floor), name
+        return place, ("lower", "higher", "reference").index(better[name]), name not in measured, name
 
-    return sorted(found.index, key=key)
+    return sorted(better, key=key)
 
 
 def _table(
-    label: tuple, part: pd.DataFrame, parameters: dict[tuple, float], wanted: Sequence[str], level: float
+    group: tuple[str, str, str],
+    lines: list[Line],
+    parameters: dict[tuple, float],
+    wanted: Sequence[str],
+    level: float,
 ) -> Table:
-    part = part.assign(label=[_label(m, v) for m, v in zip(part["method"], part["variant"], strict=True)])
-    names = metric_order(part, wanted)
-    by_metric = {name: part[part["metric"] == name].set_index("label") for name in names}
-    first = by_metric[names[0]] if names else part.set_index("label")
-    methods = list(dict.fromkeys([*first.index, *part["label"]]))  # who has no such score stands at the end
-    lines = part.drop_duplicates("label").set_index("label")
-    most = part.loc[part.groupby("label")["solved"].idxmax()].set_index("label")
-    counts = [parameters.get((*label, lines["method"][m], lines["variant"][m]), math.nan) for m in methods]
-    columns = tuple(_metric(name, by_metric[name], methods, most) for name in names)
+    names = metric_order(lines, wanted)
+    by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
+    for line in lines:
+        by_metric[line["metric"]][_label(line)] = line
+    first = by_metric[names[0] if names else ""]
+    methods = list(dict.fromkeys([*first, *map(_label, lines)]))  # who has no such score stands at the end
+    # What a method solved, whatever the metrics say of it: the most of any metric.
+    most = {_label(line): line for line in sorted(lines, key=lambda line: line["solved"])}
+    counts = [parameters.get((*group, most[m]["method"], most[m]["variant"]), math.nan) for m in methods]
+    columns = tuple(_metric(name, by_metric[name], [most[m] for m in methods]) for name in names)
     return Table(
-        *label,
+        *group,
         methods=tuple(methods),
-        ranks=tuple(_rank(first, method) for method in methods),
+        ranks=tuple(_rank(first.get(m)) for m in methods),
         metrics=columns,
-        solved=tuple(f"{most['solved'][m]}/{most['planned'][m]}" for m in methods),
-        seconds=tuple(_seconds(lines["seconds_median"][m]) for m in methods),
-        memory=tuple(_megabytes(lines["peak_rss_mb"][m]) for m in methods),
+        solved=tuple(f"{most[m]['solved']}/{most[m]['planned']}" for m in methods),
+        seconds=tuple(_seconds(most[m]["seconds_median"]) for m in methods),
+        memory=tuple(_megabytes(most[m]["peak_rss_mb"]) for m in methods),
         parameters=tuple(map(count, counts)) if any(c > 0 for c in counts) else (),
-        notes=_notes(part, columns, first, level),
+        notes=_notes(lines, columns, level),
     )
 
 
-def _metric(name: str, part: pd.DataFrame, methods: list[str], most: pd.DataFrame) -> Metric:
-    exponent = unit_exponent(part["mean"])
-    cells = []
-    for method in methods:
-        if method not in part.index:
-            cells.append(Cell(""))
-            continue
-        line = part.loc[method]
-        mark = ""
-        if 0 < line["solved"] < line["planned"]:
-            same = (line["solved"], line["planned"]) == (most["solved"][method], most["planned"][method])
-            mark = FAILED if same else f"{FAILED}{line['solved']}/{line['planned']}"
-        text = with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent)
-        cells.append(Cell(text, bool(line["rank_low"] == 1 and math.isfinite(line["mean"])), mark))
-    floors = sorted({plain(f, exponent) for f in part["floor"] if math.isfinite(f)}, key=float)
+def _metric(name: str, scored: dict[str, Line], methods: list[Line]) -> Metric:
+    exponent = unit_exponent(line["mean"] for line in scored.values())
+    floors = sorted({plain(line["floor"], exponent) for line in scored.values()} - {"-"}, key=float)
     floor = floors[0] if len(floors) == 1 else f"{floors[0]} to {floors[-1]}" if floors else ""
-    return Metric(name, part["better"].iloc[0], exponent, tuple(cells), floor)
+    better = next(iter(scored.values()))["better"]
+    return Metric(name, better, exponent, tuple(_cell(scored.get(_label(m)), m, exponent) for m in methods), floor)
 
 
-def _notes(part: pd.DataFrame, columns: tuple[Metric, ...], first: pd.DataFrame, level: float) -> tuple[str, ...]:
+def _cell(line: Line | None, most: Line, exponent: int) -> Cell:
+    if line is None:
+        return Cell("")
+    mark = ""
+    if 0 < line["solved"] < line["planned"]:
+        usual = (line["solved"], line["planned"]) == (most["solved"], most["planned"])
+        mark = FAILED if usual else f"{FAILED}{line['solved']}/{line['planned']}"
+    text = with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent)
+    return Cell(text, line["rank_low"] == 1 and math.isfinite(line["mean"]), mark)
+
+
+def _notes(lines: list[Line], columns: tuple[Metric, ...], level: float) -> tuple[str, ...]:
     notes = []
     if columns:
         notes.append(f"rank: by {columns[0].name}, {level:.0%} interval; methods whose intervals overlap may be equal.")
@@ -149,21 +157,27 @@ def _notes(part: pd.DataFrame, columns: tuple[Metric, ...], first: pd.DataFrame,
             f"{FAILED} the mean leaves failed cases out; for the rank, a failed case is worse than every solved result "
             "on that case."
         )
-    if first["planned"].nunique() > 1:
+    planned = {(line["metric"], line["planned"]) for line in lines}
+    if len(planned) > len({line["metric"] for line in lines}):
         notes.append("Methods were run on different cases; ranks compare each two on what both were run on.")
-    if any(math.isfinite(m) and not math.isfinite(low) for m, low in zip(part["mean"], part["ci_low"], strict=True)):
+    if any(math.isfinite(line["mean"]) and not math.isfinite(line["ci_low"]) for line in lines):
         notes.append("No interval: a single case, from which nothing follows for others.")
     return tuple(notes)
 
 
-def _rank(first: pd.DataFrame, method: str) -> str:
-    if method not in first.index:
+def _rank(line: Line | None) -> str:
+    if line is None:
         return "-"
-    low, high = first.loc[method, ["rank_low", "rank_high"]]
+    low, high = line["rank_low"], line["rank_high"]
     return str(low) if low == high else f"{low}-{high}"
 
 
-def _label(method: str, variant: str) -> str:
+def _label(line: Line) -> str:
+    return label(line["method"], line["variant"])
+
+
+def label(method: str, variant: str) -> str:
+    """``poisson (depth=9, trim=0.1)``."""
     return f"{method} ({variant.replace(',', ', ')})" if variant else method
 
 

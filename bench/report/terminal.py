@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING
 
-from .tables import GROUP, Metric, Table
+from .tables import GROUP, Metric, Table, label
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,20 +53,15 @@ def _width(cells: list[str]) -> int:
 
 
 def _one(table: Table, width: int, color: bool) -> str:
-    parts = [_block(table, metrics, ranked=i == 0, many=i > 0) for i, metrics in enumerate(blocks(table, width))]
     from rich.text import Text
 
-    return _print(
-        [
-            Text(table.title, style="bold"),
-            *parts,
-            *(Text(note, style="dim") for note in (*table.notes, "*: tied for first.")),
-        ],
-        color,
-    )
+    parts = [Text(table.title, style="bold")]
+    for i, metrics in enumerate(blocks(table, width)):
+        parts += [_block(table, metrics, ranked=i == 0), Text()]
+    return _print([*parts, *(Text(note, style="dim") for note in (*table.notes, "*: tied for first."))], color)
 
 
-def _block(table: Table, metrics: list[Metric], ranked: bool, many: bool) -> RichTable:
+def _block(table: Table, metrics: list[Metric], ranked: bool) -> RichTable:
     from rich import box
     from rich.table import Table as RichTable
     from rich.text import Text
@@ -108,11 +103,12 @@ def failure_list(board: pd.DataFrame, rows: pd.DataFrame, width: int = 120, colo
     for f in failures(rows).itertuples(index=False):
         if (f.task, f.dataset, f.sensor, f.method, f.variant) not in shown:
             continue
-        label = f"{f.method} ({f.variant.replace(',', ', ')})" if f.variant else f.method
         message = " ".join(str(f.message or "").split())
         message = message if len(message) <= MOST_MESSAGE else message[: MOST_MESSAGE - 1] + "…"
         where = " · ".join((f.task, f.dataset, f.sensor))
-        lines.append(Text(f"  {label}: {f.count} {f.status} ({where}){': ' + message if message else ''}"))
+        lines.append(
+            Text(f"  {label(f.method, f.variant)}: {f.count} {f.status} ({where}){': ' + message if message else ''}")
+        )
     return _print([Text("\nNot solved", style="bold"), *lines], color) if lines else ""
 
 

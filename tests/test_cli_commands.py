@@ -1,0 +1,311 @@
+"""The commands do what their help says: list, plan, why, reproduce, apply, new, check, and what they leave behind."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+
+import numpy as np
+import pytest
+from conftest import TOYS
+
+COMMANDS = ("run", "plan", "list", "leaderboard", "apply", "check", "new", "why", "reproduce")
+
+
+@pytest.fixture(scope="module")
+def finished(shells):
+    """A small finished sweep, and what running it printed."""
+    shell = shells("finished")
+    done = shell.run("method=fine,identity", "seed=0,1")
+    assert done.returncode == 0, done.stderr
+    return shell, done
+
+
+# -- the front door ----------------------------------------------------------------------------------------------------
+
+
+def test_help_names_every_command_and_the_exit_codes(shell):
+    done = shell.call("--help")
+    assert done.returncode == 0
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} ", done.stdout, re.MULTILINE)
+    assert re.search(r"0 .*1 .*3 .*130", done.stdout, re.DOTALL)
+    assert shell.call("--version").stdout.split()[0] == "detailbench"
+    assert shell.call().returncode == 1
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_each_command_has_a_help_of_its_own(shell, command):
+    done = shell.call(command, "--help")
+    assert done.returncode == 0, done.stderr
+    assert f"detailbench {command}" in done.stdout
+    assert "--plugin" in done.stdout or command in ("new", "leaderboard")
+    assert not done.stderr
+
+
+def test_python_m_bench_is_the_same(shell):
+    module = [sys.executable, "-m", "bench"]
+    assert shell.call("--help", command=module).stdout == shell.call("--help").stdout
+    done = shell.run("method=fine", sweep=False, command=module)
+    assert done.returncode == 0, done.stderr
+    assert (shell.rows()["status"] == "ok").all()
+
+
+# -- run and plan ------------------------------------------------------------------------------------------------------
+
+
+def test_a_clean_run_leaves_results_and_nothing_else(finished):
+    shell, done = finished
+    assert list(shell.work.iterdir()) == []
+    below = {path.name for path in shell.results.iterdir()}
+    assert below <= {"cells", ".locks", ".index", ".sweeps", ".partial"}
+    for folder in (".sweeps", ".partial"):
+        assert not list(shell.results.glob(f"{folder}/*"))
+    assert len(shell.files()) == 4
+    assert "Traceback" not in done.stderr
+    assert not shell.left_over()
+    assert "fine" in done.stdout
+    assert "identity" in done.stdout
+
+
+def test_one_results_folder_relative_to_where_one_is(shell):
+    assert shell.run("method=fine", "results=here", sweep=False).returncode == 0
+    assert {path.name for path in shell.work.iterdir()} == {"here"}
+    assert shell.run("method=fine", "results=here", sweep=False, launcher="joblib").returncode == 0
+    assert len(shell.calls()) == 2
+
+
+def test_plan_knows_what_is_finished_and_runs_nothing(finished):
+    shell, _ = finished
+    calls = shell.calls()
+    act = lambda command, *words, **options: shell.call("plan", *words, **options)  # noqa: E731
+    done = shell.run("method=fine,identity", "seed=0,1,2", act=act)
+    assert done.returncode == 0, done.stderr
+    assert "6 cells, 12 cases, 8 finished, 4 to do" in done.stdout
+    assert len(re.findall(r"2/2 +finished", done.stdout)) == 4
+    assert len(re.findall(r"0/2 +new", done.stdout)) == 2
+    assert shell.calls() == calls
+    planned = set(re.findall(r"^([0-9a-f]{12}) ", done.stdout, re.MULTILINE))
+    assert set(shell.rows()["cell"]) <= planned  # the ids are those that the run uses
+
+
+def test_a_method_that_does_not_solve_the_task(shell):
+    done = shell.run("method=fine", "task=reconstruct", sweep=False)
+    assert done.returncode == 1
+    assert "fine does not solve reconstruct: it solves denoise" in done.stderr
+    assert "identity" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_same_seed_gives_the_same_scores_under_every_launcher(finished, shell):
+    first, _ = finished
+    shell.run("method=fine,identity", "seed=0,1", launcher="joblib")
+    key = ["method", "seed", "case"]
+    a, b = (s.rows().set_index(key)["score.spread"].sort_index() for s in (first, shell))
+    assert list(a.index) == list(b.index)
+    assert np.array_equal(a.to_numpy(), b.to_numpy())
+    assert a.nunique() == 4  # two seeds, two cases; both methods return the cloud
+
+
+# -- list --------------------------------------------------------------------------------------------------------------
+
+
+def test_list_as_text_and_as_json(shell):
+    done = shell.call("list", "--plugin", TOYS)
+    assert done.returncode == 0
+    for word in ("tasks", "datasets", "sensors", "methods", "metrics", "fine", "ball", "dots", "spread", "identity"):
+        assert re.search(rf"\b{word}\b", done.stdout)
+    listing = json.loads(shell.call("list", "--json", "--plugin", TOYS).stdout)
+    (fine,) = (m for m in listing["method"] if m["name"] == "fine")
+    assert fine["tasks"] == ["denoise"]
+    assert fine["parameters"]["take"] == {"default": 0.0, "help": "seconds"}
+    assert fine["file"] == str(TOYS)
+    assert listing["broken"] == []
+    one = shell.call("list", "method", "fine", "--plugin", TOYS)
+    assert "method.take=0.0  seconds" in one.stdout
+    assert json.loads(shell.call("list", "datasets", "--json").stdout).keys() == {"dataset", "broken"}
+
+
+def test_the_listing_says_what_is_missing(shell):
+    done = shell.call("list", "methods", "--plugin", TOYS, "--plugin", TOYS.with_name("misbehaving.py"))
+    (line,) = (line for line in done.stdout.splitlines() if "declared_missing" in line and "undeclared" not in line)
+    assert "pip install no_such_library_declared" in line
+
+
+# -- why and reproduce -------------------------------------------------------------------------------------------------
+
+
+def test_why_and_reproduce_a_stored_cell(finished):
+    shell, _ = finished
+    cell = shell.rows(method="identity", seed=1)["cell"].iloc[0]
+    why = shell.call("why", cell, f"results={shell.results}")
+    assert why.returncode == 0, why.stderr
+    assert "identity seed=1" in why.stdout
+    assert "2/2 solved" in why.stdout
+    assert "current:" in why.stdout
+    files = {path: path.read_bytes() for path in shell.files()}
+    again = shell.call("reproduce", cell, f"results={shell.results}")
+    assert again.returncode == 0, again.stderr
+    assert "reproduced: every status and score agrees" in again.stdout
+    assert {path: path.read_bytes() for path in shell.files()} == files
+    assert list(shell.work.iterdir()) == []
+    assert not shell.left_over()
+
+
+def test_reproduce_tells_a_method_that_draws_from_nowhere(shell):
+    plugin = shell.folder / "moody.py"
+    plugin.write_text(
+        "from dataclasses import dataclass\nimport os\nimport numpy as np\nfrom bench import PointCloud, register\n"
+        "@register('method')\n@dataclass(frozen=True)\nclass Moody:\n    'Another result every time.'\n"
+        "    def denoise(self, cloud, run):\n"
+        "        rng = np.random.default_rng(int.from_bytes(os.urandom(8), 'big'))\n"
+        "        return PointCloud(cloud.points + rng.normal(size=cloud.points.shape))\n"
+    )
+    shell.run("method=moody", sweep=False, plugins=(TOYS, plugin))
+    again = shell.call("reproduce", shell.rows()["cell"].iloc[0], f"results={shell.results}")
+    assert again.returncode == 3
+    assert re.search(r"ball-test-000: spread was [\d.]+, is [\d.]+", again.stdout)
+    assert "2 differences" in again.stdout
+    check = shell.call("check", plugin)
+    assert check.returncode == 3
+    assert re.search(r"FAIL  denoise: same seed, same result", check.stdout)
+
+
+# -- apply -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def cloud_file(shell):
+    """Two hundred points far from the origin."""
+    points = np.random.default_rng(3).normal(scale=20.0, size=(200, 3)) + (1000.0, 0.0, -50.0)
+    np.savetxt(shell.work / "scan.xyz", points, fmt="%.17g")
+    return points
+
+
+def test_apply_writes_in_the_coordinates_of_the_input(shell, cloud_file):
+    done = shell.call("apply", "--plugin", TOYS, "method=fine", "scan.xyz", "clean.xyz")
+    assert done.returncode == 0, done.stderr
+    assert "200 points" in done.stdout
+    assert np.allclose(np.loadtxt(shell.work / "clean.xyz")[:, :3], cloud_file, rtol=1e-6)
+    assert {p.name for p in shell.work.iterdir()} == {"scan.xyz", "clean.xyz"}
+    assert not shell.left_over()
+
+
+def test_apply_asks_for_the_task_where_it_is_open(shell, cloud_file):
+    done = shell.call("apply", "method=identity", "scan.xyz", "clean.ply")
+    assert done.returncode == 1
+    assert "task=denoise" in done.stderr
+    assert "task=reconstruct" in done.stderr
+    given = shell.call("apply", "method=identity", "task=denoise", "scan.xyz", "clean.ply")
+    assert given.returncode == 0, given.stderr
+    assert (shell.work / "clean.ply").read_bytes().startswith(b"ply")
+
+
+BAD_METHODS = {
+    "raises_always": ("raise ArithmeticError('no pivot')", "error: ArithmeticError: no pivot"),
+    "dies": ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crashed: killed by SIGSEGV"),
+    "hangs": ("while True: pass", "timeout: stopped after 1 s"),
+    "returns_none": ("return None", "invalid: promised a PointCloud"),
+    "eats": ("return bytearray(64 << 30)", "oom: "),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD_METHODS)
+def test_apply_survives_a_bad_method_with_one_message(shell, cloud_file, name):
+    body, message = BAD_METHODS[name]
+    plugin = shell.folder / "bad.py"
+    plugin.write_text(
+        "from dataclasses import dataclass\nfrom bench import register\n"
+        f"@register('method', name='{name}')\n@dataclass(frozen=True)\nclass Bad:\n    'Bad.'\n"
+        f"    def denoise(self, cloud, run):\n        {body}\n"
+    )
+    limits = ("limit.seconds=1", "limit.memory_gb=1")
+    done = shell.call("apply", "--plugin", plugin, f"method={name}", "scan.xyz", "clean.xyz", *limits)
+    assert done.returncode == 1
+    assert f"error: {name}: {message}" in done.stderr
+    assert not (shell.work / "clean.xyz").exists()
+    assert not shell.left_over()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("method=identity", "task=denoise", "gone.xyz", "out.xyz"), ("gone.xyz", "no such file")),
+        (("method=identity", "task=denoise", "scan.xyz", "gone/out.xyz"), ("gone",)),
+        (("method=identity", "task=denoise", "scan.xyz", "out.docx"), ("out.docx", ".docx")),
+        (("method=identity", "task=denoise", "empty.xyz", "out.xyz"), ("empty.xyz",)),
+        (("method=identity", "task=denoise", "text.ply", "out.xyz"), ("text.ply",)),
+        (("method=identity", "task=denoise", "two.xyz", "out.xyz"), ("two.xyz", "3")),
+        (("method=identity", "task=denoise", "nan.xyz", "out.xyz"), ("nan.xyz", "NaN")),
+        (("method=identity", "task=denoise", "scan.xyz", "scan.xyz", "out.xyz"), ("one input file",)),
+    ],
+)
+def test_apply_refuses_poor_files_by_name(shell, cloud_file, words, said):
+    (shell.work / "empty.xyz").write_text("")
+    (shell.work / "text.ply").write_text("once upon a time\n")
+    (shell.work / "two.xyz").write_text("0 0 0\n1 1 1\n")
+    (shell.work / "nan.xyz").write_text("0 0 0\n1 1 1\nnan 0 0\n2 0 0\n")
+    done = shell.call("apply", *words)
+    assert done.returncode == 1, done.stdout
+    assert "Traceback" not in done.stderr, done.stderr
+    for word in said:
+        assert word in done.stderr
+    assert not list(shell.work.glob("out.*"))
+
+
+# -- new and check -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["method", "dataset", "sensor", "metric"])
+def test_a_new_plugin_passes_its_check_and_runs_at_once(shell, kind):
+    done = shell.call("new", kind, "my_thing")
+    assert done.returncode == 0, done.stderr
+    assert {p.name for p in shell.work.iterdir()} == {"my_thing.py", "test_my_thing.py"}
+    check = shell.call("check", "my_thing.py")
+    assert check.returncode == 0, check.stdout
+    assert "FAIL" not in check.stdout
+    assert re.search(r"\b0 failed", check.stdout)
+    choice = {"metric": "metric=[my_thing]"}.get(kind, f"{kind}=my_thing")
+    method = () if kind == "method" else ("method=fine",)
+    ran = shell.run(choice, *method, sweep=False, plugins=(TOYS, shell.work / "my_thing.py"))
+    assert ran.returncode == 0, ran.stderr
+    assert (shell.rows()["status"] == "ok").all()
+    again = shell.call("new", kind, "my_thing")
+    assert again.returncode == 1
+    assert "exists; nothing was written" in again.stderr
+
+
+def test_a_new_plugin_s_own_test_passes(shell):
+    shell.call("new", "method", "MyThing")
+    done = shell.call("-q", "-p", "no:cacheprovider", "test_my_thing.py", command=[sys.executable, "-m", "pytest"])
+    assert done.returncode == 0, done.stdout
+    assert "1 passed" in done.stdout
+
+
+def test_check_judges_by_name_and_as_json(shell):
+    done = shell.call("check", "identity", "--json")
+    assert done.returncode == 0, done.stdout
+    report = json.loads(done.stdout)
+    assert {entry["verdict"] for entry in report} <= {"ok", "warn"}
+    assert {entry["plugin"] for entry in report} == {"method identity"}
+
+
+def test_check_fails_a_method_that_crashes_or_breaks_its_promise(shell):
+    plugin = shell.folder / "bad.py"
+    plugin.write_text(
+        "from dataclasses import dataclass\nimport os\nfrom bench import register\n"
+        "@register('method')\n@dataclass(frozen=True)\nclass Dies:\n    'Dies.'\n"
+        "    def denoise(self, cloud, run):\n        os.abort()\n"
+        "@register('method')\n@dataclass(frozen=True)\nclass Lies:\n    'Returns something else.'\n"
+        "    def denoise(self, cloud, run):\n        return cloud.points\n"
+        "@register('method')\n@dataclass(frozen=True)\nclass Idles:\n    'Solves nothing.'\n"
+    )
+    done = shell.call("check", plugin)
+    assert done.returncode == 3
+    assert "Traceback" not in done.stderr
+    dies, idles, lies = re.split(r"^method \w+ .*$", done.stdout, flags=re.MULTILINE)[1:]
+    assert re.search(r"FAIL .*SIGABRT", dies)
+    assert re.search(r"FAIL .*no function is named after a task", idles)
+    assert re.search(r"FAIL .*promised a PointCloud", lies)
+    assert not shell.left_over()

@@ -1,0 +1,292 @@
+"""The package: what is installed, who imports whom, what stays light, and a wheel that works on its own."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+import bench
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PLUGIN_FOLDERS = ("methods", "datasets", "metrics")
+FOLDERS = {"bench": "bench", "conf": "bench.conf", **{name: f"bench.{name}" for name in PLUGIN_FOLDERS}}
+HEAVY = ("torch", "open3d", "pymeshlab", "CGAL", "igl", "trimesh", "pandas", "scipy", "pyarrow", "pykdtree")
+NOT_OURS = {"build", "dist", "results", "outputs", "multirun", "__pycache__"}
+
+# Who may import whom: a module imports its own floor and those below. From the top to the ground.
+FLOORS = (
+    "cli commands sweep __main__",
+    "leaderboard report statistics runner isolate application conformance testing templates progress",
+    "store index worker plan config schema overrides provenance forkserver watch affinity",
+    "registry tasks run",
+    "geometry shapes",
+    "errors seeds __init__",
+)
+FLOOR_OF = {module: -number for number, modules in enumerate(FLOORS) for module in modules.split()}
+
+
+# --- the folders and pyproject.toml -----------------------------------------------------------------------------------
+
+
+def packages_on_disk() -> dict[str, str]:
+    """Package name -> folder, for every folder that has an ``__init__.py``."""
+    found = {}
+    for top, package in FOLDERS.items():
+        for init in (ROOT / top).rglob("__init__.py"):
+            folder = init.parent.relative_to(ROOT)
+            found[".".join((package, *folder.parts[1:]))] = folder.as_posix()
+    return found
+
+
+def test_the_package_list_is_the_folders_on_disk():
+    assert PROJECT["tool"]["setuptools"]["package-dir"] == packages_on_disk()
+    assert PROJECT["tool"]["setuptools"]["packages"] == sorted(packages_on_disk())
+
+
+def test_every_folder_with_python_files_is_a_package():
+    folders = {file.parent.relative_to(ROOT).as_posix() for top in FOLDERS for file in (ROOT / top).rglob("*.py")}
+    assert folders == set(packages_on_disk().values())
+
+
+def test_every_folder_with_yaml_is_a_package_and_its_yaml_is_package_data():
+    package_of = {folder: name for name, folder in packages_on_disk().items()}
+    folders = {file.parent.relative_to(ROOT).as_posix() for file in (ROOT / "conf").rglob("*.yaml")}
+    assert {package_of.get(folder, f"{folder} lacks its __init__.py") for folder in folders} <= set(package_of.values())
+    data = PROJECT["tool"]["setuptools"]["package-data"]
+    assert all("*.yaml" in data.get(package_of[folder], ()) for folder in folders), data
+
+
+def test_the_version_is_said_once_and_the_same():
+    assert PROJECT["project"]["version"] == bench.__version__
+
+
+def declared(*extras: str) -> list[Requirement]:
+    project = PROJECT["project"]
+    lines = [line for extra in extras for line in project["optional-dependencies"][extra]]
+    return [Requirement(line) for line in project["dependencies"] + lines]
+
+
+def constraints() -> dict[str, str]:
+    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    pins = dict(re.fullmatch(r"([A-Za-z0-9._-]+)==([^\s;]+)(?:\s*;.*)?", line).groups() for line in lines)
+    return {re.sub(r"[-_.]+", "-", name).lower(): version for name, version in pins.items()}
+
+
+def test_constraints_pin_all_that_is_declared():
+    pins = constraints()
+    for requirement in declared(*set(PROJECT["project"]["optional-dependencies"]) - {"ray"}):
+        if requirement.marker is None or requirement.marker.evaluate({"platform_system": "Linux"}):
+            assert requirement.name in pins
+            assert Version(pins[requirement.name]) in requirement.specifier
+
+
+def test_gpl_libraries_are_optional():
+    assert {requirement.name for requirement in declared()}.isdisjoint({"pymeshlab", "cgal"})
+
+
+# --- who imports whom -------------------------------------------------------------------------------------------------
+
+
+def imports(file: Path, package: str) -> Iterator[str]:
+    """Full names of all that a file imports, inside functions too; what only type checkers see is left out."""
+    tree = ast.parse(file.read_text())
+    for_types = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        for statement in node.body
+        for inner in ast.walk(statement)
+    }
+    for node in ast.walk(tree):
+        if node in for_types:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parts = package.split(".")
+            base = parts[: len(parts) - node.level + 1] if node.level else []
+            module = ".".join([*base, *filter(None, [node.module])])
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def imports_of(top: str) -> Iterator[tuple[Path, str]]:
+    for file in sorted((ROOT / top).rglob("*.py")):
+        folder = file.parent.relative_to(ROOT / top)
+        for name in imports(file, ".".join((FOLDERS[top], *folder.parts))):
+            yield file.relative_to(ROOT), name
+
+
+def test_the_imports_are_read_right(tmp_path):
+    file = tmp_path / "module.py"
+    file.write_text(
+        "import a.b\nfrom bench import Run\nif TYPE_CHECKING:\n    import hidden\n"
+        "def f():\n    from .siren import Siren\n    from ..cages import cage\n    from . import mls\n"
+    )
+    assert set(imports(file, "bench.methods.implicit")) == {
+        "a.b",
+        "bench.Run",
+        "bench.methods.implicit.siren.Siren",
+        "bench.methods.cages.cage",
+        "bench.methods.implicit.mls",
+    }
+
+
+def test_bench_imports_no_plugin():
+    plugins = tuple(FOLDERS[top] for top in PLUGIN_FOLDERS) + PLUGIN_FOLDERS
+    assert [found for found in imports_of("bench") if found[1].startswith(tuple(f"{p}." for p in plugins))] == []
+
+
+@pytest.mark.parametrize("top", PLUGIN_FOLDERS)
+def test_plugins_import_the_public_names_geometry_and_their_own_folder(top):
+    allowed = {f"bench.{name}" for name in bench.__all__}
+
+    def fine(name: str) -> bool:
+        if name.partition(".")[0] not in ("bench", *PLUGIN_FOLDERS):
+            return True  # a library
+        return name in allowed or name.startswith(("bench.geometry.", f"{FOLDERS[top]}."))
+
+    assert [found for found in imports_of(top) if not fine(found[1])] == []
+
+
+def test_bench_imports_only_downwards():
+    for file, name in imports_of("bench"):
+        importer, imported = file.with_suffix("").parts[1], name.split(".")
+        if imported[0] != "bench":
+            continue
+        importee = imported[1] if len(imported) > 1 and imported[1] in FLOOR_OF else "__init__"
+        assert importer in FLOOR_OF, f"bench/{importer} is new: name its floor in FLOORS"
+        assert FLOOR_OF[importer] >= FLOOR_OF[importee], f"{file} imports {name}, which is on a floor above it"
+
+
+# --- what stays light, and what stays out -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("words", [["--help"], ["list"], ["run", "--help"], ["leaderboard", "--help"]], ids=" ".join)
+def test_looking_around_imports_nothing_heavy(words, tmp_path):
+    code = (
+        "import sys; from bench.cli import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit as end: assert not end.code\n"
+        f"sys.exit(' '.join(sorted(set(sys.modules) & set({HEAVY!r}))))"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", code, *words], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    assert found.stderr.strip() == ""
+
+
+def test_no_file_names_a_place_outside_the_repository():
+    outside = re.compile(r"\.\./shared|(?<![\w.)}/-])/(?:work|root|home|Users)(?:/|\b(?!\w))")
+    found = []
+    for file in ROOT.rglob("*"):
+        parts = file.relative_to(ROOT).parts
+        hidden = any(part in NOT_OURS or (part.startswith(".") and part != ".ci") for part in parts[:-1])
+        if hidden or not file.is_file() or any(part.endswith(".egg-info") for part in parts):
+            continue
+        if file.suffix in {".py", ".md", ".toml", ".txt", ".yaml", ".sh", ".cfg"} or file.name in {"Makefile", "run"}:
+            for number, line in enumerate(file.read_text().splitlines(), 1):
+                if outside.search(line) and file != Path(__file__):
+                    found.append(f"{file.relative_to(ROOT)}:{number}: {line.strip()}")
+    assert found == []
+
+
+def test_a_skipped_test_fails_the_suite(tmp_path):
+    (tmp_path / "test_some.py").write_text("import pytest\ndef test_a(): pass\ndef test_b(): pytest.skip('why')\n")
+
+    def pytest_says(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "pytest", "-p", "no_skips", "-p", "no:cacheprovider", *words],
+            cwd=tmp_path,
+            env={"PYTHONPATH": str(ROOT / "scripts")},
+            capture_output=True,
+            text=True,
+        )
+
+    for words in ([], ["-n", "1"]):
+        skipped = pytest_says(*words)
+        assert skipped.returncode == 1, skipped.stdout
+        assert "1 passed, 1 skipped" in skipped.stdout
+    assert pytest_says("-k", "test_a").returncode == 0
+    assert pytest_says("-k", "nothing").returncode == 5
+
+
+# --- the wheel --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    """A wheel built from a copy of the tree: a build leaves folders behind."""
+    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist")
+    for name in (*FOLDERS, "pyproject.toml", "README.md", "LICENSE"):
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(ROOT / name, source)
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", out, source]
+    built = subprocess.run(command, capture_output=True, text=True)
+    assert built.returncode == 0, built.stdout + built.stderr
+    (file,) = out.glob("*.whl")
+    return file
+
+
+@pytest.fixture(scope="module")
+def elsewhere(wheel, tmp_path_factory) -> Path:
+    """The ``bin`` folder of a new environment that has the wheel, and the libraries of this one after its own."""
+    place = tmp_path_factory.mktemp("elsewhere") / "venv"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", place], check=True)
+    python = place / "bin" / "python"
+    install = ["-m", "pip", "--python", python, "install", "-q", "--no-deps", "--no-index", wheel]
+    subprocess.run([sys.executable, *install], check=True)
+    (site,) = place.glob("lib/python*/site-packages")
+    # A path line is appended to sys.path, and .pth files found there (our editable install is one) are not read.
+    (site / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    return place / "bin"
+
+
+def test_the_wheel_holds_the_package_and_nothing_else(wheel):
+    names = set(zipfile.ZipFile(wheel).namelist())
+    info = f"detailbench-{bench.__version__}.dist-info"
+    assert {name.partition("/")[0] for name in names} == {"bench", info}
+    assert zipfile.ZipFile(wheel).read(f"{info}/top_level.txt").split() == [b"bench"]
+    assert f"{info}/licenses/LICENSE" in names
+    expected = {
+        "/".join((*FOLDERS[top].split("."), *file.relative_to(ROOT / top).parts))
+        for top in FOLDERS
+        for pattern in ("*.py", "*.yaml", "py.typed")
+        for file in (ROOT / top).rglob(pattern)
+    }
+    assert {name for name in names if name.startswith("bench/")} == expected
+
+
+def test_the_wheel_lists_its_plugins_from_anywhere(elsewhere, tmp_path):
+    where = [elsewhere / "python", "-c", "import bench; print(bench.__file__)"]
+    found = Path(subprocess.run(where, cwd=tmp_path, capture_output=True, text=True, check=True).stdout.strip())
+    assert found.is_relative_to(elsewhere.parent)
+
+    listed = subprocess.run([elsewhere / "detailbench", "list"], cwd=tmp_path, capture_output=True, text=True)
+    assert listed.returncode == 0, listed.stderr
+    words = set(listed.stdout.split())
+    assert {"denoise", "bumps", "samples", "identity", "poisson", "hausdorff"} <= words
+    assert "broken" not in words
+
+
+def test_the_wheel_runs_a_cell_from_anywhere(elsewhere, tmp_path):
+    words = ["run", "task=denoise", "dataset=bumps", "method=identity", "cases=1", "results=out"]
+    ran = subprocess.run([elsewhere / "detailbench", *words], cwd=tmp_path, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "1/1" in ran.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert list((tmp_path / "out").rglob("*.parquet"))
