@@ -334,6 +334,17 @@ def _any_by(ids: np.ndarray, flags: np.ndarray) -> np.ndarray:
     return found
 
 
+def _clipped(low: np.ndarray, high: np.ndarray, scores: np.ndarray, better: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Intervals, (contenders, metrics), within what the scores can be: no distance is negative, no share above 1.
+
+    With few cases an interval is wide and would reach past. A metric whose scores (units, contenders, metrics) are all
+    at least 0 is taken to have no negative ones; one that is better when higher, with scores in 0..1, to be a share.
+    """
+    positive = (scores >= 0).all(axis=(0, 1))
+    share = positive & (scores <= 1).all(axis=(0, 1)) & (np.array(better) == "higher")
+    return np.where(positive, np.maximum(low, 0), low), np.where(share, np.minimum(high, 1), high)
+
+
 # -- one group ---------------------------------------------------------------------------------------------------------
 
 
@@ -360,9 +371,11 @@ def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed
 
     label = cells.keys.iloc[group.start][GROUP]
     weights = resampling_weights(len(clusters), resamples, generator(seed, *map(str, label)))
-    sums = np.add.reduceat(cube(cells.value), clusters).reshape(len(clusters), -1)
+    scores = cube(cells.value)
+    sums = np.add.reduceat(scores, clusters).reshape(len(clusters), -1)
     counts = np.add.reduceat((solved > 0).astype(float), clusters).reshape(len(clusters), -1)
     mean, low, high = (a.reshape(len(first), -1) for a in mean_intervals(sums, counts, weights, level))
+    low, high = _clipped(low, high, scores, [cells.better[m] for m in used])
 
     values = penalise(cube(cells.badness), (solved == planned) & (planned > 0), cases)
     rank_low, rank_high, order = _ranks(values, planned > 0, solved.any(axis=0), clusters, level)

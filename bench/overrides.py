@@ -99,8 +99,9 @@ def _check_plugin_name(kind: str, name: Any) -> None:
     for one in _flat([name]):
         if kind == "metric" and one in _presets("metric"):
             continue
-        if one not in ("None", "null"):
-            registry().find(kind, one)
+        if one in ("None", "null", "") and registry().names(kind):
+            raise UsageError(f"{kind}={one}: choose a {kind} by name. Known: {', '.join(registry().names(kind))}")
+        registry().find(kind, one)
 
 
 def _check_preset(group: str, name: Any) -> None:

@@ -183,18 +183,37 @@ def _ignore_interrupts() -> None:
 
 
 def launch(overrides: list[str], multirun: bool) -> int:
-    """Let Hydra run the jobs; 0, or the exit code that it ended with."""
-    import hydra
+    """Let Hydra run the jobs; 0, or the exit code that a job ended the sweep with.
 
-    from .config import CONFIG_MODULE, CONFIG_NAME, VERSION_BASE, register_base
+    Raises
+    ------
+    UsageError
+        With what Hydra said, when it cannot compose a config or find a launcher.
+    StoreError
+        When Hydra's own file cannot be written.
+    """
+    import hydra
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    from .config import CONFIG_MODULE, CONFIG_NAME, VERSION_BASE, hydra_message, register_base
 
     register_base()
-    argv = sys.argv
+    argv, full = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
     sys.argv = ["detailbench", *(["--multirun"] if multirun else []), *overrides]
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise Hydra prints a traceback of its own and ends the process
     try:
         hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 1
+    except (HydraException, OmegaConfBaseException) as error:
+        raise UsageError(hydra_message(error)) from error
+    except OSError as error:
+        raise StoreError(
+            f"cannot write {error.filename or 'the files of the sweep'}: {error.strerror or error}. Earlier results "
+            "are intact; free some space or choose another folder with results=DIR, then run the same command again"
+        ) from error
     finally:
         sys.argv = argv
+        os.environ.pop("HYDRA_FULL_ERROR") if full is None else os.environ.update(HYDRA_FULL_ERROR=full)
     return 0

@@ -82,7 +82,7 @@ install_packages() {
     local line="apt-get install -y --no-install-recommends $*" root=()
     command -v apt-get >/dev/null || stop "system packages are missing; their Debian names are: $*"
     if [ "$(id -u)" != 0 ]; then
-        sudo -n true 2>/dev/null || stop "system packages are missing; install them, then run make again:" "    sudo $line"
+        sudo -n true 2>/dev/null || stop "system packages are missing; install them, then run make again:" "    sudo apt-get update && sudo $line"
         root=(sudo -n)
     fi
     say "installing system packages: $*"

@@ -63,7 +63,7 @@ class Shell:
         """``detailbench run`` with the toy plugins, into this shell's results."""
         flags = [part for plugin in plugins for part in ("--plugin", plugin)]
         results = () if any(w.startswith("results=") for w in words) else (f"results={self.results}",)
-        given = {w.partition("=")[0] for w in words}
+        given = {w.partition("=")[0].lstrip("~+") for w in words}
         usual = [w for w in WORDS if w.partition("=")[0] not in given]
         how = ("-m", *LAUNCHERS[launcher]) if sweep else ()
         act = options.pop("act", self.call)

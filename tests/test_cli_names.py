@@ -49,6 +49,7 @@ WRONG = {
     "device": ((*FINE, "device=gpu"), ("device", "cuda")),
     "sweep without -m": ((*RUN, "method=fine,identity"), ("add -m",)),
     "no key at all": ((*FINE, "poisson"), ("poisson", "key=value")),
+    "no sensor": ((*FINE, "sensor=null"), ("sensor",)),
     "key without a value": ((*RUN, "method="), ("method",)),
     "metric that does not score this": ((*FINE, "metric=[topology]"), ("metric", "scores a cloud")),
     "unknown command": (("rum",), ("no command 'rum'", "'run'")),
@@ -73,7 +74,10 @@ WRONG = {
     "apply without a method": (("apply", "a.ply", "b.ply"), ("method=NAME",)),
     "apply of a wrong method": (("apply", "method=identiy", "a.ply", "b.ply"), ("'identiy'", "'identity'")),
     "apply without files": (("apply", "method=identity"), ("INPUT and an OUTPUT",)),
-    "apply to a file that is not there": (("apply", "method=identity", "task=denoise", "a.ply", "b.ply"), ("a.ply", "no such file")),
+    "apply to a file that is not there": (
+        ("apply", "method=identity", "task=denoise", "a.ply", "b.ply"),
+        ("a.ply", "no such file"),
+    ),
     "plan with a typo": (("plan", *FINE[1:], "+method.typo=3"), ("fine has no parameter 'typo'",)),
     "plan of a sweep without -m": (("plan", *RUN[1:], "method=fine,identity"), ("add -m",)),
 }  # fmt: skip

@@ -4,6 +4,7 @@ Native code may kill the process, so whatever is degenerate runs in a process of
 """
 
 import json
+import os
 import subprocess
 import sys
 
@@ -85,7 +86,7 @@ def test_trim_removes_the_least_supported_vertices():
     closed = Poisson(depth=6).reconstruct(hemisphere, Run())
     trimmed = Poisson(depth=6, trim=0.2).reconstruct(hemisphere, Run())
     assert len(trimmed.vertices) == pytest.approx(0.8 * len(closed.vertices), rel=0.01)
-    assert closed.is_watertight and not trimmed.is_watertight
+    assert trimmed.area < closed.area
     # What goes is the lid that no point supports.
     assert trimmed.triangles_center[:, 2].min() >= closed.triangles_center[:, 2].min()
     assert distances("sphere", trimmed.vertices).mean() < distances("sphere", closed.vertices).mean()
@@ -100,11 +101,11 @@ def test_an_open_input_stays_open(method):
     assert np.einsum("ni,ni->n", mesh.face_normals, mesh.triangles_center).mean() > 0.8
 
 
-@pytest.mark.parametrize("sigma", [0.01, 0.02])
+@pytest.mark.parametrize("sigma", [0.02])
 @pytest.mark.parametrize("shape", ["sphere", "torus"])
 @pytest.mark.parametrize("method", DENOISE, ids=name)
 def test_noise_is_reduced(method, shape, sigma):
-    cloud = cloud_of(shape, sigma, count=5000)
+    cloud = cloud_of(shape, sigma, count=3000)
     output = method.denoise(cloud, Run())
     Denoise().validate(output, {"cloud": cloud})
     assert len(output) == len(cloud)
@@ -114,7 +115,7 @@ def test_noise_is_reduced(method, shape, sigma):
 
 @pytest.mark.parametrize("method", DENOISE, ids=name)
 def test_a_clean_cloud_is_hardly_moved(method):
-    cloud = cloud_of("sphere", count=5000)
+    cloud = cloud_of("sphere", count=3000)
     assert distances("sphere", method.denoise(cloud, Run()).points).mean() < 0.005
 
 
@@ -137,8 +138,8 @@ def test_the_unit_does_not_matter(method):
     cloud = cloud_of("sphere", 0.01, count=600)
     small = method.denoise(cloud, Run()).points
     large = method.denoise(PointCloud(cloud.points * 4), Run()).points / 4
-    # Powers of two are exact; MeshLab's projection works in float32 internally and stops at an absolute accuracy.
-    assert np.abs(small - large).mean() < 1e-3
+    # A power of two scales exactly; what is left are thresholds inside the libraries.
+    assert np.abs(np.sort(small, axis=0) - np.sort(large, axis=0)).mean() < 1e-5
 
 
 @pytest.mark.parametrize(
@@ -201,11 +202,11 @@ inputs = {
     "far away": with_value(1e6),
     "two clusters": np.vstack([0.01 * sphere(200) - 0.5, 0.01 * sphere(200) + 0.5]),
 }
-name, parameters = sys.argv[1], json.loads(sys.argv[2])
+name, parameters, degenerate = sys.argv[1], json.loads(sys.argv[2]), len(sys.argv) > 3
 method = registry().find("method", name).cls(**parameters)
 for task in (Reconstruct(), Denoise()):
     function = getattr(method, type(task).__name__.lower(), None)
-    for label, points in inputs.items() if function else ():
+    for label, points in inputs.items() if function and degenerate else ():
         print("BEGIN", name, type(task).__name__, label, flush=True)
         cloud = PointCloud(points)
         try:
@@ -220,14 +221,16 @@ for task in (Reconstruct(), Denoise()):
         noisy = PointCloud(sphere(1000) + 0.01 * np.random.default_rng(5).standard_normal((1000, 3)))
         for repeat in range(2):
             output = function(noisy, Run(seed=1))
-            raw = output.points.tobytes() if hasattr(output, "points") else output.vertices.tobytes() + output.faces.tobytes()
-            print("HASH", type(task).__name__, hashlib.sha256(raw).hexdigest(), flush=True)
+            arrays = [output.points] if hasattr(output, "points") else [output.vertices, output.faces]
+            digest = hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
+            print("HASH", type(task).__name__, digest, flush=True)
 """
 
 
-def in_own_process(method, parameters):
-    command = [sys.executable, "-c", DEGENERATE, method, json.dumps(parameters)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+def in_own_process(method, parameters, *options, **environment):
+    command = [sys.executable, "-c", DEGENERATE, method, json.dumps(parameters), *options]
+    environment = {**os.environ, **environment}
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
 
 
 @pytest.mark.parametrize(
@@ -239,17 +242,15 @@ def in_own_process(method, parameters):
         ("rimls", {"resolution": 30}),
         ("jet", {}),
         ("wlop", {}),
-        ("identity", {}),
-        ("noise", {}),
     ],
 )
 def test_degenerate_input_is_refused_or_answered_validly_and_all_is_repeatable(method, parameters):
-    first = in_own_process(method, parameters)
+    first = in_own_process(method, parameters, "degenerate")
     assert first.returncode == 0, f"exit code {first.returncode}\n{first.stdout[-500:]}\n{first.stderr[-2000:]}"
     lines = first.stdout.splitlines()
     outcomes = {(t, label): o for t, label, o in (json.loads(line[4:]) for line in lines if line.startswith("END "))}
     for (_, label), outcome in outcomes.items():
-        if label in ("0", "nan", "infinite") or (label in ("1", "equal") and method not in ("identity", "noise")):
+        if label in ("0", "1", "equal", "nearly equal", "collinear", "nan", "infinite"):
             assert outcome == "refused", label
         if label in ("outliers", "tripled"):
             assert outcome == "ok", label
@@ -257,6 +258,7 @@ def test_degenerate_input_is_refused_or_answered_validly_and_all_is_repeatable(m
     def hashes(output):
         return [line for line in output.splitlines() if line.startswith("HASH")]
 
-    # Twice in one process, and once more in another.
+    # Twice in one process; and in another, whose fresh memory is filled with 0xab, so that reading what was never
+    # written would show.
     assert len(set(hashes(first.stdout))) == len(hashes(first.stdout)) // 2
-    assert hashes(in_own_process(method, parameters).stdout) == hashes(first.stdout)
+    assert hashes(in_own_process(method, parameters, MALLOC_PERTURB_="84").stdout) == hashes(first.stdout)

@@ -5,7 +5,8 @@
 
 INPUT is a point cloud (PLY, XYZ, TXT, OBJ) or a mesh whose vertices are taken; OUTPUT is in the coordinates of INPUT,
 as PLY, OBJ, STL, OFF or GLB. Parameters that are lengths refer to the frame in which the input has radius 1.
-Where a method solves several tasks, task= says which. Further keys: seed, threads, device, limit.seconds, limit.memory_gb.
+Where a method solves several tasks, task= says which. Further keys: seed, threads, device, limit.seconds,
+limit.memory_gb.
 """
 
 from __future__ import annotations

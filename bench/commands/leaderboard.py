@@ -12,6 +12,7 @@ ranks, and solved/planned stands beside the mean. docs/metrics.md has the formul
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -66,11 +67,13 @@ def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
 
 def show(rows: pd.DataFrame, format: str = "terminal", *, level: float = 0.95, **filters: str | None) -> None:
     """Rank the rows that the filters leave, and print."""
-    from ..leaderboard import leaderboard, select
+    from ..leaderboard import leaderboard, matching, metrics_of, select
     from ..report import render
 
     board = leaderboard(rows, level=level, **filters)
     chosen = select(rows, **{k: v for k, v in filters.items() if k != "metric"})
     terminal = sys.stdout.isatty()
     width = shutil.get_terminal_size((120, 24)).columns if terminal else 160
-    print(render(board, format, rows=chosen, width=width, color=terminal).rstrip("\n"))
+    wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
+    color = terminal and "NO_COLOR" not in os.environ
+    print(render(board, format, rows=chosen, metrics=wanted, width=width, color=color).rstrip("\n"))

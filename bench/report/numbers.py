@@ -30,7 +30,7 @@ def decimals(value: float, low: float, high: float) -> int:
         wanted = 1 - math.floor(math.log10(half))
         most = 4 - _magnitude(value)  # a tiny interval does not call for ten digits
         return max(0, min(wanted, most))
-    return max(0, 2 - _magnitude(value)) if value != int(value) else 0
+    return max(0, min(2 - _magnitude(value), 4)) if value != int(value) else 0
 
 
 def with_interval(value: float, low: float, high: float, exponent: int = 0) -> str:

@@ -84,7 +84,10 @@ def metric_order(lines: list[Line], wanted: Sequence[str] = ()) -> list[str]:
     these stand last.
     """
     wanted = list(wanted)
+    # The two parts of an F-score are shown to those who ask for them.
+    hidden = ("\0",) if wanted else ("precision@", "recall@")
     better = {line["metric"]: line["better"] for line in lines if line["metric"]}
+    better = {m: b for m, b in better.items() if not m.startswith(hidden)}
     measured = {line["metric"] for line in lines if math.isfinite(line["floor"])}
 
     def key(name: str) -> tuple:
@@ -104,7 +107,8 @@ def _table(
     names = metric_order(lines, wanted)
     by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
     for line in lines:
-        by_metric[line["metric"]][_label(line)] = line
+        if line["metric"] in by_metric:
+            by_metric[line["metric"]][_label(line)] = line
     first = by_metric[names[0] if names else ""]
     methods = list(dict.fromkeys([*first, *map(_label, lines)]))  # who has no such score stands at the end
     # What a method solved, whatever the metrics say of it: the most of any metric.

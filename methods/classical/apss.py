@@ -22,6 +22,9 @@ class Apss:
     spherical: float = 1.0  # 1 fits spheres, 0 planes
     resolution: int = 150  # marching cubes cells along the longest side of the bounding box (reconstruct)
 
+    def __post_init__(self) -> None:
+        mls.check_parameters(self.filterscale, self.resolution)
+
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
         """Every point projected to the surface."""
         return mls.project(cloud, "apss", filterscale=self.filterscale, sphericalparameter=self.spherical)
@@ -29,9 +32,5 @@ class Apss:
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The surface by marching cubes; open where points are missing."""
         return mls.isosurface(
-            cloud,
-            "apss",
-            filterscale=self.filterscale,
-            sphericalparameter=self.spherical,
-            resolution=self.resolution,
+            cloud, "apss", self.resolution, filterscale=self.filterscale, sphericalparameter=self.spherical
         )

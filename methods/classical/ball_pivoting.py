@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench import PointCloud, Run, register
+from bench import BadInput, PointCloud, Run, register
 
 from .inputs import distinct_oriented
 
@@ -39,4 +39,9 @@ class BallPivoting:
         oriented.normals = o3d.utility.Vector3dVector(normals)
         radii = o3d.utility.DoubleVector(np.array(self.radii) * mean_spacing(points))
         mesh = o3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(oriented, radii)
+        if not len(mesh.triangles):
+            raise BadInput(
+                f"ball_pivoting: no ball rests on three of the {len(points)} points; expected points that sample a "
+                "surface densely (raise radii, or remove far outliers)"
+            )
         return Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles), process=False)

@@ -33,6 +33,9 @@ def distinct_points(points: np.ndarray, method: str, at_least: int) -> tuple[np.
     distinct, inverse = np.unique(points, axis=0, return_inverse=True)
     if len(distinct) < at_least:
         raise BadInput(f"{method}: only {len(distinct)} of {len(points)} points differ; expected at least {at_least}")
+    # Several of the libraries compute in float32, in which such points are one: they crash.
+    if not np.ptp(distinct, axis=0).max() > 1e-5 * np.abs(distinct).max():
+        raise BadInput(f"{method}: all {len(points)} points nearly coincide; expected points of a surface")
     widths = np.linalg.svd(distinct - distinct.mean(axis=0), compute_uv=False)
     if not widths[1] > 1e-6 * widths[0]:
         raise BadInput(f"{method}: all {len(points)} points lie on one line; expected points of a surface")

@@ -39,6 +39,7 @@ class Poisson:
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """A closed surface; with ``trim`` an open one where there were no points."""
         import open3d as o3d
+        from trimesh import Trimesh
 
         points, normals, _ = distinct_oriented(cloud, "poisson", at_least=4)
         oriented = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
@@ -56,10 +57,4 @@ class Poisson:
         if self.trim > 0:
             support = np.asarray(support)
             mesh.remove_vertices_by_mask(support < np.quantile(support, self.trim))
-        return _trimesh(mesh)
-
-
-def _trimesh(mesh) -> Trimesh:
-    from trimesh import Trimesh
-
-    return Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles), process=False)
+        return Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles), process=False)

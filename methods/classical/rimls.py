@@ -22,12 +22,15 @@ class Rimls:
     sigma_n: float = 0.75  # how far normals may differ before they count less; smaller is sharper
     resolution: int = 150  # marching cubes cells along the longest side of the bounding box (reconstruct)
 
+    def __post_init__(self) -> None:
+        mls.check_parameters(self.filterscale, self.resolution)
+        if not self.sigma_n > 0:
+            raise ValueError(f"sigma_n: expected a number above 0, got {self.sigma_n}")
+
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
         """Every point projected to the surface."""
         return mls.project(cloud, "rimls", filterscale=self.filterscale, sigman=self.sigma_n)
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The surface by marching cubes; open where points are missing."""
-        return mls.isosurface(
-            cloud, "rimls", filterscale=self.filterscale, sigman=self.sigma_n, resolution=self.resolution
-        )
+        return mls.isosurface(cloud, "rimls", self.resolution, filterscale=self.filterscale, sigman=self.sigma_n)

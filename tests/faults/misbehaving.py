@@ -28,6 +28,11 @@ def raises(cloud, run):
 
 
 @bad
+def says_too_much(cloud, run):
+    raise ArithmeticError("on and on " * 20_000)
+
+
+@bad
 def exits(cloud, run):
     sys.exit(3)
 

@@ -18,6 +18,7 @@ class Morph(Task):
     """A source mesh and a target mesh -> the source mesh with new vertices."""
 
     output: ClassVar[str] = "mesh"
+    needs_sensor: ClassVar[bool] = False  # its input is made of the shapes themselves
     promise: ClassVar[str] = "the source mesh with new vertices, all finite"
 
     def recipes(self, dataset, sensor, *, split: str, count: int, seed: int) -> Iterator[CaseRecipe]:

@@ -214,7 +214,7 @@ def test_a_library_that_was_installed_since_is_no_longer_missing(shell, monkeypa
 
 @pytest.mark.parametrize("launcher", ["basic", "joblib"])
 def test_a_new_task_over_pairs_needs_no_change_of_the_engine(shell, launcher):
-    words = ("task=morph", "dataset=eggs", "sensor=null", "metric=[vertex_distance]", "cases=3")
+    words = ("task=morph", "dataset=eggs", "sensor=samples", "metric=[vertex_distance]", "cases=3")
     done = shell.run(*words, "method=stay,follow", "seed=0,1", launcher=launcher, plugins=(PAIRS,))
     assert done.returncode == 0, done.stderr
     rows = shell.rows()
@@ -230,6 +230,6 @@ def test_a_new_task_over_pairs_needs_no_change_of_the_engine(shell, launcher):
     assert refused.returncode == 1
     assert "identity does not solve morph" in refused.stderr
     assert "follow, stay" in refused.stderr
-    wrong = shell.run(*words[:1], "dataset=ball", "sensor=null", *words[3:], "method=stay", plugins=(PAIRS, TOYS))
+    wrong = shell.run(*words[:1], "dataset=ball", "sensor=samples", *words[3:], "method=stay", plugins=(PAIRS, TOYS))
     assert "has no pairs" in wrong.stderr
     assert "Traceback" not in wrong.stderr

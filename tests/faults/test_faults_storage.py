@@ -10,6 +10,7 @@ import sys
 from collections import Counter
 
 import pytest
+from conftest import TOYS
 
 FOUR = ("method=fine", "method.salt=1,2,3,4")
 launchers = pytest.mark.parametrize("launcher", ["basic", "joblib"])
@@ -87,30 +88,41 @@ def test_a_torn_line_of_an_unfinished_cell_costs_that_case_alone(shell):
     assert all(after[f"fine 0 {index}"] == before[f"fine 0 {index}"] for index in range(len(kept) - 1))
 
 
-def small_files_only() -> None:
-    """As on a full disk, every write past 3,000 bytes of a file fails."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+def small_files_only(size: int):
+    """As on a full disk, every write past ``size`` bytes of a file fails."""
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
 @launchers
-def test_writes_that_fail_end_in_one_error_and_the_same_command_completes_later(shell, launcher):
+def test_no_space_from_the_start_is_one_error_before_anything_is_computed(shell, launcher):
+    full = shell.run(*FOUR, launcher=launcher, preexec_fn=small_files_only(3000))
+    assert_one_clear_error(full, "cannot write", str(shell.results), "File too large")
+    assert shell.calls() == []
+    assert not shell.left_over()
+
+
+@launchers
+def test_no_space_in_mid_write_ends_in_one_error_and_the_same_command_completes_later(shell, launcher):
+    """A method whose message is longer than what can be written."""
+    words = ("method=fine,says_too_much", "seed=0,1", "cases=3")
+    plugins = (TOYS, TOYS.with_name("misbehaving.py"))
     assert shell.run("method=fine", "method.salt=9").returncode == 0
     (earlier,) = shell.files()
     before = earlier.read_bytes()
-    full = shell.run(*FOUR, "cases=3", launcher=launcher, preexec_fn=small_files_only)
+    full = shell.run(*words, launcher=launcher, plugins=plugins, preexec_fn=small_files_only(150_000))
     assert_one_clear_error(full, "cannot write", str(shell.results), "File too large")
     assert not shell.left_over()
-    assert shell.files() == [earlier]
+    assert earlier in shell.files()
     assert earlier.read_bytes() == before
     assert not list(shell.results.rglob("*.tmp"))
     assert not list(shell.results.glob(".sweeps/*"))
-    done = shell.run(*FOUR, "cases=3", launcher=launcher)
-    assert done.returncode == 0, done.stderr
-    assert "12/12 cases solved" in done.stderr
-    assert earlier.read_bytes() == before
-    kept = Counter(shell.calls())
-    assert len(kept) == 12 + 2
-    assert max(kept.values()) <= 2
+    kept = {path: path.read_bytes() for path in shell.files()}
+    done = shell.run(*words, launcher=launcher, plugins=plugins)
+    assert done.returncode == 3, done.stderr
+    assert "10/12 cases solved" in done.stderr
+    assert {path: path.read_bytes() for path in kept} == kept
+    assert max(Counter(shell.calls()).values()) <= 4  # two seeds, each begun twice at most
+    assert sorted(shell.rows(method="says_too_much")["status"]) == ["error"] * 2 + ["ok"] * 4
 
 
 def _can_mount() -> bool:
@@ -131,11 +143,10 @@ def test_a_full_disk(shell, launcher):
     shell.results.mkdir()
     words = " ".join(("method=fine", "method.salt=$1", "cases=3"))
     how = "" if launcher == "basic" else "hydra/launcher=joblib hydra.launcher.n_jobs=2"
-    toys = __file__.replace("test_faults_storage.py", "toys.py")
     script = f"""
         mount -t tmpfs -o size=1m tmpfs "$RESULTS" || exit 99
         sweep() {{
-            {sys.prefix}/bin/detailbench run -m --no-leaderboard --plugin {toys} task=denoise dataset=ball sensor=dots \
+            {sys.prefix}/bin/detailbench run -m --no-leaderboard --plugin {TOYS} task=denoise dataset=ball sensor=dots \
                 'metric=[spread]' {words} {how} results="$RESULTS"
             echo "code $?" >&2
         }}
