@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from .config import Limits
@@ -30,7 +30,7 @@ class Application:
     seed: int = 0
     threads: int = 1
     device: str = "cpu"
-    limit: Limits = Limits()
+    limit: Limits = field(default_factory=Limits)
     plugins: tuple[str, ...] = ()
     verbose: bool = False
 

@@ -38,7 +38,7 @@ class Choice:
     @property
     def variant(self) -> str:
         """Parameters that differ from the defaults."""
-        return variant(self.plugin, self.parameters)
+        return variant(self.plugin, self.parameters) if self.parameters else ""
 
     @property
     def label(self) -> str:

@@ -47,7 +47,9 @@ class Lines:
         count = f"[{self.done}/{self.total}] " if self.total else ""
         for note in outcome.notes:
             print(f"warning: {note}", file=sys.stderr)
-        print(f"{count}{line_of(cell, outcome)}", file=sys.stderr, flush=True)
+        # One write, so that the lines of processes side by side do not mix.
+        sys.stderr.write(f"{count}{line_of(cell, outcome)}\n")
+        sys.stderr.flush()
 
 
 class Bars(Lines):

@@ -207,7 +207,10 @@ class _Job:
 
 def of_death(death: Death) -> dict[str, Any]:
     """The columns that tell how a worker ended."""
+    from .worker import now
+
     return {
+        "started": now(-death.seconds),
         "status": death.status,
         "stage": death.stage,
         "message": death.message,

@@ -146,7 +146,7 @@ class Results:
         if self.folder.exists() and not self.folder.is_dir():
             raise StoreError(f"results={self.folder}: is a file; expected a folder")
         probe = self.folder / ".sweeps" / f".probe-{os.getpid()}"
-        write_atomically(probe, b"")
+        write_atomically(probe, bytes(1 << 16))  # a full disk takes an empty file, and no more
         probe.unlink(missing_ok=True)
 
     # -- one record ------------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ when Hydra is done.
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import os
 import platform
@@ -15,6 +16,7 @@ import shutil
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -132,6 +134,8 @@ def job(config: DictConfig) -> None:
             os._exit(1)
 
     alive()
+    if not here:
+        _leave_with(session)
     reporter = PROGRESS if here and PROGRESS else Lines()
     title = _title(values)
     try:
@@ -164,6 +168,18 @@ def job(config: DictConfig) -> None:
         notes=outcome.notes,
         seconds=sum(row["seconds"] or 0 for row in record.rows),
     )
+
+
+@functools.cache
+def _leave_with(session: Session) -> None:
+    """End this process of a launcher when the front door is gone, also while it waits for the next job."""
+
+    def look() -> None:
+        while session.is_watched():
+            time.sleep(0.5)
+        os._exit(1)  # the fork servers see their socket close and end what is below them
+
+    threading.Thread(target=look, daemon=True, name="front door").start()
 
 
 def _title(values: Mapping[str, Any]) -> str:

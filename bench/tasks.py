@@ -39,6 +39,7 @@ class Task:
 
     output: ClassVar[str] = "cloud"  # what a method returns: "cloud" or "mesh"; metrics choose by it
     promise: ClassVar[str] = "a PointCloud"  # in words, for messages
+    needs_sensor: ClassVar[bool] = True  # without one, `recipes` is given None and the sensor is no part of the cell
 
     def recipes(self, dataset: Any, sensor: Any, *, split: str, count: int, seed: int) -> Iterator[CaseRecipe]:
         """The first ``count`` cases of a dataset's split.

@@ -19,7 +19,7 @@ import sys
 import time
 import traceback
 from collections.abc import Mapping
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -121,8 +121,7 @@ class _Session:
             case = recipe.build()
             row["tags"] = ",".join(case.tags)
             stage = "method"
-            output, figures = self.call_method(index, case, task)
-            row |= figures
+            output = self.call_method(index, case, task, row)
             task.validate(output, case.input)
             stage = "score"
             self.channel.send("begin", index=index, stage=stage)
@@ -134,8 +133,8 @@ class _Session:
             return row | {"stage": stage} | failure(error, stage)
         return row | {"status": "ok", "stage": "", "message": "", "traceback": ""}
 
-    def call_method(self, index: int, case: Case, task: Any) -> tuple[Any, dict[str, Any]]:
-        """The output of the method, and what the clock and the memory say of that call alone."""
+    def call_method(self, index: int, case: Case, task: Any, row: dict[str, Any]) -> Any:
+        """The output of the method; into the row goes what clock and memory say of that call alone."""
         cell = self.cell
         cell.method.plugin.require()
         method = cell.method.build()
@@ -151,13 +150,14 @@ class _Session:
             on_trace=lambda output, seconds: self.traced(output, seconds, case, task, trace),
         )
         self.channel.send("begin", index=index, stage="method")
-        with self.meter:
-            run._started, run._paused = time.perf_counter(), 0.0
-            output = task.solve(method, cell.task.name, dict(case.input), run)
-        figures = self.meter.figures() | {"parameters": run.parameters}
-        if trace:
-            figures["trace"] = json.dumps(plain(trace))
-        return output, figures
+        try:
+            with self.meter:
+                run._started, run._paused = time.perf_counter(), 0.0
+                return task.solve(method, cell.task.name, dict(case.input), run)
+        finally:
+            row |= self.meter.figures() | {"parameters": run.parameters}
+            if trace:
+                row["trace"] = json.dumps(plain(trace))
 
     def traced(self, output: Any, seconds: float, case: Case, task: Any, trace: list[dict[str, Any]]) -> None:
         """Score an intermediate result while the clock stands still."""
@@ -370,9 +370,9 @@ def sizes(output: Any) -> dict[str, int]:
     return {}
 
 
-def now() -> str:
-    """The time, UTC, ISO 8601."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
+def now(seconds: float = 0.0) -> str:
+    """The time in so many seconds, UTC, ISO 8601."""
+    return (datetime.now(UTC) + timedelta(seconds=seconds)).isoformat(timespec="milliseconds")
 
 
 def plain(value: Any) -> Any:

@@ -28,10 +28,10 @@ def run(args: argparse.Namespace) -> int:
     from ..config import enumerate_jobs
     from ..overrides import check_overrides
     from ..store import Results
-    from .run import results_folder
+    from .run import results_folder, split_words
 
     plugins = load_plugins(args.plugin)
-    overrides = [word for word in args.rest if not word.startswith("-")]
+    overrides, _ = split_words(args.rest)
     check_overrides(overrides, multirun=args.multirun)
     results = Results(results_folder(overrides))
     pace = seconds_per_case(results)

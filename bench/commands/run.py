@@ -24,7 +24,7 @@ from typing import Any
 
 from .. import sweep
 from ..cli import add_plugin_argument, load_plugins
-from ..errors import UsageError
+from ..errors import UsageError, did_you_mean
 from ..overrides import check_overrides
 from ..progress import Bars, Lines
 from ..store import Results
@@ -42,8 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run, print, and say with the exit code whether every case was solved."""
     plugins = load_plugins(args.plugin)
-    overrides = [word for word in args.rest if not word.startswith("-")]
-    flags = [word for word in args.rest if word.startswith("-")]
+    overrides, flags = split_words(args.rest)
     total = plan_size(overrides, args.multirun)
     results = Results(results_folder(overrides))
     results.prepare()
@@ -91,7 +90,7 @@ def _report(
             print(f"error: {entry['title']}: {entry['message']}", file=sys.stderr)
             code = code or 1
     if not cells:
-        return code or 1
+        return code or (0 if any(w.startswith("--") for w in args.rest) else 1)
     if not args.no_leaderboard:
         from .leaderboard import show
 
@@ -105,6 +104,32 @@ def _report(
         file=sys.stderr,
     )
     return code or (0 if solved == planned else 3)
+
+
+HYDRA_FLAGS = ("--cfg", "--resolve", "--package", "--info", "--hydra-help")
+
+
+def split_words(words: list[str]) -> tuple[list[str], list[str]]:
+    """Overrides, and flags that Hydra knows.
+
+    Raises
+    ------
+    UsageError
+        For any other flag, with the nearest right one.
+    """
+    overrides: list[str] = []
+    flags: list[str] = []
+    for word in words:
+        if flags and flags[-1] in ("--cfg", "--package", "--info") and "=" not in word and not word.startswith("-"):
+            flags.append(word)  # the flag's value
+        elif not word.startswith("-"):
+            overrides.append(word)
+        elif word.partition("=")[0] in HYDRA_FLAGS:
+            flags.append(word)
+        else:
+            known = ("-m", "--multirun", "--plugin", "--no-leaderboard", "--help", *HYDRA_FLAGS)
+            raise UsageError(f"unknown option {word!r}. {did_you_mean(word, known)}")
+    return overrides, flags
 
 
 def results_folder(overrides: list[str]) -> str:

@@ -16,7 +16,7 @@ class Wlop:
 
     retain: float = 100.0  # how many points come back, in percent of the input (of its distinct points)
     radius: float = 4.5  # support in mean spacings; below 3 little moves, above 8 details and edges shrink
-    iterations: int = 15  # passes; the result no longer changes with more
+    iterations: int = 15  # passes; 35 change the error by 1 %
     uniform: bool = False  # weigh by density, for unevenly sampled input; slower
 
     def __post_init__(self) -> None:
