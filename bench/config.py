@@ -114,6 +114,12 @@ def enumerate_jobs(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
+    if not any("hydra" in o or "experiment" in o or "glob(" in o for o in overrides):
+        # Nothing but the command line can sweep: the config need not be composed to count the jobs.
+        if not multirun:
+            return [list(overrides)]
+        parsed = OverridesParser.create().parse_overrides(list(overrides))
+        return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
     with hydra_ready() as loader:
         try:
             mode = RunMode.MULTIRUN if multirun else RunMode.RUN

@@ -140,12 +140,13 @@ fi
 python=$(find_python)
 system_packages "$python"
 
-if [ -e "$unfinished" ] || moved || ! wanted_version; then
-    rm -rf .venv
-fi
+if [ -e "$unfinished" ] || moved || ! wanted_version; then anew=yes; else anew=; fi
 mkdir -p .venv
 state >"$unfinished"
 rm -f "$finished"
+if [ -n "$anew" ]; then # the mark stays: this may be interrupted too
+    find .venv -mindepth 1 -maxdepth 1 ! -path "$unfinished" -exec rm -rf {} +
+fi
 
 quiet=-q
 if [ -t 1 ]; then quiet=; fi

@@ -49,6 +49,7 @@ class Poisson:
             mesh, support = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
                 oriented,
                 depth=self.depth,
+                full_depth=min(5, self.depth),  # more than the depth makes the library read outside its octree
                 scale=self.scale,
                 samples_per_node=self.samples_per_node,
                 point_weight=self.point_weight,
