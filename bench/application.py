@@ -60,7 +60,8 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
 
 def call(spec: Mapping[str, Any], channel: Channel) -> None:
     """The worker's side: read, call, validate, write."""
-    from .worker import Meter, failure, plain
+    from .meter import Meter
+    from .worker import failure, plain
 
     call = spec["arguments"]
     stage = "case"

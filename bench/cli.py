@@ -117,20 +117,5 @@ def add_plugin_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plugin", metavar="FILE", action="append", default=[], help="also load the plugins in FILE")
 
 
-def load_plugins(files: Sequence[str], *, warn: bool = True) -> tuple[str, ...]:
-    """Load everything that is installed, and ``files``; their absolute paths. Broken ones are said on stderr."""
-    from pathlib import Path
-
-    from .registry import registry
-
-    found = registry()
-    for file in files:
-        found.load_file(file)
-    if warn:
-        for broken in found.broken:
-            print(f"warning: plugin {broken.origin} is broken: {broken.reason}", file=sys.stderr)
-    return tuple(str(Path(file).expanduser().resolve()) for file in files)
-
-
 if __name__ == "__main__":
     sys.exit(main())

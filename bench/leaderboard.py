@@ -17,17 +17,15 @@ What makes it honest:
 
 from __future__ import annotations
 
-import fnmatch
 import json
-import re
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from .errors import UsageError, did_you_mean
+from .errors import UsageError
 from .seeds import generator
+from .selection import Names, metrics_of, select
 from .statistics import mean_intervals, rank_intervals, resampling_weights
 
 COLUMNS = (
@@ -51,94 +49,10 @@ COLUMNS = (
 )
 GROUP = ["task", "dataset", "sensor"]  # one table each
 CONTENDER = ["method", "variant"]
-FILTERS = ("task", "dataset", "sensor", "method", "tag")
 UNIT = ["case", "seed"]
 WORSE = 0.1  # an unsolved unit is this share of the case's spread worse than the worst solved result on the case
 
-Names = str | Iterable[str] | None
 _Part = dict[str, np.ndarray]  # columns of a board, with "row": the cell that has the names, "metric": which one
-
-
-# -- choosing ----------------------------------------------------------------------------------------------------------
-
-
-def select(
-    rows: pd.DataFrame,
-    *,
-    task: Names = None,
-    dataset: Names = None,
-    sensor: Names = None,
-    method: Names = None,
-    tag: Names = None,
-) -> pd.DataFrame:
-    """The rows that the filters leave.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        One row per planned case, as :meth:`bench.store.Results.rows` gives them.
-    task, dataset, sensor, method, tag : str or list of str
-        Names, a list of them or one string with commas. ``bumps`` stands for every ``bumps[...]`` too, and ``*``
-        and ``?`` stand for anything.
-
-    Raises
-    ------
-    UsageError
-        For a name that no row has, with the nearest one; and when no row passes all filters.
-    """
-    chosen = np.ones(len(rows), dtype=bool)
-    wanted = {"task": task, "dataset": dataset, "sensor": sensor, "method": method}
-    for option, names in wanted.items():
-        if names is not None:
-            chosen &= rows[option].isin(matching(option, names, rows[option].unique())).to_numpy()
-    if tag is not None:
-        tags = rows["tags"].map(_tags)
-        known = sorted(set().union(*tags))
-        tagged = set(matching("tag", tag, known))
-        chosen &= np.fromiter((not tagged.isdisjoint(t) for t in tags), dtype=bool, count=len(rows))
-    if not chosen.any() and len(rows):
-        given = [f"{option}={names}" for option, names in {**wanted, "tag": tag}.items() if names is not None]
-        raise UsageError(f"no result has {' and '.join(given)} together")
-    return rows if chosen.all() else rows[chosen]
-
-
-def metrics_of(rows: pd.DataFrame, metric: Names = None) -> list[str]:
-    """The metric keys that the rows have, those that ``metric`` names if given, in alphabetical order."""
-    known = sorted(column.removeprefix("score.") for column in rows.columns if column.startswith("score."))
-    return known if metric is None else sorted(matching("metric", metric, known))
-
-
-def _split(names: Names) -> list[str]:
-    """``"cad,bumps[a=1,b=2]"`` -> ``["cad", "bumps[a=1,b=2]"]``."""
-    parts = [names] if isinstance(names, str) else list(names or ())
-    return [name.strip() for part in parts for name in re.split(r",(?![^\[]*\])", part) if name.strip()]
-
-
-def matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
-    """Those of ``known`` that ``names`` stand for, in the order of ``names``.
-
-    Raises
-    ------
-    UsageError
-        For a name that stands for none.
-    """
-    known = sorted(known)
-    found: list[str] = []
-    wanted = _split(names)
-    if not wanted:
-        raise UsageError(f"{option}: expected a name. {did_you_mean('', known)}")
-    for name in wanted:
-        pattern = name.replace("[", "[[]")
-        hits = [k for k in known if name in (k, re.split(r"[\[@]", k)[0]) or fnmatch.fnmatchcase(k, pattern)]
-        if not hits:
-            raise UsageError(f"no result has {option} {name!r}. {did_you_mean(name, known)}")
-        found.extend(hits)
-    return list(dict.fromkeys(found))
-
-
-def _tags(value: object) -> frozenset[str]:
-    parts = value.split(",") if isinstance(value, str) else value if isinstance(value, Sequence | np.ndarray) else ()
-    return frozenset(str(part).strip() for part in parts if str(part).strip())
 
 
 # -- the board ---------------------------------------------------------------------------------------------------------

@@ -20,18 +20,15 @@ Modules that do not mention ``register`` (building blocks, and whatever heavy li
 from __future__ import annotations
 
 import dataclasses
-import functools
 import importlib
 import importlib.metadata
 import importlib.util
 import inspect
-import io
 import pkgutil
 import re
 import sys
-import tokenize
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -311,6 +308,17 @@ def registry(*, discover: bool = True) -> Registry:
     return _REGISTRY
 
 
+def load_plugins(files: Sequence[str], *, warn: bool = True) -> tuple[str, ...]:
+    """Load everything that is installed, and ``files``; their absolute paths. Broken ones are said on stderr."""
+    found = registry()
+    for file in files:
+        found.load_file(file)
+    if warn:
+        for broken in found.broken:
+            print(f"warning: plugin {broken.origin} is broken: {broken.reason}", file=sys.stderr)
+    return tuple(str(Path(file).expanduser().resolve()) for file in files)
+
+
 def register(
     kind: str,
     name: str | None = None,
@@ -400,40 +408,3 @@ def _check_options(kind: str, name: str, options: Mapping[str, Any]) -> None:
     for direction in [better] if isinstance(better, str) else better.values():
         if direction not in DIRECTIONS:
             raise PluginError(f"metric {name}: better={direction!r}; {did_you_mean(str(direction), DIRECTIONS)}")
-
-
-@functools.cache
-def field_help(cls: type) -> dict[str, str]:
-    """The comment behind, or on the line above, each field of a dataclass: the help of its parameters."""
-    helps: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        try:
-            source = inspect.cleandoc("\n" + inspect.getsource(base)) if dataclasses.is_dataclass(base) else ""
-        except (OSError, TypeError):
-            continue
-        helps.update(_comments_of_fields(source))
-    return {f.name: helps.get(f.name, "") for f in dataclasses.fields(cls)}
-
-
-def _comments_of_fields(source: str) -> dict[str, str]:
-    helps: dict[str, str] = {}
-    above, current = "", None
-    depth_of_def = False
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        line = token.line.strip()
-        if token.type == tokenize.NAME and token.string == "def":
-            depth_of_def = True  # fields stand before the functions
-        if depth_of_def:
-            break
-        match = re.match(r"([a-z]\w*)\s*:\s*\S", line, re.IGNORECASE)
-        if token.type == tokenize.COMMENT:
-            text = token.string.lstrip("#: ").strip()
-            if line.startswith("#"):
-                above = f"{above} {text}".strip()
-            elif match:
-                helps[match.group(1)] = text
-        elif token.type == tokenize.NAME and match and match.group(1) == token.string != current:
-            current = token.string
-            helps.setdefault(current, above)
-            above = ""
-    return helps

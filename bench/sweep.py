@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .cli import load_plugins
 from .errors import StoreError, UsageError
 from .plan import Cell, NotSolved, check_root, settings_of
+from .registry import load_plugins
 from .store import write_atomically
 
 if TYPE_CHECKING:

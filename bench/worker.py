@@ -6,15 +6,12 @@ process becomes, in the runner, the status of the case that was being worked on.
 
 from __future__ import annotations
 
-import contextlib
 import faulthandler
-import gc
 import importlib
 import json
 import math
 import os
 import random
-import resource
 import sys
 import time
 import traceback
@@ -26,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
+from .meter import Meter
 from .plan import Cell
 from .registry import missing_library
 from .run import Run
@@ -244,100 +242,6 @@ OUT_OF_MEMORY = (
     "not enough memory",
     "memoryerror",
 )
-
-
-# -- the clock and the memory ------------------------------------------------------------------------------------------
-
-
-class Meter:
-    """Measures what happens inside ``with meter:``: wall and processor seconds, and the peak of resident memory.
-
-    Inside, the process may allocate ``memory_gb`` beyond what it has; an allocation past that fails at once, even
-    when it is never touched.
-    """
-
-    def __init__(self, memory_gb: float, device: str):
-        self.memory_gb, self.device = memory_gb, device
-        self._limits = resource.getrlimit(resource.RLIMIT_DATA)
-        self._wall = self._cpu = 0.0
-        self._peak = self._before = 0.0
-        self._device_peak = math.nan
-
-    def __enter__(self) -> Meter:
-        gc.collect()
-        self._wall = self._cpu = 0.0
-        self._before = resident_mb("VmRSS")
-        self._reset_peaks()
-        self._peak = 0.0
-        if self.device == "cpu":  # on a GPU the driver maps far more than it uses
-            allowed = int(resident_mb("VmData") * 2**20 + self.memory_gb * 2**30)
-            with contextlib.suppress(ValueError, OSError):
-                resource.setrlimit(resource.RLIMIT_DATA, (allowed, self._limits[1]))
-        self._start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._stop()
-        with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(resource.RLIMIT_DATA, self._limits)
-
-    @contextlib.contextmanager
-    def paused(self) -> Any:
-        """Stand still while a trace is scored."""
-        self._stop()
-        try:
-            yield
-        finally:
-            self._reset_peaks()
-            self._start()
-
-    def _start(self) -> None:
-        self._cpu_begin = cpu_seconds()
-        self._wall_begin = time.perf_counter()
-
-    def _stop(self) -> None:
-        self._synchronise()
-        self._wall += time.perf_counter() - self._wall_begin
-        self._cpu += cpu_seconds() - self._cpu_begin
-        self._peak = max(self._peak, resident_mb("VmHWM"))
-
-    def _synchronise(self) -> None:
-        """A GPU works behind our back: wait for it before reading the clock."""
-        if self.device != "cpu" and "torch" in sys.modules:
-            cuda = sys.modules["torch"].cuda
-            cuda.synchronize()
-            self._device_peak = np.fmax(self._device_peak, cuda.max_memory_allocated() / 2**20)
-
-    def _reset_peaks(self) -> None:
-        with contextlib.suppress(OSError):  # without it the peak is that of the whole process so far
-            Path("/proc/self/clear_refs").write_text("5")
-        if self.device != "cpu" and "torch" in sys.modules:
-            sys.modules["torch"].cuda.reset_peak_memory_stats()
-
-    def figures(self) -> dict[str, float]:
-        """What was measured."""
-        return {
-            "seconds": self._wall,
-            "cpu_seconds": self._cpu,
-            "peak_rss_mb": self._peak,
-            "rss_before_mb": self._before,
-            "peak_device_mb": float(self._device_peak),
-        }
-
-
-def resident_mb(key: str) -> float:
-    """A figure of /proc/self/status in MiB; elsewhere than on Linux the peak of the whole process."""
-    with contextlib.suppress(OSError), open("/proc/self/status") as status:
-        for line in status:
-            if line.startswith(key + ":"):
-                return int(line.split()[1]) / 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 1024)
-
-
-def cpu_seconds() -> float:
-    """Processor seconds of all threads of this process, and of its children that ended."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
 
 
 def check_device(device: str) -> None:

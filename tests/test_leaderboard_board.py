@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from bench.errors import UsageError
-from bench.leaderboard import COLUMNS, failures, leaderboard, penalise, select
+from bench.leaderboard import COLUMNS, failures, leaderboard, penalise
+from bench.selection import select
 
 DOCUMENTED = (
     "task,dataset,sensor,method,variant,metric,better,mean,ci_low,ci_high,floor,rank_low,rank_high,solved,planned,"

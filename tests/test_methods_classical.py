@@ -145,7 +145,7 @@ def test_the_unit_does_not_matter(method):
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: Poisson(depth=0),
+        lambda: Poisson(depth=4),
         lambda: Poisson(trim=1.0),
         lambda: BallPivoting(radii=()),
         lambda: BallPivoting(radii=(2.0, 1.0)),

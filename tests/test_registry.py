@@ -7,7 +7,8 @@ from typing import Literal
 import pytest
 
 from bench.errors import MissingLibrary, PluginError, UsageError, did_you_mean
-from bench.registry import Registry, _comments_of_fields, field_help, missing_library, register, registry, snake_case
+from bench.fields import _comments_of_fields, field_help
+from bench.registry import Registry, missing_library, register, registry, snake_case
 from bench.schema import build, config_class, defaults, parameters, variant
 
 

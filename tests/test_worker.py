@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from bench.errors import BadInput, InvalidOutput, MissingLibrary
+from bench.meter import Meter
 from bench.run import Run
-from bench.worker import Meter, failure, plain
+from bench.worker import failure, plain
 
 MB = 2**20
 
@@ -50,7 +51,7 @@ def test_a_paused_clock_stands_still():
 @pytest.mark.parametrize("what", ["bytearray(3 * 2**30)", "__import__('numpy').ones(3 * 2**27)"])
 def test_an_allocation_past_the_limit_fails_at_once(what):
     script = f"""
-from bench.worker import Meter
+from bench.meter import Meter
 meter = Meter(1, "cpu")
 try:
     with meter:

@@ -16,9 +16,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..cli import add_plugin_argument, load_plugins
+from ..cli import add_plugin_argument
 from ..errors import DetailbenchError, UsageError
-from ..registry import registry
+from ..registry import load_plugins, registry
 
 CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".csv")
 MESH_SUFFIXES = (".obj", ".stl", ".off", ".glb")

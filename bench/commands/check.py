@@ -14,9 +14,9 @@ import json
 import sys
 from pathlib import Path
 
-from ..cli import add_plugin_argument, load_plugins
+from ..cli import add_plugin_argument
 from ..errors import UsageError, did_you_mean
-from ..registry import KINDS, Plugin, registry
+from ..registry import KINDS, Plugin, load_plugins, registry
 
 MARKS = {"ok": "ok  ", "warn": "warn", "fail": "FAIL"}
 

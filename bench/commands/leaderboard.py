@@ -67,8 +67,9 @@ def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
 
 def show(rows: pd.DataFrame, format: str = "terminal", *, level: float = 0.95, **filters: str | None) -> None:
     """Rank the rows that the filters leave, and print."""
-    from ..leaderboard import leaderboard, matching, metrics_of, select
+    from ..leaderboard import leaderboard
     from ..report import render
+    from ..selection import matching, metrics_of, select
 
     board = leaderboard(rows, level=level, **filters)
     chosen = select(rows, **{k: v for k, v in filters.items() if k != "metric"})

@@ -17,9 +17,10 @@ import sys
 import textwrap
 from typing import Any
 
-from ..cli import add_plugin_argument, load_plugins
+from ..cli import add_plugin_argument
 from ..errors import UsageError, did_you_mean
-from ..registry import KINDS, Plugin, field_help, install_line, registry
+from ..fields import field_help
+from ..registry import KINDS, Plugin, install_line, load_plugins, registry
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,8 +11,9 @@ import argparse
 from collections.abc import Mapping
 from typing import Any
 
-from ..cli import add_plugin_argument, load_plugins
+from ..cli import add_plugin_argument
 from ..errors import UsageError
+from ..registry import load_plugins
 
 PASSES_ON = True
 

@@ -14,9 +14,9 @@ import math
 import tempfile
 from typing import Any
 
-from ..cli import load_plugins
 from ..config import Limits
 from ..plan import Cell, Settings
+from ..registry import load_plugins
 from ..store import Record
 from .why import add_cell_arguments, newest_record
 

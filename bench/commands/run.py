@@ -23,10 +23,11 @@ from pathlib import Path
 from typing import Any
 
 from .. import sweep
-from ..cli import add_plugin_argument, load_plugins
+from ..cli import add_plugin_argument
 from ..errors import UsageError, did_you_mean
 from ..overrides import check_overrides
 from ..progress import Bars, Lines
+from ..registry import load_plugins
 from ..store import Results
 
 PASSES_ON = True  # Hydra's own flags are passed on

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import argparse
 
-from ..cli import add_plugin_argument, load_plugins
+from ..cli import add_plugin_argument
 from ..errors import UsageError
 from ..plan import Cell
+from ..registry import load_plugins
 from ..store import Record, Results
 
 

@@ -20,15 +20,16 @@ if TYPE_CHECKING:
 class Poisson:
     """Screened Poisson surface reconstruction: the indicator function whose gradient fits the normals."""
 
-    depth: int = 8  # octree depth: 2^depth cells along the bounding cube
+    depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
     trim: float = 0.0  # drop this quantile of least supported vertices, 0..1; opens what the method closes
     point_weight: float = 2.0  # how strongly the surface is held to the points; 0 is unscreened Poisson
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
     samples_per_node: float = 1.5  # points per octree cell; 5 to 20 smooths noise away
 
     def __post_init__(self) -> None:
-        if not 1 <= self.depth <= 12:
-            raise ValueError(f"depth: expected 1 to 12, got {self.depth}")
+        # The library fills its octree to level 5; told to stop above, it reads nodes that are not there.
+        if not 5 <= self.depth <= 12:
+            raise ValueError(f"depth: expected 5 to 12, got {self.depth}")
         if not 0 <= self.trim < 1:
             raise ValueError(f"trim: expected a quantile from 0 to below 1, got {self.trim}")
         if not self.point_weight >= 0:
@@ -49,7 +50,6 @@ class Poisson:
             mesh, support = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
                 oriented,
                 depth=self.depth,
-                full_depth=min(5, self.depth),  # more than the depth makes the library read outside its octree
                 scale=self.scale,
                 samples_per_node=self.samples_per_node,
                 point_weight=self.point_weight,
