@@ -218,6 +218,8 @@ class Registry:
             raise UsageError(f"--plugin {path}: no such file")
         if path.suffix != ".py":
             raise UsageError(f"--plugin {path}: expected a Python file (.py)")
+        if any(plugin.file == path for kind in KINDS for plugin in self._plugins[kind].values()):
+            return  # one of those that are installed
         module = plugin_module_name(path)
         collisions = set(self._collisions)
         self._guarded(str(path), module, lambda: _import_file(path, module), file=path)
