@@ -31,9 +31,9 @@ NOT_OURS = {"build", "dist", "results", "outputs", "multirun", "__pycache__"}
 # Who may import whom: a module imports its own floor and those below. From the top to the ground.
 FLOORS = (
     "cli commands sweep __main__",
-    "leaderboard report statistics runner isolate application conformance testing templates progress",
-    "store index worker plan config schema overrides provenance forkserver watch affinity",
-    "registry tasks run",
+    "leaderboard selection report statistics runner isolate application conformance testing templates progress",
+    "store index worker plan config schema overrides provenance forkserver watch affinity meter",
+    "registry tasks run fields",
     "geometry shapes",
     "errors seeds __init__",
 )
