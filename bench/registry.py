@@ -61,6 +61,8 @@ def snake_case(name: str) -> str:
 
 def install_line(library: str) -> str:
     """The command that installs the distribution of an import name."""
+    if library == "CGAL" and sys.version_info >= (3, 13):
+        return f"{INSTALL_LINES[library]} under Python 3.11 or 3.12 (cgal has no build for 3.13)"
     return INSTALL_LINES.get(library, f"pip install {library}")
 
 

@@ -44,7 +44,7 @@ find_python() {
         return
     fi
     local candidate
-    for candidate in python3.13 python3.12 python3.11 python3; do
+    for candidate in python3.12 python3.11 python3.13 python3; do # cgal has no build for 3.13
         if suitable "$candidate"; then # it is run, because a name on the path may be a shim of nothing
             echo "$candidate"
             return

@@ -3,6 +3,7 @@
 Native code may kill the process, so whatever is degenerate runs in a process of its own.
 """
 
+import importlib.util
 import json
 import os
 import subprocess
@@ -23,7 +24,9 @@ from bench.geometry.mesh_surface import MeshSurface
 from bench.tasks import Denoise, Reconstruct
 
 RECONSTRUCT = [Poisson(depth=6), BallPivoting(), Apss(resolution=50), Rimls(resolution=50)]
-DENOISE = [Jet(), Wlop(), Apss(), Rimls()]
+# CGAL's bindings have no build for Python 3.13: there the two methods are recorded as skipped, and not tried here.
+CGAL = importlib.util.find_spec("CGAL") is not None
+DENOISE = [*([Jet(), Wlop()] if CGAL else []), Apss(), Rimls()]
 COUNT = 2000
 # The median gap of so few random points is 0.04, and the largest holes measure several times that.
 SPACING = np.sqrt(4 * np.pi / COUNT)
@@ -128,9 +131,11 @@ def test_points_keep_their_order_and_repetitions(method):
     assert np.linalg.norm(output - twice.points, axis=1).max() < 0.2
 
 
-def test_wlop_retains_the_share_asked_for():
-    cloud = cloud_of("sphere", 0.01)
-    assert len(Wlop(retain=25).denoise(cloud, Run())) == pytest.approx(COUNT / 4, abs=1)
+if CGAL:
+
+    def test_wlop_retains_the_share_asked_for():
+        cloud = cloud_of("sphere", 0.01)
+        assert len(Wlop(retain=25).denoise(cloud, Run())) == pytest.approx(COUNT / 4, abs=1)
 
 
 @pytest.mark.parametrize("method", DENOISE, ids=name)
@@ -240,8 +245,7 @@ def in_own_process(method, parameters, *options, **environment):
         ("ball_pivoting", {}),
         ("apss", {"resolution": 30}),
         ("rimls", {"resolution": 30}),
-        ("jet", {}),
-        ("wlop", {}),
+        *([("jet", {}), ("wlop", {})] if CGAL else []),
     ],
 )
 def test_degenerate_input_is_refused_or_answered_validly_and_all_is_repeatable(method, parameters):

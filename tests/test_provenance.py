@@ -118,7 +118,10 @@ def test_the_label_shows_what_is_not_default():
         ({"split": "tset"}, "Did you mean 'test'"),
         ({"device": "gpu"}, "device=gpu"),
         ({"metric": {}}, "none that is chosen scores a cloud"),
-        ({"task": node("task", "reconstruct")}, "method provenance_method does not solve reconstruct: it solves denoise"),
+        (
+            {"task": node("task", "reconstruct")},
+            "method provenance_method does not solve reconstruct: it solves denoise",
+        ),
         ({"method": {}}, "choose a method by name"),
     ],
 )

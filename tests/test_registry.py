@@ -108,7 +108,9 @@ NO_DEFAULT = DOC | {"__annotations__": {"depth": int}}
 
 
 def test_comments_above_and_behind_a_field_are_its_help():
-    source = "class A:\n    # first line\n    # second line\n    a: int = 1\n    b: float = 2.0  # behind\n    c: int = 3\n"
+    source = (
+        "class A:\n    # first line\n    # second line\n    a: int = 1\n    b: float = 2.0  # behind\n    c: int = 3\n"
+    )
     assert _comments_of_fields(source) == {"a": "first line second line", "b": "behind", "c": ""}
 
 
@@ -158,7 +160,15 @@ def composed(**values):
 
 
 def test_a_dataclass_survives_the_way_through_a_config():
-    values = {"maybe": 2, "several": [3, 4], "choice": "far", "names": ["x"], "table": {"a": 1}, "path": "/tmp", "real": 1}
+    values = {
+        "maybe": 2,
+        "several": [3, 4],
+        "choice": "far",
+        "names": ["x"],
+        "table": {"a": 1},
+        "path": "/tmp",
+        "real": 1,
+    }
     made = build(all_types(), composed(**values))
     assert made == AllTypes(
         maybe=2.0, several=(3.0, 4.0), choice="far", names=["x"], table={"a": 1}, path=Path("/tmp"), real=1.0
