@@ -18,7 +18,7 @@ setup: ## .venv with the pinned packages and this package (editable); system lib
 	@scripts/setup.sh
 
 demo: setup ## a small sweep over procedural shapes, and its leaderboard
-	$(BIN)/detailbench run experiment=demo results=results/demo
+	$(BIN)/detailbench run experiment=demo results=results/demo hydra/launcher=joblib hydra.launcher.n_jobs=2
 
 test: setup ## all tests; a skipped test counts as a failure
 	$(PYTEST) -n 2 --ignore=tests/benchmarks

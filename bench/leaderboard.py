@@ -252,10 +252,12 @@ def _clipped(low: np.ndarray, high: np.ndarray, scores: np.ndarray, better: list
     """Intervals, (contenders, metrics), within what the scores can be: no distance is negative, no share above 1.
 
     With few cases an interval is wide and would reach past. A metric whose scores (units, contenders, metrics) are all
-    at least 0 is taken to have no negative ones; one that is better when higher, with scores in 0..1, to be a share.
+    at least 0 is taken to have no negative ones; one that is better when higher, with scores in 0..1, to be a share;
+    so is one whose scores are all 0 or 1.
     """
     positive = (scores >= 0).all(axis=(0, 1))
     share = positive & (scores <= 1).all(axis=(0, 1)) & (np.array(better) == "higher")
+    share |= np.isin(scores, (0, 1)).all(axis=(0, 1))  # yes or no
     return np.where(positive, np.maximum(low, 0), low), np.where(share, np.minimum(high, 1), high)
 
 
