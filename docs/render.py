@@ -1,7 +1,10 @@
-"""Pictures of kept outputs, without a display: one row per method, one column per case.
+"""Pictures of kept outputs, without a display: one row per case, one column per method.
 
-    pip install "detailbench[render]"
-    python docs/render.py RESULTS PICTURE.png --task reconstruct --dataset bumps
+    detailbench run experiment=first_table results=results/first_table
+    python docs/render.py results/first_table docs/outputs.png --dataset bumps,cad \\
+        --method poisson,ball_pivoting,apss,rimls
+
+(with pyvista, from the extra `render`)
 
 takes the files that `outputs=first` or `outputs=all` kept. Colour is the distance to the reference, in its radii.
 """
@@ -37,7 +40,7 @@ def draw(plotter: pyvista.Plotter, path: Path, task: str, reference, title: str,
         points = load_cloud(path).points
         shape, values = pyvista.PolyData(points), distances(points, reference)
         style = {"render_points_as_spheres": True, "point_size": 4}
-    plotter.add_mesh(shape, scalars=values, cmap="viridis", clim=(0, limit), show_scalar_bar=False, **style)
+    plotter.add_mesh(shape, scalars=values, cmap="YlOrRd", clim=(0, limit), show_scalar_bar=False, **style)
     plotter.camera_position = [(2.2, -2.8, 1.6), (0, 0, 0), (0, 0, 1)]
 
 
@@ -47,13 +50,16 @@ def main() -> None:
     parser.add_argument("results")
     parser.add_argument("picture")
     parser.add_argument("--task", default="reconstruct")
-    parser.add_argument("--dataset", default=None)
-    parser.add_argument("--limit", type=float, default=0.02, help="distance at the end of the colour scale")
+    parser.add_argument("--dataset", default="", help="one, or several with commas")
+    parser.add_argument("--method", default="", help="one, or several with commas")
+    parser.add_argument("--limit", type=float, default=0.015, help="distance at the end of the colour scale")
     args = parser.parse_args()
     rows = Results(args.results).rows()
     rows = rows[(rows["task"] == args.task) & (rows["seed"] == 0) & (rows["output"].fillna("") != "")]
     if args.dataset:
-        rows = rows[rows["dataset"].str.startswith(args.dataset)]
+        rows = rows[rows["dataset"].str.startswith(tuple(args.dataset.split(",")))]
+    if args.method:
+        rows = rows[rows["method"].isin(args.method.split(","))]
     cases = sorted({(d, c) for d, c in zip(rows["dataset"], rows["case"], strict=True)})
     methods = sorted(rows["method"].unique())
     plotter = pyvista.Plotter(
