@@ -105,7 +105,12 @@ def test_what_cannot_be_used_is_refused_by_name(swept, name):
 
 @pytest.mark.parametrize(
     ("path", "words"),
-    [("nowhere", "no such file"), ("", "dataset.path is empty"), ("notes.txt", "unknown suffix"), (".", "no mesh file")],
+    [
+        ("nowhere", "no such file"),
+        ("", "dataset.path is empty"),
+        ("notes.txt", "unknown suffix"),
+        (".", "no mesh file"),
+    ],
 )
 def test_a_path_that_leads_to_no_mesh_is_refused_before_anything_runs(shell, path, words):
     (shell.work / "notes.txt").write_text("x")
