@@ -234,8 +234,6 @@ def digest_of(value: Any) -> str:
         array = getattr(value, name, None)
         if array is not None:
             total.update(name.encode() + np.ascontiguousarray(array).tobytes())
-        if hasattr(value, "faces") and name == "normals":
-            continue
     return total.hexdigest()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from .config import Base, Limits
@@ -214,8 +214,3 @@ def _cannot_solve(method: Plugin, task: str) -> str:
 def digest(value: Any) -> str:
     """SHA-256 of a value's canonical JSON."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
-
-
-def with_cases(cell: Cell, cases: int) -> Cell:
-    """The same cell over another number of cases."""
-    return replace(cell, cases=cases)

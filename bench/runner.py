@@ -75,7 +75,7 @@ def run_cell(
     parts = ingredients(cell)
     mark = fingerprint(parts)
     with results.lock(cell.id):
-        rows, stored = _finished_rows(results, cell, mark, settings)
+        rows, stored = finished_rows(results, cell, mark, settings)
         if stored and len(rows) == len(stored.rows):
             return Outcome(stored, len(rows), results.damaged)
         job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive)
@@ -89,7 +89,7 @@ def run_cell(
     return Outcome(record, cached, results.damaged)
 
 
-def _finished_rows(
+def finished_rows(
     results: Results, cell: Cell, mark: str, settings: Settings
 ) -> tuple[dict[int, dict[str, Any]], Record | None]:
     """The cases that need not be run again, by index, and the stored record they come from."""

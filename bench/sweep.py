@@ -166,7 +166,6 @@ def job(config: DictConfig) -> None:
         planned=len(record.rows),
         cached=outcome.cached,
         notes=outcome.notes,
-        seconds=sum(row["seconds"] or 0 for row in record.rows),
     )
 
 

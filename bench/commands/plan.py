@@ -87,10 +87,10 @@ def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
 def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str]:
     """How many cases of a cell need not be run again, and in a word how it stands."""
     from ..provenance import fingerprint, ingredients
-    from ..runner import _finished_rows
+    from ..runner import finished_rows
 
     mark = fingerprint(ingredients(cell))
-    rows, stored = _finished_rows(results, cell, mark, settings)
+    rows, stored = finished_rows(results, cell, mark, settings)
     count = min(len(rows), cell.cases)
     if stored and count == len(stored.rows):
         failed = sum(row["status"] != "ok" for row in stored.rows)

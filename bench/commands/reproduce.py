@@ -9,7 +9,6 @@ one is not touched. Exit code 0 when all cases agree, 3 when some do not.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import math
 import tempfile
 from typing import Any
@@ -46,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
             results=folder, limit=Limits(**stored["limit"]), plugins=tuple(stored["plugins"]), profile=stored["profile"]
         )
         try:
-            again = run_cell(cell, dataclasses.replace(settings), Lines()).record
+            again = run_cell(cell, settings, Lines()).record
         finally:
             forget_servers()
     differences = compare(record, again, args.rtol)
