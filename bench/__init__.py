@@ -15,6 +15,8 @@ _EXPORTS = {
     "register": "registry",
     "PointCloud": "shapes",
     "Shape": "shapes",
+    "ShapePair": "shapes",
+    "Effect": "sensors",
     "Surface": "shapes",
     "Frame": "shapes",
     "Case": "shapes",
@@ -31,12 +33,14 @@ __all__ = [
     "BadInput",
     "Case",
     "CaseRecipe",
+    "Effect",
     "Frame",
     "InvalidOutput",
     "MissingLibrary",
     "PointCloud",
     "Run",
     "Shape",
+    "ShapePair",
     "Surface",
     "Task",
     "UsageError",
@@ -49,7 +53,8 @@ if TYPE_CHECKING:
     from .registry import register
     from .run import Run
     from .seeds import generator
-    from .shapes import Case, Frame, PointCloud, Shape, Surface
+    from .sensors import Effect
+    from .shapes import Case, Frame, PointCloud, Shape, ShapePair, Surface
     from .tasks import CaseRecipe, Task
 
 

@@ -121,6 +121,15 @@ class _FramedSurface:
         return self._frame.apply(closest), normals
 
 
+EXACTNESS = {
+    "analytic": "a distance function in closed form",
+    "implicit": "an implicit function in closed form, with exact normals and exact foot points",
+    "parametric": "a parametrisation in closed form, with exact points and normals",
+    "polyhedron": "the mesh is the shape",
+    "mesh": "the mesh is all that is known",
+}
+
+
 class Shape:
     """One shape of a dataset.
 
@@ -137,6 +146,11 @@ class Shape:
         Challenge tags, for slices of the leaderboard (``sharp``, ``thin``, ``high_genus``, ``smooth``, ...).
     info : mapping
         Whatever else is known: genus, symmetry, thickness. JSON values.
+    exactness : str
+        How the truth is known, one of :data:`EXACTNESS`.
+    attributes : mapping, or a function without arguments that makes it
+        Named arrays that belong to the mesh, a row per vertex or per face, in the coordinates of the dataset: part
+        labels, skinning weights, a displacement and the base that it was applied to.
     """
 
     def __init__(
@@ -147,9 +161,13 @@ class Shape:
         surface: Surface | None = None,
         tags: tuple[str, ...] = (),
         info: Mapping[str, Any] | None = None,
+        exactness: str = "mesh",
+        attributes: Mapping[str, np.ndarray] | Callable[[], Mapping[str, np.ndarray]] | None = None,
     ):
-        self.id, self.tags, self.info = id, tuple(tags), dict(info or {})
-        self._mesh, self._surface = mesh, surface
+        if exactness not in EXACTNESS:
+            raise ValueError(f"exactness: expected one of {', '.join(EXACTNESS)}; got {exactness!r}")
+        self.id, self.tags, self.info, self.exactness = id, tuple(tags), dict(info or {}), exactness
+        self._mesh, self._surface, self._attributes = mesh, surface, attributes or {}
 
     @property
     def mesh(self) -> Trimesh:
@@ -157,6 +175,13 @@ class Shape:
         if callable(self._mesh):
             self._mesh = self._mesh()
         return self._mesh
+
+    @property
+    def attributes(self) -> Mapping[str, np.ndarray]:
+        """Named arrays that belong to the mesh, made on first use."""
+        if callable(self._attributes):
+            self._attributes = self._attributes()
+        return self._attributes
 
     @property
     def surface(self) -> Surface:
@@ -190,10 +215,38 @@ class Shape:
         frame = Frame.of(self.mesh.vertices)
         mesh = Trimesh(frame.apply(self.mesh.vertices), self.mesh.faces, process=False)
         surface = None if self._surface is None or not self.is_exact else _FramedSurface(self._surface, frame)
-        return Shape(self.id, mesh, surface=surface, tags=self.tags, info=self.info), frame
+        framed = Shape(
+            self.id,
+            mesh,
+            surface=surface,
+            tags=self.tags,
+            info=self.info,
+            exactness=self.exactness,
+            attributes=lambda: self.attributes,
+        )
+        return framed, frame
 
     def __repr__(self) -> str:
         return f"Shape({self.id!r})"
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePair:
+    """Two shapes whose meshes have the same faces: vertex i of the one corresponds to vertex i of the other.
+
+    Attributes
+    ----------
+    id : str
+        Unique in its dataset and split, usable as a file name.
+    source, target : Shape
+    landmarks : mapping from names to vertices
+        Points that a person would mark, equal for both.
+    """
+
+    id: str
+    source: Shape
+    target: Shape
+    landmarks: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(eq=False)

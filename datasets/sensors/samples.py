@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from bench import PointCloud, Shape, register
-
-if TYPE_CHECKING:
-    from trimesh import Trimesh
-
-CANDIDATES = 5  # uniform samples for each point that Poisson-disk elimination keeps (Yuksel 2015)
+from bench.geometry.poisson_disk import sample_poisson_disk
 
 
 @register("sensor", requires=("open3d",), cite="Poisson-disk elimination: Yuksel 2015")
@@ -57,23 +53,6 @@ class Samples:
         return PointCloud(points, normals if self.normals else None)
 
     def _clean(self, shape: Shape, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        if self.sampling == "uniform" or self.count == 1:
+        if self.sampling == "uniform":
             return shape.surface.sample(self.count, rng)
-        candidates = shape.surface.sample(CANDIDATES * self.count, rng)
-        return _eliminate(*candidates, shape.mesh, self.count)
-
-
-def _eliminate(points: np.ndarray, normals: np.ndarray, mesh: Trimesh, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The ``count`` of ``points`` that remain when one of the most crowded is taken away again and again.
-
-    Deterministic: open3d draws random numbers only where it makes the candidates itself. It asks the mesh for its area.
-    """
-    from open3d.geometry import PointCloud as Cloud
-    from open3d.geometry import TriangleMesh
-    from open3d.utility import Vector3dVector, Vector3iVector
-
-    cloud = Cloud(Vector3dVector(points))
-    cloud.normals = Vector3dVector(normals)
-    surface = TriangleMesh(Vector3dVector(mesh.vertices), Vector3iVector(mesh.faces))
-    kept = surface.sample_points_poisson_disk(count, pcl=cloud)
-    return np.array(kept.points), np.array(kept.normals)
+        return sample_poisson_disk(shape, self.count, rng)

@@ -1,0 +1,1 @@
+"""Presets of sensors: the settings of papers, and scanners."""
