@@ -21,6 +21,7 @@ COMMANDS = {
     "list": "tasks, datasets, sensors, methods and metrics, and plugins that are broken",
     "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
     "apply": "one method on one file",
+    "score": "two files: an output held against its reference",
     "check": "hold a plugin against the contract",
     "new": "write a new plugin and its test",
     "why": "what differs between a stored result and today",

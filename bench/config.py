@@ -24,6 +24,7 @@ class Limits:
     seconds: float = 60.0  # wall clock of one method call
     memory_gb: float = 4.0  # resident memory of the child and its children, and what one call may allocate
     setup_seconds: float = 600.0  # wall clock for making one case, and for scoring one output
+    cache_gb: float = 2.0  # disk for the shapes, clouds and samples that cells share, in DIR/.cache; 0 for none
 
 
 @dataclass
@@ -44,13 +45,14 @@ class Base:
     outputs: str = "none"  # which outputs to keep as files: none, first (case of a cell) or all
     rerun: str = "never"  # run again although a result is current: never, failed or always
     profile: str = "quick"  # quick or paper
+    convention: Any = None  # a paper's metrics and columns; no part of a cell's identity
     verbose: bool = False  # show what methods print
     limit: Limits = field(default_factory=Limits)
     plugins: list[str] = field(default_factory=list)  # set by --plugin
     session: str = "none"  # set by the front door
 
 
-GROUPS = ("task", "dataset", "sensor", "method", "metric", "profile", "experiment")
+GROUPS = ("task", "dataset", "sensor", "method", "metric", "convention", "profile", "experiment")
 
 
 def register_base() -> None:

@@ -25,7 +25,7 @@ import pandas as pd
 
 from .errors import UsageError
 from .seeds import generator
-from .selection import Names, metrics_of, select
+from .selection import Names, metrics_of, pool, select
 from .statistics import mean_intervals, rank_intervals, resampling_weights
 
 COLUMNS = (
@@ -67,6 +67,7 @@ def leaderboard(
     sensor: Names = None,
     method: Names = None,
     tag: Names = None,
+    by: Names = None,
     level: float = 0.95,
     resamples: int = 2000,
     seed: int = 0,
@@ -81,6 +82,8 @@ def leaderboard(
         Filters, see :func:`select`. Ranks are among the methods that are left.
     metric : str or list of str
         Metric keys; ``fscore`` stands for every ``fscore@...``.
+    by : str or list of str, optional
+        What tables are made by besides the task, see :func:`bench.selection.pool`; by dataset and sensor without it.
     level : float
         Confidence level of the intervals and of the ranks.
     resamples : int
@@ -106,7 +109,7 @@ def leaderboard(
         raise UsageError(f"level: expected a number between 0 and 1, got {level}")
     if resamples < 100:
         raise UsageError(f"resamples: expected at least 100, got {resamples}")
-    rows = select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag)
+    rows = pool(select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag), by)
     if not len(rows):
         return pd.DataFrame(columns=list(COLUMNS))
     cells = _cells(rows, metrics_of(rows, metric))

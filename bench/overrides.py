@@ -28,7 +28,7 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
         if not tail and head in KINDS:
             for name in values:
                 _check_plugin_name(head, name)
-        elif not tail and head in ("profile", "experiment"):
+        elif not tail and head in ("convention", "profile", "experiment"):
             for name in values:
                 _check_preset(head, name)
         elif tail and head in KINDS:

@@ -36,6 +36,11 @@ class Choice:
         return build(self.plugin, self.parameters)
 
     @property
+    def parts(self) -> tuple[Plugin, ...]:
+        """The plugin, and those that it is made of where its parameters name others: the steps of a chain."""
+        return (self.plugin, *getattr(self.build(), "plugins", ()))
+
+    @property
     def variant(self) -> str:
         """Parameters that differ from the defaults."""
         return variant(self.plugin, self.parameters) if self.parameters else ""
@@ -159,7 +164,7 @@ def settings_of(config: Mapping[str, Any]) -> Settings:
     one_of("rerun", config["rerun"], ("never", "failed", "always"))
     limit = Limits(**config["limit"])
     for key, value in asdict(limit).items():
-        if not value > 0:
+        if not value > 0 and not (key == "cache_gb" and value == 0):
             raise UsageError(f"limit.{key}={value}: expected more than 0")
     return Settings(
         results=config["results"],

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from . import __version__
-from .plan import Cell, digest
+from .plan import NO_SENSOR, Cell, Choice, digest
 
 # Packages that take part in every cell; a plugin's `requires` come on top.
 ALWAYS = ("numpy", "scipy", "trimesh")
@@ -36,13 +36,58 @@ def ingredients(cell: Cell) -> dict[str, Any]:
         if choice.kind == "metric":
             parts[f"version of metric {choice.name}"] = plugin.version
         else:
-            parts[f"source of {choice.kind} {choice.name}"] = source_digest(plugin.file)
-    for package in sorted({*ALWAYS, *(r for c in cell.choices for r in c.plugin.requires)}):
+            for part in choice.parts:
+                parts[f"source of {choice.kind} {part.name}"] = source_digest(part.file)
+    for package in sorted({*ALWAYS, *(r for c in cell.choices for p in c.parts for r in p.requires)}):
         parts[f"package {package}"] = package_version(package)
     state = getattr(cell.dataset.build(), "state", None)
     if state:
         parts.update({f"file {name}": value for name, value in state().items()})
     return parts
+
+
+def memory_keys(cell: Cell) -> dict[str, str]:
+    """What the shapes, the clouds and the floors of a cell depend on, for :mod:`bench.memo`.
+
+    Under ``dataset`` and ``sensor``, and under each metric's name: digests over parameters, sources and the versions of
+    packages. Our own sources all count, since all cells share them.
+    """
+    common = {
+        "detailbench": _own_digest(),
+        "packages": {p: package_version(p) for p in (*ALWAYS, "libigl", "pykdtree")},
+    }
+
+    def key(choice: Choice) -> str:
+        parts = choice.parts
+        return digest(
+            {
+                "common": common,
+                "parameters": choice.parameters,
+                "sources": [[p.name, source_digest(p.file)] for p in parts],
+                "packages": {r: package_version(r) for p in parts for r in p.requires},
+                "state": getattr(choice.build(), "state", dict)(),
+            }
+        )
+
+    sensor = NO_SENSOR.name if cell.sensor == NO_SENSOR else key(cell.sensor)
+    return {"dataset": key(cell.dataset), "sensor": sensor} | {m.name: key(m) for m in cell.metrics}
+
+
+def _own_digest() -> str:
+    """A digest over the sources of shapes, tasks and geometry, which decide what a case is and how it is measured."""
+    folder = Path(__file__).parent
+    files = [
+        folder / "shapes.py",
+        folder / "tasks.py",
+        folder / "seeds.py",
+        *sorted((folder / "geometry").glob("*.py")),
+    ]
+    return digest([_sha256(file, file.stat().st_mtime_ns, file.stat().st_size) for file in files])
+
+
+@functools.lru_cache(maxsize=1024)
+def _sha256(path: Path, mtime_ns: int, size: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def fingerprint(parts: dict[str, Any]) -> str:

@@ -14,7 +14,7 @@ from .affinity import claim
 from .errors import UsageError
 from .forkserver import ForkServer, ServerDied
 from .plan import Cell, Settings
-from .provenance import fingerprint, ingredients, provenance, source_digest
+from .provenance import fingerprint, ingredients, memory_keys, provenance, source_digest
 from .store import COLUMNS, SCHEMA_VERSION, Record, Results
 from .watch import Death, Worker
 
@@ -169,6 +169,9 @@ class _Job:
             "threads": self.cell.threads,
             "seconds": s.limit.seconds,
             "memory_gb": s.limit.memory_gb,
+            "cache": str(self.results.folder / ".cache"),
+            "cache_gb": s.limit.cache_gb,
+            "keys": memory_keys(self.cell),
             "outputs": s.outputs,
             "outputs_folder": str(self.results.folder / "outputs" / f"{self.cell.id}-{self.mark}"),
         }
@@ -279,9 +282,10 @@ def server_for(cell: Cell, settings: Settings) -> ForkServer:
     What the dataset, the sensor and the metrics of the first cell need is loaded with it; a later cell's dataset is
     imported by the worker, off the clock.
     """
-    for choice in cell.choices:
-        digest = source_digest(choice.plugin.file)
-        if _sources.setdefault(str(choice.plugin.file), digest) != digest:
+    plugins = [plugin for choice in cell.choices for plugin in choice.parts]
+    for plugin in plugins:
+        digest = source_digest(plugin.file)
+        if _sources.setdefault(str(plugin.file), digest) != digest:
             forget_servers()
             break
     key = (os.getpid(), cell.method.plugin.requires, settings.plugins, cell.threads)
@@ -290,7 +294,7 @@ def server_for(cell: Cell, settings: Settings) -> ForkServer:
         return _servers[key]
     while len(_servers) >= MAX_SERVERS:
         _servers.pop(next(iter(_servers))).close()
-    preload = tuple(sorted({library for choice in cell.choices for library in choice.plugin.requires}))
+    preload = tuple(sorted({library for plugin in plugins for library in plugin.requires}))
     _servers[key] = ForkServer(preload, settings.plugins, cell.threads)
     return _servers[key]
 

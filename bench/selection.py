@@ -54,6 +54,43 @@ def select(
     return rows if chosen.all() else rows[chosen]
 
 
+GROUPINGS = ("dataset", "sensor", "tag")
+
+
+def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
+    """The rows with all cases of other datasets and sensors put into one table, or into one for each challenge tag.
+
+    Parameters
+    ----------
+    rows : DataFrame
+    by : str or list of str
+        What tables are made by, besides the task: some of ``dataset``, ``sensor`` and ``tag``; by dataset and sensor
+        without it. A case with several tags counts under each; one with none is ``untagged``.
+
+    Raises
+    ------
+    UsageError
+        For another word.
+    """
+    if by is None:
+        return rows
+    chosen = set(matching("by", by, GROUPINGS))
+    rows = rows.copy()
+    if "sensor" not in chosen:
+        rows["case"] += " " + rows["sensor"]
+        rows["sensor"] = "all sensors"
+    group = [[name] for name in rows["dataset"]]
+    if "dataset" not in chosen:
+        rows["case"] = rows["dataset"] + "/" + rows["case"]  # two datasets may use one id
+        group = [["all datasets"]] * len(rows)
+    if "tag" in chosen:
+        tags = [sorted(_tags(value)) or ["untagged"] for value in rows["tags"]]
+        shown = "{tag}" if "dataset" not in chosen else "{name} {tag}"
+        group = [[shown.format(name=n[0], tag=t) for t in ts] for n, ts in zip(group, tags, strict=True)]
+    rows["dataset"] = group
+    return rows.explode("dataset", ignore_index=True)
+
+
 def metrics_of(rows: pd.DataFrame, metric: Names = None) -> list[str]:
     """The metric keys that the rows have, those that ``metric`` names if given, in alphabetical order."""
     known = sorted(column.removeprefix("score.") for column in rows.columns if column.startswith("score."))

@@ -199,6 +199,18 @@ class Shape:
 
         return not isinstance(self.surface, MeshSurface)
 
+    def replace_mesh(self, mesh: Trimesh | Callable[[], Trimesh]) -> Shape:
+        """This shape with another mesh, or another way to make it; all else is shared."""
+        return Shape(
+            self.id,
+            mesh,
+            surface=self._surface,
+            tags=self.tags,
+            info=self.info,
+            exactness=self.exactness,
+            attributes=lambda: self.attributes,
+        )
+
     def framed(self) -> tuple[Shape, Frame]:
         """This shape in the one frame of all cases, and the frame: box centre at the origin, farthest vertex at 1.
 
@@ -215,15 +227,8 @@ class Shape:
         frame = Frame.of(self.mesh.vertices)
         mesh = Trimesh(frame.apply(self.mesh.vertices), self.mesh.faces, process=False)
         surface = None if self._surface is None or not self.is_exact else _FramedSurface(self._surface, frame)
-        framed = Shape(
-            self.id,
-            mesh,
-            surface=surface,
-            tags=self.tags,
-            info=self.info,
-            exactness=self.exactness,
-            attributes=lambda: self.attributes,
-        )
+        framed = self.replace_mesh(mesh)
+        framed._surface = surface
         return framed, frame
 
     def __repr__(self) -> str:
@@ -276,6 +281,11 @@ class Case:
     seed: int = 0
     tags: tuple[str, ...] = ()
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
+    _memo: Any = field(default=None, repr=False)  # a bench.memo.Memo: what the cells of a sweep share
+
+    def remember(self, name: str, make: Callable[[], Mapping[str, np.ndarray]]) -> Mapping[str, np.ndarray]:
+        """Arrays that follow from the reference and the seed: from the sweep's memory, or made now."""
+        return make() if self._memo is None else self._memo.arrays(name, make)
 
     def compare(self, output: PointCloud | Trimesh) -> Comparison:
         """The directed distances between ``output`` and the reference, computed once and shared by all metrics."""
@@ -299,8 +309,11 @@ class Case:
             return self.reference.mesh
         key = f"perfect {len(output)}"
         if key not in self._cache:
-            from .seeds import generator
-
-            points, normals = self.reference.surface.sample(len(output), generator(self.seed, self.id, "perfect"))
-            self._cache[key] = PointCloud(points, normals)
+            self._cache[key] = PointCloud(**self.remember(key, lambda: self._sampled(len(output))))
         return self._cache[key]
+
+    def _sampled(self, count: int) -> Mapping[str, np.ndarray]:
+        from .seeds import generator
+
+        points, normals = self.reference.surface.sample(count, generator(self.seed, self.id, "perfect"))
+        return {"points": points, "normals": normals}

@@ -36,7 +36,7 @@ SCHEMA_VERSION = 1
 META_KEY = b"detailbench"
 STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
 
-# Columns of every file, in order; the scores follow as score.<key> and floor.<key>, all float64.
+# Columns of every file, in order; what was measured follows as input.<key>, score.<key> and floor.<key>, all float64.
 COLUMNS = {
     "schema_version": "int64",
     "cell": "string",
@@ -299,7 +299,7 @@ def _table(record: Record) -> pa.Table:
     """The rows of a record as a table with the documented columns, the metadata in its schema."""
     import pyarrow as pa
 
-    scores = sorted({key for row in record.rows for key in row if key.startswith(("score.", "floor."))})
+    scores = sorted({key for row in record.rows for key in row if key.startswith(("input.", "score.", "floor."))})
     types = {**COLUMNS, **dict.fromkeys(scores, "float64")}
     schema = pa.schema(
         [pa.field(name, _arrow_type(pa, kind)) for name, kind in types.items()],

@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
+from .memo import Memo, RememberedDataset, RememberedSensor
 from .meter import Meter
-from .plan import Cell
+from .plan import Cell, Choice
 from .registry import missing_library
 from .run import Run
 from .seeds import generator
@@ -76,6 +77,8 @@ class _Session:
         self.cell = Cell.from_json(spec["cell"])
         self.done = set(spec["done"])  # indices of cases that need not be run
         self.meter = Meter(spec["memory_gb"], self.cell.device)
+        # All that is remembered depends on the dataset; what depends on more says so where it is remembered.
+        self.memo = Memo(Path(spec["cache"]), spec["keys"]["dataset"], spec["cache_gb"])
 
     def run(self) -> None:
         """Plan the cases, then run those that are not done."""
@@ -98,13 +101,16 @@ class _Session:
         cell = self.cell
         for choice in cell.choices:
             if choice.kind != "method":
-                choice.plugin.require()
+                for plugin in choice.parts:
+                    plugin.require()
         if cell.device != "cpu":
             check_device(cell.device)
         task = cell.task.build()
         sensor = cell.sensor.build() if cell.sensor in cell.choices else None
-        recipes = task.recipes(cell.dataset.build(), sensor, split=cell.split, count=cell.cases, seed=cell.seed)
-        recipes = list(recipes)
+        if sensor is not None:
+            sensor = RememberedSensor(sensor, self.memo.at("sensor", self.spec["keys"]["sensor"]))
+        dataset = RememberedDataset(cell.dataset.build(), self.memo)
+        recipes = list(task.recipes(dataset, sensor, split=cell.split, count=cell.cases, seed=cell.seed))
         ids = [recipe.id for recipe in recipes]
         if len(set(ids)) < len(ids):
             raise UsageError(f"dataset {cell.dataset.label}: two cases have one id: {max(ids, key=ids.count)!r}")
@@ -112,12 +118,14 @@ class _Session:
 
     def run_case(self, index: int, recipe: Any, task: Any) -> dict[str, Any]:
         """The row of one case; whatever is raised on the way is its status."""
-        stage = "case"
+        stage, cell = "case", self.cell
         row: dict[str, Any] = {}
         try:
             self.channel.send("begin", index=index, stage=stage)
             case = recipe.build()
+            case._memo = self.memo.at("case", cell.split, cell.seed, case.id)
             row["tags"] = ",".join(case.tags)
+            row |= conditions(task, case)
             stage = "method"
             output = self.call_method(index, case, task, row)
             task.validate(output, case.input)
@@ -177,7 +185,7 @@ class _Session:
             metric, plugin = choice.build(), choice.plugin
             try:
                 scores = metric.score(output, case)
-                floor = metric.score(case.perfect(output), case) if floors and plugin.options.get("floor") else {}
+                floor = self.floor(choice, metric, output, case) if floors and plugin.options.get("floor") else {}
             except Exception as error:
                 error.add_note(f"while scoring {choice.name}")
                 raise
@@ -185,6 +193,16 @@ class _Session:
             row |= {f"score.{key}": float(value) for key, value in scores.items()}
             row |= {f"floor.{key}": float(value) for key, value in floor.items()}
         return row | ({"directions": json.dumps(directions, sort_keys=True)} if floors else {})
+
+    def floor(self, choice: Choice, metric: Any, output: Any, case: Case) -> dict[str, float]:
+        """What a perfect output, in kind and count, would score: the same for all methods that return as many."""
+        kind = f"{len(output)} points" if isinstance(output, PointCloud) else "mesh"
+
+        def scored() -> dict[str, np.ndarray]:
+            return {key: np.float64(value) for key, value in metric.score(case.perfect(output), case).items()}
+
+        name = f"floor of {choice.name} {self.spec['keys'][choice.name]} for {kind}"
+        return {key: float(value) for key, value in case.remember(name, scored).items()}
 
     def keep(self, index: int, case: Case, output: Any) -> str:
         """Write the output as a PLY file where the settings ask for it; its path below the results folder."""
@@ -250,6 +268,12 @@ def check_device(device: str) -> None:
 
     if not torch.cuda.is_available():
         raise UsageError(f"device={device}: torch {torch.__version__} sees no GPU on this machine; use device=cpu")
+
+
+def conditions(task: Any, case: Case) -> dict[str, float]:
+    """``input.<key>`` of what the task can tell of a case's input: how noisy, how complete, how even it really is."""
+    describe = getattr(task, "describe", None)
+    return {f"input.{key}": float(value) for key, value in describe(case).items()} if describe else {}
 
 
 # -- small things ------------------------------------------------------------------------------------------------------

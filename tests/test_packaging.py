@@ -32,7 +32,7 @@ NOT_OURS = {"build", "dist", "results", "outputs", "multirun", "__pycache__"}
 FLOORS = (
     "cli commands sweep __main__",
     "leaderboard selection report statistics runner isolate application conformance testing templates progress",
-    "store index worker plan config schema sensors conventions overrides provenance forkserver watch affinity meter",
+    "store index worker plan config schema sensors conventions memo overrides provenance forkserver watch affinity meter",
     "registry tasks run fields",
     "geometry shapes",
     "errors seeds __init__",

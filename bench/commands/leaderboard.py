@@ -2,6 +2,8 @@
 
   detailbench leaderboard                                  of the folder `results`
   detailbench leaderboard DIR [DIR ...] --task denoise --metric p2f_mean
+  detailbench leaderboard DIR --by tag                     who is best on thin sheets, on sharp edges, ...
+  detailbench leaderboard DIR --convention mpu             a paper's columns, in its units
   detailbench leaderboard DIR --format csv > board.csv     markdown, latex and csv besides the terminal
 
 Means are over solved cases with 95 % bootstrap intervals over cases and seeds; rank 1-2 means that nobody is surely
@@ -30,6 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", nargs="*", metavar="RESULTS", help="folders of results (default: results)")
     for name in ("task", "dataset", "sensor", "method", "metric", "tag"):
         parser.add_argument(f"--{name}", metavar="NAMES", help=f"only these {name}s: one, or several with commas")
+    parser.add_argument(
+        "--by", metavar="WORDS", help="one table for each of: dataset, sensor, tag (default: dataset,sensor)"
+    )
+    parser.add_argument("--convention", metavar="NAME", help="print the columns of a paper in its units")
     parser.add_argument("--format", choices=FORMATS, default="terminal", help="how to print (default: terminal)")
     parser.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
     parser.add_argument("--no-index", action="store_true", help="read every file, do not use or write the index")
@@ -37,12 +43,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the board."""
+    args.results, conventions = _split_words(args.results)
+    args.convention = args.convention or conventions
+    if args.convention and args.metric:
+        raise UsageError(f"--metric {args.metric}: the convention {args.convention} says which metrics are shown")
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
     rows = read_rows(args.results or ["results"], use_index=not args.no_index)
     filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag")}
-    show(rows, args.format, metric=args.metric, level=args.level, **filters)
+    show(rows, args.format, metric=args.metric, level=args.level, by=args.by, convention=args.convention, **filters)
     return 0
+
+
+def _split_words(words: list[str]) -> tuple[list[str], str | None]:
+    """Folders, and the NAME of ``convention=NAME`` as `detailbench run` takes it."""
+    names = [word.removeprefix("convention=") for word in words if word.startswith("convention=")]
+    return [word for word in words if not word.startswith("convention=")], names[-1] if names else None
 
 
 def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
@@ -65,16 +81,28 @@ def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
     return rows
 
 
-def show(rows: pd.DataFrame, format: str = "terminal", *, level: float = 0.95, **filters: str | None) -> None:
-    """Rank the rows that the filters leave, and print."""
+def show(
+    rows: pd.DataFrame,
+    format: str = "terminal",
+    *,
+    level: float = 0.95,
+    by: str | None = None,
+    convention: str | None = None,
+    **filters: str | None,
+) -> None:
+    """Rank the rows that the filters leave, and print, in the convention of a paper if one is named."""
+    from ..conventions import load_convention
     from ..leaderboard import leaderboard
     from ..report import render
-    from ..selection import matching, metrics_of, select
+    from ..selection import matching, metrics_of, pool, select
 
-    board = leaderboard(rows, level=level, **filters)
-    chosen = select(rows, **{k: v for k, v in filters.items() if k != "metric"})
+    paper = load_convention(convention) if convention else None
+    if paper:
+        filters["metric"] = paper.scores(metrics_of(rows))
+    board = leaderboard(rows, level=level, by=by, **filters)
+    chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), by)
     terminal = sys.stdout.isatty()
     width = shutil.get_terminal_size((120, 24)).columns if terminal else 160
     wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
     color = terminal and "NO_COLOR" not in os.environ
-    print(render(board, format, rows=chosen, metrics=wanted, width=width, color=color).rstrip("\n"))
+    print(render(board, format, rows=chosen, metrics=wanted, width=width, color=color, convention=paper).rstrip("\n"))

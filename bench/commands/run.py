@@ -8,7 +8,7 @@
 
 Everything after the options is a Hydra override. The keys: task, dataset, sensor, method, metric (plugins, with their
 parameters behind a dot), seed, cases, split, threads, device, results, outputs=none|first|all,
-rerun=never|failed|always, limit.seconds, limit.memory_gb, limit.setup_seconds, profile=quick|paper, experiment,
+rerun=never|failed|always, convention=NAME (a paper's metrics and columns), limit.seconds, limit.memory_gb, limit.setup_seconds, profile=quick|paper, experiment,
 verbose.
 
 A finished case is never run twice: start the same command again after an interruption, or with more methods, and it
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return 130
-    return _report(args, results, done, cells, code)
+    return _report(args, results, done, cells, code, conventions_of(overrides))
 
 
 def _launch(overrides: list[str], multirun: bool, total: int | None) -> int:
@@ -81,9 +81,14 @@ def _launch(overrides: list[str], multirun: bool, total: int | None) -> int:
 
 
 def _report(
-    args: argparse.Namespace, results: Results, done: list[dict[str, Any]], cells: list[dict[str, Any]], code: int
+    args: argparse.Namespace,
+    results: Results,
+    done: list[dict[str, Any]],
+    cells: list[dict[str, Any]],
+    code: int,
+    conventions: list[str],
 ) -> int:
-    """Notes, the leaderboard of this run, and the exit code."""
+    """Notes, the leaderboard of this run in each of the conventions that it names, and the exit code."""
     for entry in done:
         if entry["kind"] == "not_solved":
             print(f"not planned: {entry['message']}", file=sys.stderr)
@@ -96,7 +101,8 @@ def _report(
         from .leaderboard import show
 
         rows = results.rows()
-        show(rows[rows["cell"].isin({c["cell"] for c in cells})])
+        for convention in conventions or [None]:
+            show(rows[rows["cell"].isin({c["cell"] for c in cells})], convention=convention)
     solved, planned = sum(c["solved"] for c in cells), sum(c["planned"] for c in cells)
     cached = sum(c["cached"] for c in cells)
     print(
@@ -143,6 +149,21 @@ def results_folder(overrides: list[str]) -> str:
             if not equals or not folder or "," in folder:
                 raise UsageError(f"{word}: expected one folder, results=DIR")
     return folder
+
+
+def conventions_of(overrides: list[str]) -> list[str]:
+    """The conventions that the overrides, or the experiment that they name, choose."""
+    from omegaconf import OmegaConf
+
+    from ..config import compose
+    from ..overrides import chosen
+
+    named = [name for name in chosen("convention", overrides) if name not in ("None", "null", "")]
+    if named or not any(word.lstrip("+").startswith("experiment=") for word in overrides):
+        return list(dict.fromkeys(named))
+    words = [word for word in overrides if "," not in word]  # values that are swept cannot be composed
+    name = OmegaConf.select(compose(words), "convention.name")
+    return [name] if name else []
 
 
 def plan_size(overrides: list[str], multirun: bool) -> int | None:

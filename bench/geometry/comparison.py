@@ -5,10 +5,14 @@ Which is measured how::
     output point    -> nearest reference sample      to_reference    kd-tree
     reference sample -> nearest output point         to_output       kd-tree
     output point    -> closest point of the mesh     to_surface      exact, point to triangle
+    reference sample -> closest point of the output  from_surface    exact, point to triangle; outputs that are meshes
 
 The first two carry a sampling error: between two independent uniform samples of one surface of area A, with N points
 each, the mean distance is ``0.5 sqrt(A / N)`` and the mean squared distance ``A / (pi N)``. That is what the floor of
-a metric shows. The third has none, so it is the one for single output points.
+a metric shows. The third has none, so it is the one for single output points, and the fourth looks the other way.
+
+An output without points (or a mesh without faces) is infinitely far from everything: a mean distance of it is inf, an
+F-score 0. Without this the mean of nothing would be left out, or be 0, the best score of all.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InvalidOutput
+from ..errors import BadInput, InvalidOutput
 from ..seeds import generator
 from ..shapes import Case, PointCloud
 from .closest import Closest
@@ -29,6 +33,11 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 SAMPLES = 100_000
+NOWHERE = -1  # the index of a nearest point that does not exist
+
+
+class NeedsSurface(BadInput):
+    """Asked for a distance to a surface where the reference is a point cloud."""
 
 
 class Reference:
@@ -40,14 +49,21 @@ class Reference:
     """
 
     def __init__(self, case: Case, samples: int):
-        rng = generator(case.seed, case.id, "reference")
-        points, self.normals = case.reference.surface.sample(samples, rng)
-        self.points = OrderedPoints(points)
-        self._shape = case.reference
+        self._case, self._shape, self._samples = case, case.reference, samples
+        drawn = case.remember(f"reference {samples}", self._draw)
+        self.normals = drawn["normals"]
+        self.points = OrderedPoints(drawn["points"])
+
+    def _draw(self) -> dict[str, np.ndarray]:
+        rng = generator(self._case.seed, self._case.id, "reference")
+        points, normals = self._shape.surface.sample(self._samples, rng)
+        return {"points": points, "normals": normals}
 
     @cached_property
     def mesh(self) -> MeshSurface:
         """The reference mesh as a surface."""
+        if not len(self._shape.mesh.faces):
+            raise NeedsSurface(f"{self._shape.id}: is a point cloud; expected a mesh as the reference")
         surface = self._shape.surface
         return surface if isinstance(surface, MeshSurface) else MeshSurface(self._shape.mesh)
 
@@ -64,7 +80,10 @@ class Reference:
 
     @cached_property
     def _vertex_normals(self) -> np.ndarray | None:
-        return self._shape.surface.closest(self._shape.mesh.vertices)[1] if self._shape.is_exact else None
+        if not self._shape.is_exact:
+            return None
+        surface, vertices = self._shape.surface, self._shape.mesh.vertices
+        return self._case.remember("vertex normals", lambda: {"normals": surface.closest(vertices)[1]})["normals"]
 
 
 class Comparison:
@@ -78,12 +97,19 @@ class Comparison:
         In the frame of the case.
     case : Case
         Its seed and id seed the samples, so that all methods meet the same sample of the reference.
-    samples : int
-        How many points are drawn from the reference, and from an output that is a mesh.
+    samples : int, optional
+        How many points are drawn from the reference, and from an output that is a mesh: :data:`SAMPLES`, or what
+        :func:`set_samples` said of the case.
     """
 
-    def __init__(self, output: PointCloud | Trimesh, case: Case, samples: int = SAMPLES):
-        self.output, self.case, self.samples = output, case, samples
+    def __init__(self, output: PointCloud | Trimesh, case: Case, samples: int | None = None):
+        self.output, self.case = output, case
+        self.samples = case._cache.get("samples", SAMPLES) if samples is None else samples
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the output has no points, or is a mesh without faces."""
+        return not len(self.output if isinstance(self.output, PointCloud) else self.output.faces)
 
     @property
     def output_points(self) -> np.ndarray:
@@ -108,17 +134,30 @@ class Comparison:
     @cached_property
     def to_reference(self) -> Nearest:
         """The nearest reference sample of each output point."""
+        if self.is_empty:
+            return _nowhere(1)
         return self._output.nearest_in(self._reference.points)
 
     @cached_property
     def to_output(self) -> Nearest:
         """The nearest output point of each reference sample."""
+        if self.is_empty:
+            return _nowhere(len(self.reference_points))
         return self._reference.points.nearest_in(self._output)
 
     @cached_property
     def to_surface(self) -> Closest:
         """The closest point of the reference mesh to each output point, exact: distance, point and face."""
+        if self.is_empty:
+            return _closest_nowhere(1)
         return self._reference.mesh.project(self._output)
+
+    @cached_property
+    def from_surface(self) -> Closest:
+        """The closest point of the output, a mesh, to each reference sample, exact: distance, point and face."""
+        if self.is_empty:
+            return _closest_nowhere(len(self.reference_points))
+        return MeshSurface(self.output).project(self._reference.points)
 
     @cached_property
     def surface_normals(self) -> np.ndarray:
@@ -140,8 +179,36 @@ class Comparison:
     def _output_sample(self) -> tuple[np.ndarray, np.ndarray | None]:
         if isinstance(self.output, PointCloud):
             return self.output.points, self.output.normals
+        if self.is_empty:
+            return np.empty((0, 3)), np.empty((0, 3))
         surface = MeshSurface(self.output)
         if not surface.normals.any():
             raise InvalidOutput(f"all {len(self.output.faces)} faces of the mesh are degenerate: it has no area")
         # A stream of its own: the reference mesh itself, given as an output, must get other points than the reference.
         return surface.sample(self.samples, generator(self.case.seed, self.case.id, "output"))
+
+
+def compare(output: PointCloud | Trimesh, case: Case, samples: int) -> Comparison:
+    """A comparison with another number of samples, for the conventions that fix one; shared like the usual one."""
+    if samples == case.compare(output).samples:
+        return case.compare(output)
+    known = case._cache.setdefault(f"comparisons of {samples}", [])
+    for comparison in known:
+        if comparison.output is output:
+            return comparison
+    known.append(Comparison(output, case, samples))
+    del known[:-2]
+    return known[-1]
+
+
+def set_samples(case: Case, samples: int) -> None:
+    """How many points the comparisons of a case draw where nobody says otherwise; before the first one."""
+    case._cache["samples"] = samples
+
+
+def _nowhere(count: int) -> Nearest:
+    return Nearest(np.full(count, np.inf), np.full(count, NOWHERE))
+
+
+def _closest_nowhere(count: int) -> Closest:
+    return Closest(np.full(count, np.inf), np.full((count, 3), np.nan), np.full(count, NOWHERE))

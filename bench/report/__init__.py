@@ -15,6 +15,8 @@ from ..errors import UsageError, did_you_mean
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..conventions import Convention
+
 FORMATS = ("terminal", "markdown", "latex", "csv")
 
 
@@ -26,6 +28,7 @@ def render(
     metrics: Sequence[str] = (),
     width: int = 120,
     color: bool = False,
+    convention: Convention | None = None,
 ) -> str:
     """A leaderboard as text.
 
@@ -44,6 +47,8 @@ def render(
         Columns of the terminal. Metrics that do not fit go into further blocks; nothing is cut off.
     color : bool
         Whether to use the terminal's bold and dim letters.
+    convention : Convention, optional
+        Print a paper's columns, in its units and under its titles, instead of the scores.
 
     Raises
     ------
@@ -52,6 +57,8 @@ def render(
     """
     if format not in FORMATS:
         raise UsageError(f"format {format!r} is unknown. {did_you_mean(format, FORMATS)}")
+    if convention is not None:
+        board, metrics = convention.view(board), list(convention.digits)
     if format == "csv":
         return board.to_csv(index=False, lineterminator="\n")
     from .tables import tables
@@ -59,12 +66,12 @@ def render(
     if format == "terminal":
         from .terminal import failure_list, terminal
 
-        text = terminal(tables(board, rows, metrics), width, color)
+        text = terminal(tables(board, rows, metrics, convention), width, color)
         return text + (failure_list(board, rows, width, color) if rows is not None else "")
     if format == "markdown":
         from .markdown import markdown
 
-        return markdown(tables(board, rows, metrics))
+        return markdown(tables(board, rows, metrics, convention))
     from .latex import latex
 
-    return latex(tables(board, rows, metrics))
+    return latex(tables(board, rows, metrics, convention))

@@ -33,8 +33,10 @@ def decimals(value: float, low: float, high: float) -> int:
     return max(0, min(2 - _magnitude(value), 4)) if value != int(value) else 0
 
 
-def with_interval(value: float, low: float, high: float, exponent: int = 0) -> str:
+def with_interval(value: float, low: float, high: float, exponent: int = 0, digits: int | None = None) -> str:
     """``12.3 [11.0, 14.0]``; ``-`` for nothing; the value alone where the interval is unknown.
+
+    ``digits`` after the point are those that the interval supports, unless a number of them is given.
 
     Example
     -------
@@ -44,15 +46,16 @@ def with_interval(value: float, low: float, high: float, exponent: int = 0) -> s
     if not math.isfinite(value):
         return "-"
     value, low, high = (x / 10.0**exponent for x in (value, low, high))
-    digits = decimals(value, low, high)
+    if digits is None:
+        digits = decimals(value, low, high)
     if not math.isfinite(low + high):
         return _fixed(value, digits)
     return f"{_fixed(value, digits)} [{_fixed(low, digits)}, {_fixed(high, digits)}]"
 
 
-def plain(value: float, exponent: int = 0) -> str:
-    """Three significant digits."""
-    return with_interval(value, math.nan, math.nan, exponent)
+def plain(value: float, exponent: int = 0, digits: int | None = None) -> str:
+    """Three significant digits, or so many after the point."""
+    return with_interval(value, math.nan, math.nan, exponent, digits)
 
 
 def count(value: float) -> str:

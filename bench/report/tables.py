@@ -13,6 +13,8 @@ from .numbers import count, plain, unit_exponent, with_interval
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..conventions import Convention
+
 GROUP = ["task", "dataset", "sensor"]
 Line = dict[str, Any]  # one row of a board
 FAILED = "†"  # behind a mean that leaves failed cases out
@@ -66,13 +68,18 @@ class Table:
         return [*columns, ("params", self.parameters)] if self.parameters else columns
 
 
-def tables(board: pd.DataFrame, rows: pd.DataFrame | None = None, metrics: Sequence[str] = ()) -> list[Table]:
-    """The tables of a board, in its order."""
+def tables(
+    board: pd.DataFrame,
+    rows: pd.DataFrame | None = None,
+    metrics: Sequence[str] = (),
+    convention: Convention | None = None,
+) -> list[Table]:
+    """The tables of a board, in its order; of a board in a convention, with its digits and its notes."""
     parameters = _parameters(rows)
     level = board.attrs.get("level", 0.95)
     lines = board.to_dict("records")
     return [
-        _table(label, list(part), parameters, metrics, level)
+        _table(label, list(part), parameters, metrics, level, convention)
         for label, part in itertools.groupby(lines, key=lambda line: (line["task"], line["dataset"], line["sensor"]))
     ]
 
@@ -103,6 +110,7 @@ def _table(
     parameters: dict[tuple, float],
     wanted: Sequence[str],
     level: float,
+    convention: Convention | None,
 ) -> Table:
     names = metric_order(lines, wanted)
     by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
@@ -114,7 +122,8 @@ def _table(
     # What a method solved, whatever the metrics say of it: the most of any metric.
     most = {_label(line): line for line in sorted(lines, key=lambda line: line["solved"])}
     counts = [parameters.get((*group, most[m]["method"], most[m]["variant"]), math.nan) for m in methods]
-    columns = tuple(_metric(name, by_metric[name], [most[m] for m in methods]) for name in names)
+    digits = convention.digits if convention else {}
+    columns = tuple(_metric(name, by_metric[name], [most[m] for m in methods], digits.get(name)) for name in names)
     return Table(
         *group,
         methods=tuple(methods),
@@ -124,26 +133,29 @@ def _table(
         seconds=tuple(_seconds(most[m]["seconds_median"]) for m in methods),
         memory=tuple(_megabytes(most[m]["peak_rss_mb"]) for m in methods),
         parameters=tuple(map(count, counts)) if any(c > 0 for c in counts) else (),
-        notes=_notes(lines, columns, level),
+        notes=(*_notes(lines, columns, level), *(convention.notes if convention else ())),
     )
 
 
-def _metric(name: str, scored: dict[str, Line], methods: list[Line]) -> Metric:
-    exponent = unit_exponent(line["mean"] for line in scored.values())
-    floors = sorted({plain(line["floor"], exponent) for line in scored.values()} - {"-"}, key=float)
+def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int | None) -> Metric:
+    """One column; with ``digits`` given its title has the unit already, and no power of ten is taken out."""
+    exponent = unit_exponent(line["mean"] for line in scored.values()) if digits is None else 0
+    floors = sorted({plain(line["floor"], exponent, digits) for line in scored.values()} - {"-"}, key=float)
     floor = floors[0] if len(floors) == 1 else f"{floors[0]} to {floors[-1]}" if floors else ""
     better = next(iter(scored.values()))["better"]
-    return Metric(name, better, exponent, tuple(_cell(scored.get(_label(m)), m, exponent) for m in methods), floor)
+    return Metric(
+        name, better, exponent, tuple(_cell(scored.get(_label(m)), m, exponent, digits) for m in methods), floor
+    )
 
 
-def _cell(line: Line | None, most: Line, exponent: int) -> Cell:
+def _cell(line: Line | None, most: Line, exponent: int, digits: int | None) -> Cell:
     if line is None:
         return Cell("")
     mark = ""
     if 0 < line["solved"] < line["planned"]:
         usual = (line["solved"], line["planned"]) == (most["solved"], most["planned"])
         mark = FAILED if usual else f"{FAILED}{line['solved']}/{line['planned']}"
-    text = with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent)
+    text = with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent, digits)
     return Cell(text, line["rank_low"] == 1 and math.isfinite(line["mean"]), mark)
 
 
