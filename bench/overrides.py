@@ -10,6 +10,7 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from . import presets
 from .config import GROUPS, Base, Limits
 from .errors import UsageError, did_you_mean
 from .registry import KINDS, registry
@@ -97,30 +98,23 @@ def _default_choice(group: str) -> str | None:
 
 def _check_plugin_name(kind: str, name: Any) -> None:
     for one in _flat([name]):
-        if kind == "metric" and one in _presets("metric"):
-            continue
         if one in ("None", "null", "") and registry().names(kind):
             raise UsageError(f"{kind}={one}: choose a {kind} by name. Known: {', '.join(registry().names(kind))}")
-        registry().find(kind, one)
+        known = presets.names(kind)
+        if one not in known:
+            registry().find(kind, one, also=known)
 
 
 def _check_preset(group: str, name: Any) -> None:
-    known = _presets(group)
+    known = presets.names(group)
     if str(name) not in (*known, "None", "null"):
         raise UsageError(f"no {group} is called {name!r}. {did_you_mean(str(name), known)}")
 
 
-def _presets(group: str) -> list[str]:
-    """The names of the YAML files of a config group."""
-    from importlib.resources import files
-
-    folder = files("bench.conf") / group
-    return sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml"))
-
-
 def _check_parameter(kind: str, tail: str, overrides: Sequence[str], line: str) -> None:
     """A parameter must be one of a plugin that the run chooses (or, where it chooses none, of some plugin)."""
-    names = [n for n in chosen(kind, overrides) if n in registry().names(kind)] or registry().names(kind)
+    names = [presets.resolve(kind, n) for n in chosen(kind, overrides)]
+    names = [n for n in names if n in registry().names(kind)] or registry().names(kind)
     prefix = f"{kind}."
     if kind == "metric":
         name, _, tail = tail.partition(".")

@@ -47,7 +47,11 @@ class Choice:
 
     @property
     def label(self) -> str:
-        """``bumps``, or ``bumps[degree=20]`` where parameters differ from the defaults."""
+        """``bumps``, ``bumps[degree=20]`` where parameters differ from the defaults, or the name of their preset."""
+        from .presets import name_of
+
+        if self.variant and (preset := name_of(self.plugin, self.parameters)):
+            return preset
         return f"{self.name}[{self.variant}]" if self.variant else self.name
 
     @classmethod

@@ -180,8 +180,8 @@ class Registry:
         """The plugins of one kind, by name."""
         return [self._plugins[kind][name] for name in self.names(kind)]
 
-    def find(self, kind: str, name: str) -> Plugin:
-        """The plugin of that kind and name.
+    def find(self, kind: str, name: str, *, also: Iterable[str] = ()) -> Plugin:
+        """The plugin of that kind and name; ``also`` are other names that may have been meant.
 
         Raises
         ------
@@ -193,7 +193,7 @@ class Registry:
         if name in self._plugins[kind]:
             return self._plugins[kind][name]
         broken = "".join(f"\nBroken plugin {b.origin}: {b.reason}" for b in self.broken)
-        raise UsageError(f"no {kind} is called {name!r}. {did_you_mean(name, self.names(kind))}{broken}")
+        raise UsageError(f"no {kind} is called {name!r}. {did_you_mean(name, [*self.names(kind), *also])}{broken}")
 
     # -- loading ---------------------------------------------------------------------------------------------------
 

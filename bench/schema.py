@@ -167,7 +167,17 @@ def variant(plugin: Plugin, values: Mapping[str, Any]) -> str:
 
 
 def _short(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, Mapping):  # a step of a chain: gaussian(sigma=0.01)
+        return "+".join(f"{k}({_inner(v)})" if isinstance(v, Mapping) else f"{k}={_short(v)}" for k, v in value.items())
+    if isinstance(value, (list, tuple)) and any(isinstance(v, Mapping) for v in value):
+        return "+".join(_short(v) for v in value)
+    return str(value)
+
+
+def _inner(values: Mapping[str, Any]) -> str:
+    return ",".join(f"{k}={_short(v)}" for k, v in values.items())
 
 
 def store_configs() -> None:

@@ -61,7 +61,8 @@ class Bumps:
             lambda: surface.mesh(self.subdivisions),
             surface=surface,
             tags=("smooth",) if exponent >= FLAT else ("smooth", "multiscale"),
-            info={"genus": 0, "degree": self.degree, "exponent": exponent, "amplitude": self.amplitude},
+            exactness="parametric",
+            info={"genus": 0, "symmetry": "none", "degree": self.degree, "exponent": exponent, "amplitude": self.amplitude},
         )
 
     def _exponent(self, index: int) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from bench import Shape, generator, register
 
 from .parts import KINDS, Part
+from .rotations import random_rotation
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -44,7 +45,7 @@ class Cad:
     def _shape(self, split: str, index: int) -> Shape:
         kind = self.kind if self.kind != "all" else list(KINDS)[index % len(KINDS)]
         rng = generator("cad", split, index)
-        part, rotation = KINDS[kind](rng), _random_rotation(rng)
+        part, rotation = KINDS[kind](rng), random_rotation(rng)
         thickness = part.thinnest / part.size
         tags = ["sharp"]
         if thickness < THIN:
@@ -52,7 +53,8 @@ class Cad:
         if part.genus >= HIGH_GENUS:
             tags.append("high_genus")
         info = {"kind": kind, "genus": part.genus, "thickness": thickness}
-        return Shape(f"cad-{split}-{index:03d}-{kind}", lambda: _mesh(part, rotation), tags=tuple(tags), info=info)
+        id = f"cad-{split}-{index:03d}-{kind}"
+        return Shape(id, lambda: _mesh(part, rotation), tags=tuple(tags), info=info, exactness="polyhedron")
 
 
 def _mesh(part: Part, rotation: np.ndarray) -> Trimesh:
@@ -62,15 +64,3 @@ def _mesh(part: Part, rotation: np.ndarray) -> Trimesh:
     points = np.asarray(solid.vert_properties, dtype=np.float64)[:, :3]
     # einsum, not a matrix product: the sum is the same to the last bit whatever library multiplies matrices.
     return Trimesh(np.einsum("ij,nj->ni", rotation, points), np.array(solid.tri_verts, dtype=np.int64), process=False)
-
-
-def _random_rotation(rng: np.random.Generator) -> np.ndarray:
-    """A uniform random rotation matrix, from a random unit quaternion."""
-    w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )

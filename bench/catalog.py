@@ -1,0 +1,77 @@
+"""What the shapes of a dataset are like: exactness, tags, size, time to build, and hashes that catch drift.
+
+To know it, shapes must be built; a listing must not. So the facts are kept in ``catalog.json`` beside the datasets'
+sources, written by ``python scripts/freeze.py``, and ``detailbench list datasets --measure`` measures anew, on this
+machine and for datasets of yours too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import statistics
+import time
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .registry import Plugin
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+FILE = "catalog.json"
+BUILT = 4  # shapes that are built for the figures
+TAGGED = 16  # shapes whose tags are looked at; that builds nothing
+DIGITS = 6  # of a coordinate that count: the last ones differ between processors and versions of libraries
+
+
+def measure(plugin: Plugin) -> dict[str, Any]:
+    """The facts of a dataset at its default parameters, from its first test shapes.
+
+    Returns
+    -------
+    dict
+        ``exactness`` and ``tags`` (lists), ``vertices`` ([least, most]), ``seconds`` (median of a shape's build), and
+        ``shapes``: id, vertices, faces and hash of each that was built.
+    """
+    shapes = list(islice(plugin.cls().shapes("test"), TAGGED))
+    built, seconds = [], []
+    for shape in shapes[:BUILT]:
+        start = time.perf_counter()
+        mesh = shape.mesh
+        seconds.append(time.perf_counter() - start)
+        built.append(
+            {"id": shape.id, "vertices": len(mesh.vertices), "faces": len(mesh.faces), "hash": mesh_hash(mesh)}
+        )
+    sizes = [entry["vertices"] for entry in built]
+    return {
+        "exactness": sorted({shape.exactness for shape in shapes}),
+        "tags": sorted({tag for shape in shapes for tag in shape.tags}),
+        "vertices": [min(sizes), max(sizes)],
+        "seconds": round(statistics.median(seconds), 2),
+        "shapes": built,
+    }
+
+
+def mesh_hash(mesh: Trimesh) -> str:
+    """Sixteen hexadecimal digits over the faces and the vertices, these rounded to a millionth of the size."""
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    size = float(np.abs(vertices).max()) or 1.0
+    rounded = np.round(vertices / size, DIGITS) + 0.0  # + 0: minus zero is zero
+    total = hashlib.sha256(np.ascontiguousarray(rounded).tobytes())
+    total.update(np.ascontiguousarray(mesh.faces, dtype=np.int64).tobytes())
+    return total.hexdigest()[:16]
+
+
+def known(plugin: Plugin) -> dict[str, Any] | None:
+    """The facts that are kept beside the source of a dataset; None where there are none."""
+    return _read(plugin.file.parent / FILE).get(plugin.name)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
+    return json.loads(path.read_text(encoding="utf-8"))

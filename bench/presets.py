@@ -1,0 +1,84 @@
+"""Presets: YAML files that give a plugin's parameters a name, such as ``conf/sensor/noisy.yaml``.
+
+::
+
+    # What it is, and whose setting.        <- the help
+    defaults: [samples]                     <- the plugin
+    noise: 0.01                             <- its parameters
+
+``sensor=noisy`` is ``sensor=samples sensor.noise=0.01``: the same cell, under the preset's name in tables.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from .registry import Plugin, registry
+from .schema import build, parameters
+
+
+class Preset(NamedTuple):
+    """One YAML file of a group of plugins."""
+
+    name: str
+    plugin: str
+    values: Mapping[str, Any]
+    help: str
+
+
+def names(group: str) -> list[str]:
+    """The YAML files of a config group, without the suffix."""
+    from importlib.resources import files
+
+    folder = files("bench.conf") / group
+    if not folder.is_dir():
+        return []
+    return sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml"))
+
+
+@functools.cache
+def presets(kind: str) -> dict[str, Preset]:
+    """The presets of a kind of plugin, by name."""
+    from importlib.resources import files
+
+    from omegaconf import OmegaConf
+
+    found = {}
+    for name in names(kind) if kind != "metric" else []:  # those of metrics choose several plugins
+        text = (files("bench.conf") / kind / f"{name}.yaml").read_text(encoding="utf-8")
+        content = OmegaConf.to_container(OmegaConf.create(text))
+        assert isinstance(content, dict)
+        plugin = next(entry for entry in content.pop("defaults") if entry != "_self_")
+        comment = [line.lstrip("# ").rstrip() for line in text.splitlines() if line.startswith("#")]
+        found[name] = Preset(name, plugin, content, " ".join(comment))
+    return found
+
+
+def name_of(plugin: Plugin, values: Mapping[str, Any]) -> str | None:
+    """The preset that gives ``plugin`` just these parameters; the first by name where several do."""
+    return _known(plugin.kind, plugin.name).get(_key(values))
+
+
+@functools.cache
+def _known(kind: str, name: str) -> dict[str, str]:
+    plugin = registry().find(kind, name)
+    mine = [p for p in presets(plugin.kind).values() if p.plugin == plugin.name]
+    known = {_key(parameters(plugin, build(plugin, p.values))): p.name for p in reversed(mine)}
+    known.pop(_key(parameters(plugin, plugin.cls())), None)  # the defaults need no other name
+    return known
+
+
+def _key(values: Mapping[str, Any]) -> str:
+    import json
+
+    return json.dumps(values, sort_keys=True)
+
+
+def resolve(kind: str, name: str) -> str:
+    """The plugin behind a name: that of the preset, or of the plugin itself."""
+    if name in registry().names(kind):
+        return name
+    known = presets(kind)
+    return known[name].plugin if name in known else name
