@@ -305,3 +305,54 @@ def test_failures_are_listed_with_their_first_message():
     frame.loc[2, "message"] = "second"
     got = failures(frame)
     assert got[["method", "status", "count", "message"]].to_numpy().tolist() == [["a", "error", 2, "first"]]
+
+
+# --- tables over several datasets, and by tag ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def spread():
+    """Two datasets with the same case ids, two sensors, tags that overlap."""
+    return rows(
+        *(
+            row(method, case, 0, {"d": value * factor}, dataset=dataset, sensor=sensor, tags=tags)
+            for method, factor in (("poisson", 1.0), ("apss", 2.0))
+            for dataset, case, tags, value in (
+                ("bumps", "a", "smooth", 1.0),
+                ("bumps", "b", "smooth,thin", 2.0),
+                ("cad", "a", "sharp,thin", 4.0),
+                ("cad", "b", "", 8.0),
+            )
+            for sensor in ("clean", "noisy")
+        )
+    )
+
+
+def test_by_tag_each_case_counts_under_all_of_its_tags(spread):
+    board = leaderboard(spread, by="tag")
+    assert set(board["sensor"]) == {"all sensors"}
+    means = board[board["method"] == "poisson"].set_index("dataset")
+    assert dict(means["mean"]) == {"smooth": 1.5, "thin": 3.0, "sharp": 4.0, "untagged": 8.0}
+    assert dict(means["planned"]) == {"smooth": 4, "thin": 4, "sharp": 2, "untagged": 2}
+
+
+def test_by_sensor_all_datasets_are_one_table(spread):
+    board = leaderboard(spread, by="sensor")
+    assert set(board["dataset"]) == {"all datasets"} and set(board["sensor"]) == {"clean", "noisy"}
+    assert (board[board["method"] == "poisson"]["mean"] == 3.75).all()
+    assert (board["planned"] == 4).all()  # cases of one id in two datasets are two
+
+
+def test_by_dataset_and_tag(spread):
+    board = leaderboard(spread, by="dataset,tag,sensor")
+    assert set(board["dataset"]) == {"bumps smooth", "bumps thin", "cad sharp", "cad thin", "cad untagged"}
+    assert len(board) == 2 * 2 * 5
+
+
+def test_by_dataset_and_sensor_is_the_usual_table(spread):
+    pd.testing.assert_frame_equal(leaderboard(spread, by="dataset,sensor"), leaderboard(spread))
+
+
+def test_by_something_else_is_refused(spread):
+    with pytest.raises(UsageError, match="by 'tags'.*'tag'"):
+        leaderboard(spread, by="tags")

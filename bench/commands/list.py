@@ -10,20 +10,18 @@ detailbench list --json             for scripts
 from __future__ import annotations
 
 import argparse
-import importlib.util
-import inspect
 import json
 import shutil
 import sys
 import textwrap
 from typing import Any
 
-from .. import catalog
 from ..cli import add_plugin_argument
 from ..errors import UsageError, did_you_mean
-from ..fields import field_help
-from ..presets import presets
-from ..registry import KINDS, Plugin, install_line, load_plugins, registry
+from ..listing import listing, missing
+
+Facts = dict[str, Any]
+KINDS = ("task", "dataset", "sensor", "method", "metric")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,25 +35,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the listing; no plugin's heavy libraries are imported for it."""
-    load_plugins(args.plugin, warn=False)
     kinds = [_kind(args.kind)] if args.kind else list(KINDS)
     if args.measure and kinds != ["dataset"]:
         raise UsageError("--measure is for datasets: detailbench list datasets --measure")
+    found = listing(args.plugin)
+    for facts in (facts for kind in KINDS for facts in found["plugins"][kind]):
+        facts["missing"] = missing(facts["requires"])
     if args.name:
-        plugin = registry().find(kinds[0], args.name)
-        print(json.dumps(as_json(plugin), indent=2) if args.json else details(plugin))
-        return 0
-    if args.json:
-        listing: dict[str, Any] = {kind: [as_json(p) for p in registry().all(kind)] for kind in kinds}
-        listing["broken"] = [
-            {"origin": b.origin, "file": str(b.file or ""), "reason": b.reason} for b in registry().broken
-        ]
-        print(json.dumps(listing, indent=2))
-        return 0
-    for kind in kinds:
-        print(dataset_table(measure=args.measure) if kinds == ["dataset"] else table(kind))
-    for broken in registry().broken:
-        print(f"broken: {broken.origin}: {broken.reason}")
+        facts = _find(found, kinds[0], args.name)
+        print(json.dumps(facts, indent=2) if args.json else details(facts))
+    elif args.json:
+        print(json.dumps({kind: found["plugins"][kind] for kind in kinds} | {"broken": found["broken"]}, indent=2))
+    else:
+        for kind in kinds:
+            datasets = kinds == ["dataset"]
+            print(dataset_table(found, measure=args.measure) if datasets else table(found, kind))
+        for broken in found["broken"]:
+            print(f"broken: {broken['origin']}: {broken['reason']}")
     return 0
 
 
@@ -66,49 +62,30 @@ def _kind(word: str) -> str:
     raise UsageError(f"no kind of plugin is called {word!r}. {did_you_mean(word, [k + 's' for k in KINDS])}")
 
 
-def as_json(plugin: Plugin) -> dict[str, Any]:
-    """A plugin's facts, as JSON values."""
-    from ..schema import defaults
+def _find(found: Facts, kind: str, name: str) -> Facts:
+    by_name = {facts["name"]: facts for facts in found["plugins"][kind]}
+    presets = {preset["name"]: preset["plugin"] for preset in found["presets"][kind]}
+    if presets.get(name, name) in by_name:
+        return by_name[presets.get(name, name)]
+    from ..registry import registry
 
-    helps = field_help(plugin.cls)
-    usual = defaults(plugin)
-    facts: dict[str, Any] = {
-        "kind": plugin.kind,
-        "name": plugin.name,
-        "summary": plugin.summary,
-        "cite": plugin.cite,
-        "origin": plugin.origin,
-        "file": str(plugin.file),
-        "requires": list(plugin.requires),
-        "missing": missing(plugin),
-        "parameters": {f.name: {"default": usual[f.name], "help": helps[f.name]} for f in plugin.fields},
-    }
-    if plugin.kind == "dataset":
-        facts |= {"shapes": catalog.known(plugin)}
-    presets_of = [p for p in presets(plugin.kind).values() if p.plugin == plugin.name]
-    if presets_of:
-        facts["presets"] = {p.name: {"help": p.help, **p.values} for p in presets_of}
-    if plugin.kind == "method":
-        facts["tasks"] = [task for task in registry().names("task") if plugin.solves(task)]
-    if plugin.kind == "metric":
-        facts["version"] = plugin.version
-        facts["better"] = plugin.options.get("better", "lower")
-        facts["outputs"] = list(plugin.options.get("outputs", ("mesh", "cloud")))
-    return facts
+    registry().find(kind, name, also=presets)  # says what is wrong
+    raise AssertionError(name)
 
 
-def dataset_table(*, measure: bool = False) -> str:
+def dataset_table(found: Facts, *, measure: bool = False) -> str:
     """The datasets with what their shapes are like; ``measure`` builds some, otherwise the kept figures are shown."""
     rows = [("dataset", "exactness", "vertices", "build", "tags", "")]
-    for plugin in registry().all("dataset"):
-        facts = _measured(plugin) if measure else catalog.known(plugin)
+    for dataset in found["plugins"]["dataset"]:
+        facts = _measured(dataset["name"]) if measure else dataset["shapes"]
         if facts is None:
-            rows.append((plugin.name, "-", "-", "-", "-", plugin.summary))
+            rows.append((dataset["name"], "-", "-", "-", "-", dataset["summary"]))
             continue
         low, high = facts["vertices"]
         size = f"{low:,}" if low == high else f"{low:,}-{high:,}"
         exactness, tags = ", ".join(facts["exactness"]), ", ".join(facts["tags"])
-        rows.append((plugin.name, exactness, size, f"{facts['seconds']:.2f} s", tags, plugin.summary))
+        seconds = f"{facts['seconds']:.2f} s"
+        rows.append((dataset["name"], exactness, size, seconds, tags, dataset["summary"]))
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     width = shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 10_000
     lines = []
@@ -117,60 +94,60 @@ def dataset_table(*, measure: bool = False) -> str:
         fits = len(line) + 2 + len(row[5]) <= width
         lines.extend([f"{line}  {row[5]}".rstrip()] if fits else [line.rstrip(), f"    {row[5]}"])
     where = "measured now" if measure else "kept; --measure measures on this machine"
-    return "\n".join([*lines, "", f"of the first {catalog.BUILT} test shapes, at default parameters; {where}"])
+    return "\n".join([*lines, "", f"of the first test shapes, at default parameters; {where}"])
 
 
-def _measured(plugin: Plugin) -> dict[str, Any] | None:
+def _measured(name: str) -> Facts | None:
+    from .. import catalog
+    from ..registry import registry
+
+    plugin = registry().find("dataset", name)
     if hasattr(plugin.cls, "state"):  # the user's own files
         return None
     plugin.require()
     return catalog.measure(plugin)
 
 
-def missing(plugin: Plugin) -> list[str]:
-    """The libraries that a plugin declares and that are not installed."""
-    return [library for library in plugin.requires if importlib.util.find_spec(library) is None]
-
-
-def table(kind: str) -> str:
+def table(found: Facts, kind: str) -> str:
     """One kind, a line each, folded to the terminal."""
-    plugins = registry().all(kind)
-    width = max([len(name) for name in (*registry().names(kind), *presets(kind))] + [12])
+    plugins, presets = found["plugins"][kind], found["presets"][kind]
+    width = max([len(facts["name"]) for facts in (*plugins, *presets)] + [12])
     room = max(60, shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 10_000) - width - 4
     lines = [f"{kind}s"]
-    for plugin in plugins:
-        text = plugin.summary
+    for facts in plugins:
+        text = facts["summary"]
         if kind == "method":
-            text = f"[{', '.join(t for t in registry().names('task') if plugin.solves(t))}] {text}"
-        if plugin.cite:
-            text += f" ({plugin.cite})"
-        for library in missing(plugin):
-            text += f" -- needs {library}: {install_line(library)}"
-        folded = textwrap.wrap(text, room) or [""]
-        lines.append(f"  {plugin.name:<{width}}  {folded[0]}")
-        lines.extend(" " * (width + 4) + line for line in folded[1:])
-    for preset in presets(kind).values():
-        folded = textwrap.wrap(f"[preset of {preset.plugin}] {preset.help}", room)
-        lines.append(f"  {preset.name:<{width}}  {folded[0]}")
-        lines.extend(" " * (width + 4) + line for line in folded[1:])
+            text = f"[{', '.join(facts['tasks'])}] {text}"
+        if facts["cite"]:
+            text += f" ({facts['cite']})"
+        if facts["missing"]:
+            from ..registry import install_line
+
+            text += "".join(f" -- needs {library}: {install_line(library)}" for library in facts["missing"])
+        lines.extend(_folded(facts["name"], text, width, room))
+    for preset in presets:
+        lines.extend(_folded(preset["name"], f"[preset of {preset['plugin']}] {preset['help']}", width, room))
     return "\n".join(lines) + "\n"
 
 
-def details(plugin: Plugin) -> str:
+def _folded(name: str, text: str, width: int, room: int) -> list[str]:
+    folded = textwrap.wrap(text, room) or [""]
+    return [f"  {name:<{width}}  {folded[0]}"] + [" " * (width + 4) + line for line in folded[1:]]
+
+
+def details(facts: Facts) -> str:
     """Everything about one plugin."""
-    facts = as_json(plugin)
-    lines = [f"{plugin.kind} {plugin.name}", "", inspect.getdoc(plugin.cls) or "", ""]
+    kind = facts["kind"]
+    lines = [f"{kind} {facts['name']}", "", facts["doc"], ""]
     for name in ("tasks", "cite", "version", "better", "outputs", "requires", "missing", "origin", "file"):
         value = facts.get(name)
         if value:
             lines.append(f"{name}: {', '.join(value) if isinstance(value, list) else value}")
-    for name, preset in facts.get("presets", {}).items():
-        lines.append(f"preset: {plugin.kind}={name}  {preset['help']}")
     if facts.get("shapes"):
-        shapes = facts["shapes"]
-        lines.append(f"exactness: {', '.join(shapes['exactness'])}")
-        lines.append(f"tags: {', '.join(shapes['tags'])}")
+        lines += [f"{name}: {', '.join(facts['shapes'][name])}" for name in ("exactness", "tags")]
+    for name, preset in facts.get("presets", {}).items():
+        lines.append(f"preset: {kind}={name}  {preset['help']}")
     lines += ["", "parameters" if facts["parameters"] else "no parameters"]
     for name, parameter in facts["parameters"].items():
-        lines.append(f"  {plugin.kind}.{name}={parameter['default']}  {parameter['help']}".rstrip())
+        lines.append(f"  {kind}.{name}={parameter['default']}  {parameter['help']}".rstrip())
     return "\n".join(lines)

@@ -1,0 +1,181 @@
+"""What the cells of a sweep share: the same bytes as without, forgotten when it should be, never in the way."""
+
+import os
+import time
+
+import numpy as np
+import pytest
+from trimesh.creation import icosphere
+
+import bench.memo
+from bench import Case, PointCloud, Shape, generator
+from bench.memo import Memo, RememberedDataset, RememberedSensor, prune
+
+
+@pytest.fixture
+def memo(tmp_path):
+    return Memo(tmp_path / "cache", "a key")
+
+
+def counted(value=1.0):
+    calls = []
+
+    def make():
+        calls.append(1)
+        return {"x": np.full(3, value)}
+
+    return make, calls
+
+
+def test_it_makes_once_and_remembers_the_very_bytes(memo):
+    make, calls = counted(np.pi)
+    first, second = memo.arrays("a", make), memo.arrays("a", make)
+    assert len(calls) == 1
+    assert first["x"].tobytes() == second["x"].tobytes() and first["x"].dtype == second["x"].dtype
+
+
+@pytest.mark.parametrize(
+    "other", [Memo.at, lambda m, *p: Memo(m.folder, "another key"), lambda m, *p: m.at("x").at("y")]
+)
+def test_another_key_is_another_entry(memo, other):
+    memo.arrays("a", counted()[0])
+    make, calls = counted()
+    other(memo, "part").arrays("a", make)
+    assert calls
+
+
+def test_parts_are_not_run_together(memo):
+    assert memo.at("ab", "c").key != memo.at("a", "bc").key
+
+
+@pytest.mark.parametrize("off", [Memo(None, "a key"), None])
+def test_it_can_be_off(off, tmp_path):
+    off = off or Memo(tmp_path, "a key", limit_gb=0.0)
+    make, calls = counted()
+    off.arrays("a", make), off.arrays("a", make)
+    assert len(calls) == 2
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[: len(content) // 2],
+        lambda content: b"garbage" * 100,
+        lambda content: content[:200] + bytes([content[200] ^ 255]) + content[201:],
+    ],
+    ids=["empty", "torn", "garbage", "flipped"],
+)
+def test_a_damaged_entry_is_made_again(memo, damage):
+    memo.arrays("a", counted(7.0)[0])
+    (path,) = memo.folder.glob("*/*.npz")
+    path.write_bytes(damage(path.read_bytes()))
+    make, calls = counted(7.0)
+    assert (memo.arrays("a", make)["x"] == 7).all() and calls
+    assert (memo.arrays("a", make)["x"] == 7).all() and len(calls) == 1
+
+
+def test_a_memory_that_cannot_be_written_is_no_error(tmp_path):
+    (tmp_path / "cache").write_text("a file where the folder should be")
+    assert (Memo(tmp_path / "cache", "k").arrays("a", counted()[0])["x"] == 1).all()
+
+
+def test_a_nearly_full_disk_is_left_to_the_results(memo, monkeypatch):
+    monkeypatch.setattr(bench.memo, "SPARE_BYTES", 1 << 80)
+    memo.arrays("a", counted()[0])
+    assert not list(memo.folder.glob("*/*"))
+
+
+def test_what_was_not_used_for_longest_is_forgotten_first(memo):
+    for number, name in enumerate("abc"):
+        memo.at(name).arrays("x", lambda: {"x": np.zeros(100_000)})
+        (path,) = [p for p in memo.folder.glob("*/*") if time.time() - p.stat().st_mtime < 1]
+        os.utime(path, (1000 + number, 1000 + number))
+    torn = memo.folder / "torn.d" / "x.tmp"
+    torn.parent.mkdir()
+    torn.write_bytes(bytes(10))
+    os.utime(torn, (1, 1))
+    memo.at("a").arrays("x", lambda: pytest.fail("was remembered"))  # used now
+    prune(memo.folder, limit_gb=2e-3)
+    assert not torn.exists()
+    memo.at("a").arrays("x", lambda: pytest.fail("was used last"))
+    memo.at("c").arrays("x", lambda: pytest.fail("there was room for two"))
+    make, calls = counted()
+    memo.at("b").arrays("x", make)
+    assert calls
+
+
+class Dataset:
+    name = "balls"
+
+    def __init__(self):
+        self.made = 0
+
+    def shapes(self, split):
+        for index in range(2):
+            yield Shape(f"ball-{split}-{index}", self.mesh, tags=("smooth",), info={"genus": 0}, exactness="polyhedron")
+
+    def mesh(self):
+        self.made += 1
+        return icosphere(subdivisions=1)
+
+
+class Files(Dataset):
+    def state(self):
+        return {}
+
+
+class Sensor:
+    count = 5
+
+    def __init__(self):
+        self.used = 0
+
+    def sense(self, shape, rng):
+        self.used += 1
+        return PointCloud(*shape.surface.sample(self.count, rng))
+
+
+def test_a_remembered_dataset_makes_each_mesh_once(memo):
+    dataset = Dataset()
+    for _ in range(2):
+        remembered = RememberedDataset(dataset, memo)
+        assert remembered.name == "balls"
+        shapes = list(remembered.shapes("test"))
+        assert not dataset.made or dataset.made == 2  # nothing is made before it is asked for
+        assert [len(s.mesh.faces) for s in shapes] == [80, 80]
+        assert shapes[0].tags == ("smooth",) and shapes[0].exactness == "polyhedron" and shapes[0].info == {"genus": 0}
+    assert dataset.made == 2
+    list(RememberedDataset(dataset, memo).shapes("train"))[0].mesh  # noqa: B018, RUF015
+    assert dataset.made == 3
+
+
+def test_the_users_files_are_not_copied(memo):
+    dataset = Files()
+    for _ in range(2):
+        next(RememberedDataset(dataset, memo).shapes("test")).mesh  # noqa: B018
+    assert dataset.made == 2
+
+
+def test_a_remembered_sensor_senses_each_shape_once_for_each_seed(memo):
+    shape, plain = next(Dataset().shapes("test")), Sensor()
+    sensor = RememberedSensor(plain, memo)
+    clouds = [sensor.sense(shape, generator(seed)) for seed in (0, 0, 1)]
+    assert plain.used == 2 and sensor.count == 5
+    assert (clouds[0].points == Sensor().sense(shape, generator(0)).points).all()
+    assert (clouds[0].points == clouds[1].points).all() and (clouds[0].normals == clouds[1].normals).all()
+    assert (clouds[0].points != clouds[2].points).any()
+    first, second = generator(0).spawn(2)
+    assert (sensor.sense(shape, first).points != sensor.sense(shape, second).points).any()
+
+
+def test_a_case_compares_the_same_with_and_without(memo):
+    mesh = icosphere(subdivisions=2)
+    output = PointCloud(mesh.vertices * 1.1)
+    plain = Case("ball", {}, Shape("ball", mesh), seed=3)
+    for _ in range(2):  # written, then read
+        case = Case("ball", {}, Shape("ball", mesh), seed=3, _memo=memo)
+        a, b = plain.compare(output), case.compare(output)
+        assert (a.to_output.distance == b.to_output.distance).all()
+        assert (plain.perfect(output).points == case.perfect(output).points).all()
