@@ -3,6 +3,8 @@
 
 PYTHON ?=
 export PYTHON
+# Every start of the command line imports all plugins; where this is set, each start compiles them anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 BIN := .venv/bin
 PYTEST := PYTHONPATH=scripts $(BIN)/python -m pytest -p no_skips

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -56,7 +57,14 @@ GROUPS = ("task", "dataset", "sensor", "method", "metric", "convention", "profil
 
 
 def register_base() -> None:
-    """Put the typed base, and every plugin, into Hydra's config store."""
+    """Put the typed base, and every plugin, into Hydra's config store; those that are new since the last call."""
+    from .registry import KINDS, registry
+
+    _register(tuple(plugin.cls for kind in KINDS for plugin in registry().all(kind)))
+
+
+@functools.lru_cache(maxsize=1)
+def _register(plugins: tuple[type, ...]) -> None:
     from hydra.core.config_store import ConfigStore
 
     from .schema import store_configs

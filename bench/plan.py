@@ -50,7 +50,8 @@ class Choice:
         """``bumps``, ``bumps[degree=20]`` where parameters differ from the defaults, or the name of their preset."""
         from .presets import name_of
 
-        if self.variant and (preset := name_of(self.plugin, self.parameters)):
+        preset = name_of(self.plugin, self.parameters) if self.parameters else None
+        if preset:
             return preset
         return f"{self.name}[{self.variant}]" if self.variant else self.name
 

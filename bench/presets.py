@@ -65,9 +65,7 @@ def name_of(plugin: Plugin, values: Mapping[str, Any]) -> str | None:
 def _known(kind: str, name: str) -> dict[str, str]:
     plugin = registry().find(kind, name)
     mine = [p for p in presets(plugin.kind).values() if p.plugin == plugin.name]
-    known = {_key(parameters(plugin, build(plugin, p.values))): p.name for p in reversed(mine)}
-    known.pop(_key(parameters(plugin, plugin.cls())), None)  # the defaults need no other name
-    return known
+    return {_key(parameters(plugin, build(plugin, p.values))): p.name for p in reversed(mine)}
 
 
 def _key(values: Mapping[str, Any]) -> str:

@@ -25,7 +25,7 @@ from bench.schema import build
 
 VIEW = [(2.1, -2.7, 1.7), (0, 0, 0), (0, 0, 1)]
 SHAPES = 6
-TILE = 210
+TILE = 220
 SKIPPED = ("mpu_", "dss_", "idf_")  # presets that differ in the number of points and the noise alone
 
 
@@ -73,7 +73,7 @@ def sensors(picture: str, dataset: str, index: int) -> None:
         plotter.subplot(number // columns, number % columns)
         label(plotter, f"{name}\n{len(cloud):,} points")
         plotter.add_mesh(
-            pyvista.PolyData(cloud.points), scalars=distance, cmap="YlOrRd", clim=(0, 0.03), show_scalar_bar=False,
+            pyvista.PolyData(cloud.points), scalars=distance, cmap="viridis", clim=(0, 0.03), show_scalar_bar=False,
             point_size=3, render_points_as_spheres=False,
         )  # fmt: skip
         plotter.camera_position = VIEW

@@ -1,0 +1,50 @@
+"""A sensor that is made of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bench import PointCloud, Shape, register
+from bench.sensors import Step, build_steps
+
+if TYPE_CHECKING:
+    from bench.registry import Plugin
+
+
+@register("sensor", requires=("open3d",))
+@dataclass(frozen=True)
+class Chain:
+    """Sensors one after the other: a source of points, then effects that spoil them.
+
+    The same as calling the parts by hand, with one generator for each: ``rng.spawn(len(steps))``. So a step's
+    randomness does not depend on what the steps before it drew.
+    """
+
+    steps: tuple[Any, ...] = ("poisson_disk", {"gaussian": {"sigma": 0.005}})  # names, or {name: {parameter: value}}
+
+    def __post_init__(self) -> None:
+        _ = self._built  # mistakes are refused here, not when the first cloud is made
+
+    @cached_property
+    def _built(self) -> tuple[Step, ...]:
+        if isinstance(self.steps, str):
+            raise ValueError(f"steps: expected a list, got {self.steps!r}; write [{self.steps}]")
+        return build_steps(self.steps)
+
+    @property
+    def plugins(self) -> tuple[Plugin, ...]:
+        """The plugins of the steps, in their order."""
+        return tuple(step.plugin for step in self._built)
+
+    def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud:
+        """The cloud that the first step makes, spoiled by the others."""
+        streams = rng.spawn(len(self._built))
+        (source, *effects) = (step.sensor for step in self._built)
+        cloud = source.sense(shape, streams[0])
+        for effect, stream in zip(effects, streams[1:], strict=True):
+            cloud = effect.spoil(cloud, shape, stream)
+        return cloud

@@ -1,0 +1,37 @@
+"""Estimated normals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bench import Effect, PointCloud, Shape, register
+from bench.geometry.normals import estimate_normals, oriented_normals
+
+from .checks import expect_choice
+from .spoiling import with_normals
+
+
+@register("sensor", requires=("open3d",), cite="Hoppe et al. 1992; orientation: König and Gumhold 2009")
+@dataclass(frozen=True)
+class NormalsPca(Effect):
+    """Normals estimated from the points as they are: planes through the neighbours, oriented along a spanning tree.
+
+    The number of neighbours grows with the noise, from 16 to 64. With ``orientation=exact`` the signs are those of the
+    exact surface, as data sets for denoising have them; what the estimate gets wrong is then the direction alone.
+    """
+
+    orientation: Literal["tree", "exact"] = "tree"  # signs from the points alone, or from the exact surface
+
+    def __post_init__(self) -> None:
+        expect_choice("orientation", self.orientation, ("tree", "exact"))
+
+    def spoil(self, cloud: PointCloud, shape: Shape, rng: np.random.Generator) -> PointCloud:
+        """The same points, with estimated normals."""
+        if self.orientation == "tree":
+            return with_normals(cloud, oriented_normals(cloud.points))
+        normals, _, _ = estimate_normals(cloud.points)
+        inward = np.einsum("ni,ni->n", normals, shape.surface.closest(cloud.points)[1]) < 0
+        return with_normals(cloud, np.where(inward[:, None], -normals, normals))

@@ -1,0 +1,143 @@
+"""The base of all scanners: several views, each measured, registered with some error, and merged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from bench import BadInput, PointCloud, Shape
+from bench.geometry.normals import estimate_normals
+from bench.registry import snake_case
+
+from .checks import expect, expect_choice, expect_count, expect_length
+from .scene import Scene
+from .spoiling import random_directions
+from .views import Pose, fibonacci_sphere, look_at, random_rotation, rotation_about, turntable
+
+RIGS = ("sphere", "turntable")
+NORMALS = ("pca", "exact", "none")
+
+
+class Scan(NamedTuple):
+    """What one view measured."""
+
+    points: np.ndarray
+    """(n, 3) array, as measured"""
+    hits: np.ndarray
+    """(n, 3) array: the points of the mesh that were measured"""
+    faces: np.ndarray
+    """(n,) int array, of the hits"""
+    sensor: np.ndarray
+    """(n, 3) array: where the scanner stood"""
+    turn: np.ndarray
+    """(n, 3, 3) or (1, 3, 3) array: how registration turned the points"""
+
+    @classmethod
+    def of(cls, pose: Pose, points: np.ndarray, hits: np.ndarray, faces: np.ndarray) -> Scan:
+        """The points as a scanner at ``pose`` measured them."""
+        return cls(points, hits, faces, np.broadcast_to(pose.center, points.shape), np.eye(3)[None])
+
+
+@dataclass(frozen=True)
+class Scanner:
+    """Base of the scanners; a subclass defines :meth:`measure`. Its fields are the parameters that all share.
+
+    The number of points depends on the shape. Lengths are relative to the bounding-sphere radius, which is 1 in the
+    frame of a case.
+    """
+
+    views: int = 8  # positions of the scanner
+    rig: Literal["sphere", "turntable"] = "sphere"  # positions all around (turned at random), or in a ring around z
+    elevation: float = 20.0  # of the turntable's ring, in degrees above the horizon
+    distance: float = 3.0  # of the scanner from the middle of the shape, in bounding-sphere radii; more than 1
+    misrotation: float = 0.0  # degrees by which each scan is turned, about its centroid and a random axis
+    misshift: float = 0.0  # standard deviation in x, y, z of the shift of each scan, relative to the radius
+    max_points: int = 20_000  # above this number a random subset of this size is kept; 0 is no limit
+    normals: Literal["pca", "exact", "none"] = "pca"  # estimated and turned to the scanner, exact at the hit, or none
+
+    def __post_init__(self) -> None:
+        expect_count("views", self.views)
+        expect_choice("rig", self.rig, RIGS)
+        expect(-90 <= self.elevation <= 90, "elevation", "-90 to 90", self.elevation)
+        expect(1.01 <= self.distance < np.inf, "distance", "at least 1.01: outside the bounding sphere", self.distance)
+        expect(0 <= self.misrotation <= 180, "misrotation", "0 to 180", self.misrotation)
+        expect_length("misshift", self.misshift)
+        expect(self.max_points == 0 or self.max_points >= 3, "max_points", "0, or at least 3", self.max_points)
+        expect_choice("normals", self.normals, NORMALS)
+
+    def measure(self, scene: Scene, pose: Pose, rng: np.random.Generator) -> Scan:
+        """What the scanner measures from one position."""
+        raise NotImplementedError
+
+    def poses(self, scene: Scene, rng: np.random.Generator) -> list[Pose]:
+        """The positions, all looking at the middle of the shape."""
+        if self.rig == "turntable":
+            directions = turntable(self.views, self.elevation, rng.uniform(0, 360))
+        else:
+            directions = fibonacci_sphere(self.views) @ random_rotation(rng).T
+        return [look_at(scene.center + self.distance * scene.radius * d, scene.center) for d in directions]
+
+    def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud:
+        """The merged scans of a shape.
+
+        Raises
+        ------
+        BadInput
+            If no view measures anything.
+        """
+        placing, registering, measuring, thinning = rng.spawn(4)
+        scene = Scene(shape.mesh)
+        scans = []
+        for pose in self.poses(scene, placing):
+            scan, error = self.measure(scene, pose, *measuring.spawn(1)), *registering.spawn(1)
+            if len(scan.points):
+                scans.append(self._misregistered(scan, error))
+        found = sum(len(scan.points) for scan in scans)
+        least = 3 if self.normals == "pca" else 1  # a plane through fewer is anybody's
+        if found < least:
+            name = snake_case(type(self).__name__)
+            raise BadInput(
+                f"sensor {name}: {found} points of {shape.id} were measured from {self.views} views, expected at least "
+                f"{least}; try more views, more rays or a larger distance"
+            )
+        scan = self._thinned(_merged(scans), thinning)
+        return PointCloud(scan.points, self._normals(scan, scene, shape))
+
+    def _misregistered(self, scan: Scan, rng: np.random.Generator) -> Scan:
+        """The scan turned about its centroid, and shifted."""
+        axis, shift = random_directions(1, rng)[0], self.misshift * rng.normal(size=3)
+        if not self.misrotation and not self.misshift:
+            return scan
+        turn = rotation_about(axis, np.radians(self.misrotation))
+        centroid = scan.points.mean(axis=0)
+        points = (scan.points - centroid) @ turn.T + centroid + shift
+        return scan._replace(points=points, turn=turn[None])
+
+    def _thinned(self, scan: Scan, rng: np.random.Generator) -> Scan:
+        if not 0 < self.max_points < len(scan.points):
+            return scan
+        chosen = np.sort(rng.permutation(len(scan.points))[: self.max_points])
+        return Scan(*(values[chosen] for values in scan))
+
+    def _normals(self, scan: Scan, scene: Scene, shape: Shape) -> np.ndarray | None:
+        if self.normals == "none":
+            return None
+        if self.normals == "pca":
+            normals, _, _ = estimate_normals(scan.points)
+            away = np.einsum("ni,ni->n", normals, scan.sensor - scan.points) < 0
+            return np.where(away[:, None], -normals, normals)
+        exact = shape.surface.closest(scan.hits)[1] if shape.is_exact else scene.normals[scan.faces]
+        return np.einsum("nij,nj->ni", scan.turn, exact)
+
+
+def _merged(scans: list[Scan]) -> Scan:
+    turns = [np.broadcast_to(scan.turn, (len(scan.points), 3, 3)) for scan in scans]
+    parts = [np.concatenate(values) for values in list(zip(*scans, strict=True))[:4]]
+    return Scan(*parts, np.concatenate(turns))
+
+
+def survives_grazing(cosine: np.ndarray, lost: float, safe: float, rng: np.random.Generator) -> np.ndarray:
+    """Whether measurements at grazing angles come back: never below a cosine, always above one, linear between."""
+    return rng.random(len(cosine)) < np.clip((cosine - lost) / max(safe - lost, 1e-12), 0, 1)
