@@ -263,12 +263,15 @@ def _sensor(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel
 
 
 def _metric(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
-    """A perfect output must score better than a noisy one, and that better than a random one."""
+    """A perfect output must not score worse than a random one; what is between them may be up to luck or by design.
+
+    (Noise spreads points more evenly, and the maximum of a few distances moves with the sample.)
+    """
     metric = plugin.cls()
     shape = toy_shape()
     case = Case("toy", {}, shape)
     kinds = plugin.options.get("outputs", ("mesh", "cloud"))
-    ladder = [_spoiled(shape, kinds, amount) for amount in (0.0, 0.02, 0.5)]
+    ladder = [_spoiled(shape, kinds, amount) for amount in (0.0, 0.5)]
     scores = [metric.score(output, case) for output in ladder]
     for key in scores[0]:
         direction = plugin.better(key)
@@ -276,8 +279,8 @@ def _metric(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel
         if not np.isfinite(values).all():
             raise InvalidOutput(f"{key} is not finite: {values}")
         order = values if direction == "lower" else [-v for v in values]
-        if direction != "reference" and not order[0] <= order[1] <= order[2]:
-            raise InvalidOutput(f"{key} is better={direction}, but perfect, noisy and random outputs score {values}")
+        if direction != "reference" and order != sorted(order):
+            raise InvalidOutput(f"{key} is better={direction}, but a perfect and a random output score {values}")
     words = ", ".join(f"{k}={v:.3g}" for k, v in scores[0].items())
     return {"output": f"perfect output: {words}", "digest": words}
 

@@ -7,7 +7,7 @@ means, so it is no part of a cell's identity; its metrics are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -38,7 +38,7 @@ class Convention:
     paper: str  # whom to cite
     code: str  # the file that computes the numbers
     differs: str  # where ours cannot follow it, in words
-    metrics: Mapping[str, Mapping[str, Any]]  # plugin names, each with parameters that are not its defaults
+    metrics: tuple[str, ...]  # the plugins that compute the scores
     columns: tuple[Column, ...]
 
     @property
@@ -46,18 +46,14 @@ class Convention:
         """Digits after the point by title."""
         return {column.title: column.digits for column in self.columns}
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What stands below the table."""
-        return tuple(
-            note
-            for note in (
-                f"convention {self.name}: {self.paper}; {self.code}.",
-                "; ".join(f"{c.title} = {c.factor:g} x {c.score}" for c in self.columns) + ".",
-                self.differs,
-            )
-            if note
-        )
+    def notes(self, shown: Collection[str]) -> tuple[str, ...]:
+        """What stands below a table with these titles: whom it follows, the formulas, and what it does not show."""
+        formulas = [f"{c.title} = {c.factor:g} x {c.score}" for c in self.columns if c.title in shown]
+        missing = [f"{c.title} ({c.score})" for c in self.columns if c.title not in shown]
+        notes = [f"convention {self.name}: {self.paper}; {self.code}.", f"{'; '.join(formulas)}.", self.differs]
+        if missing:
+            notes.append(f"These results have no {' and no '.join(missing)}.")
+        return tuple(note for note in notes if note)
 
     def scores(self, known: Mapping[str, Any] | list[str]) -> list[str]:
         """The scores of the columns that ``known`` has.
@@ -123,13 +119,12 @@ def load_convention(name: str) -> Convention:
     text = (files("bench.conf") / "convention" / f"{name}.yaml").read_text(encoding="utf-8")
     content = yaml.safe_load(text)
     (selected,) = (entry[METRIC] for entry in content["defaults"] if METRIC in entry)
-    parameters = content.get("metric", {})
     described = content["convention"]
     return Convention(
         name=described["name"],
         paper=described["paper"],
         code=described["code"],
         differs=described.get("differs", ""),
-        metrics={metric: parameters.get(metric, {}) for metric in selected},
+        metrics=tuple(selected),
         columns=tuple(Column(**column) for column in described["columns"]),
     )

@@ -49,4 +49,6 @@ def did_you_mean(wrong: str, known: Iterable[str]) -> str:
     near = difflib.get_close_matches(wrong.lower(), known, n=3, cutoff=0.6)
     if near:
         return f"Did you mean {' or '.join(repr(n) for n in near)}?"
+    if len(known) > 40:
+        return f"Known: {', '.join(known[:30])} and {len(known) - 30} more."
     return f"Known: {', '.join(known)}." if known else "None is known."

@@ -32,6 +32,8 @@ class NormalAngleDeg:
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
         """``{"normal_angle_deg": degrees in 0..90}``, or ``{}`` for a cloud without normals."""
         pair = case.compare(output)
+        if pair.is_empty:
+            return {"normal_angle_deg": 90.0}
         if pair.output_normals is None:
             return {}
         normals = unit(pair.output_normals)

@@ -148,3 +148,13 @@ def test_closest_ignores_faces_without_area():
     assert normals == pytest.approx(np.array([[0, 0, 1.0]] * 3))
     flat = MeshSurface(trimesh.Trimesh(square, [[0, 1, 1]], process=False))
     assert flat.project(np.array([[0.5, 0, 2]])).distance == pytest.approx([2])
+
+
+def test_no_points_are_near_nothing():
+    from trimesh.creation import icosphere
+
+    from bench.geometry.mesh_surface import MeshSurface
+
+    surface, none = MeshSurface(icosphere(subdivisions=1)), np.empty((0, 3))
+    assert [len(part) for part in surface.closest(none)] == [0, 0]
+    assert len(OrderedPoints(none).nearest_in(OrderedPoints(np.eye(3))).distance) == 0

@@ -8,8 +8,8 @@
 
 Everything after the options is a Hydra override. The keys: task, dataset, sensor, method, metric (plugins, with their
 parameters behind a dot), seed, cases, split, threads, device, results, outputs=none|first|all,
-rerun=never|failed|always, convention=NAME (a paper's metrics and columns), limit.seconds, limit.memory_gb, limit.setup_seconds, profile=quick|paper, experiment,
-verbose.
+rerun=never|failed|always, convention (a paper's metrics, printed as its columns), limit.seconds, limit.memory_gb,
+limit.setup_seconds, profile=quick|paper, experiment, verbose.
 
 A finished case is never run twice: start the same command again after an interruption, or with more methods, and it
 goes on from there. `detailbench plan ...` with the same words says what would be run.

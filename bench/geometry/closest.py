@@ -46,5 +46,7 @@ class TriangleTree:
     def closest(self, points: np.ndarray | OrderedPoints) -> Closest:
         """The closest point of the mesh to each of ``points`` (n, 3)."""
         queries = points if isinstance(points, OrderedPoints) else OrderedPoints(np.asarray(points, dtype=np.float64))
+        if not len(queries):
+            return Closest(np.empty(0), np.empty((0, 3)), np.empty(0, dtype=np.int64))
         squared, faces, closest = self._tree.squared_distance(self._vertices, self._faces, queries.along_curve)
         return Closest(np.sqrt(queries.restore(squared)), queries.restore(closest), queries.restore(faces))

@@ -131,6 +131,11 @@ class Comparison:
         """(samples, 3) array: the unit normals of the surface at :attr:`reference_points`."""
         return self._reference.normals
 
+    @property
+    def reference_area(self) -> float:
+        """The area of the reference mesh."""
+        return float(self._reference.mesh.mesh.area)
+
     @cached_property
     def to_reference(self) -> Nearest:
         """The nearest reference sample of each output point."""

@@ -75,11 +75,11 @@ def tables(
     convention: Convention | None = None,
 ) -> list[Table]:
     """The tables of a board, in its order; of a board in a convention, with its digits and its notes."""
-    parameters = _parameters(rows)
+    parameters, states = _parameters(rows), _states(rows)
     level = board.attrs.get("level", 0.95)
     lines = board.to_dict("records")
     return [
-        _table(label, list(part), parameters, metrics, level, convention)
+        _table(label, list(part), parameters, metrics, level, convention, states.get(label))
         for label, part in itertools.groupby(lines, key=lambda line: (line["task"], line["dataset"], line["sensor"]))
     ]
 
@@ -111,6 +111,7 @@ def _table(
     wanted: Sequence[str],
     level: float,
     convention: Convention | None,
+    state: str | None,
 ) -> Table:
     names = metric_order(lines, wanted)
     by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
@@ -133,7 +134,11 @@ def _table(
         seconds=tuple(_seconds(most[m]["seconds_median"]) for m in methods),
         memory=tuple(_megabytes(most[m]["peak_rss_mb"]) for m in methods),
         parameters=tuple(map(count, counts)) if any(c > 0 for c in counts) else (),
-        notes=(*_notes(lines, columns, level), *(convention.notes if convention else ())),
+        notes=(
+            *([state] if state else []),
+            *_notes(lines, columns, level),
+            *(convention.notes(names) if convention else ()),
+        ),
     )
 
 
@@ -179,6 +184,27 @@ def _notes(lines: list[Line], columns: tuple[Metric, ...], level: float) -> tupl
     if any(math.isfinite(line["mean"]) and not math.isfinite(line["ci_low"]) for line in lines):
         notes.append("No interval: a single case, from which nothing follows for others.")
     return tuple(notes)
+
+
+def _states(rows: pd.DataFrame | None) -> dict[tuple[str, str, str], str]:
+    """What the inputs of each table really were like, in words: see :mod:`bench.geometry.conditions`."""
+    if rows is None or "input.rms" not in rows:
+        return {}
+    columns = [column for column in rows.columns if column.startswith("input.")]
+    return {
+        label: _state(part[columns].median())
+        for label, part in rows.groupby(GROUP)
+        if part[columns].notna().any(axis=None)
+    }
+
+
+def _state(medians: pd.Series) -> str:
+    value = {name.removeprefix("input."): float(number) for name, number in medians.items()}
+    return (
+        f"input, median of the cases: {value['points']:,.0f} points; {value['rms_inliers']:.2g} from the surface (root "
+        f"mean square) but for {value['outliers']:.1%} outliers, which are beyond 0.05; {value['coverage']:.1%} of it "
+        f"covered; density varies by {value.get('density_variation', math.nan):.0%}."
+    )
 
 
 def _rank(line: Line | None) -> str:

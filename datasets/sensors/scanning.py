@@ -9,7 +9,6 @@ import numpy as np
 
 from bench import BadInput, PointCloud, Shape
 from bench.geometry.normals import estimate_normals
-from bench.registry import snake_case
 
 from .checks import expect, expect_choice, expect_count, expect_length
 from .scene import Scene
@@ -97,7 +96,7 @@ class Scanner:
         found = sum(len(scan.points) for scan in scans)
         least = 3 if self.normals == "pca" else 1  # a plane through fewer is anybody's
         if found < least:
-            name = snake_case(type(self).__name__)
+            name = type(self).__name__
             raise BadInput(
                 f"sensor {name}: {found} points of {shape.id} were measured from {self.views} views, expected at least "
                 f"{least}; try more views, more rays or a larger distance"

@@ -1,0 +1,241 @@
+"""Score two files on the spot: an output held against its reference.
+
+  detailbench score output.ply reference.ply
+  detailbench score clean.xyz scan.ply --metric p2f_mean,chamfer_l1_mean
+  detailbench score output.ply reference.ply --convention mpu
+  detailbench score deformed.obj target.obj --source rest.obj --metric cot_laplacian
+
+OUTPUT and REFERENCE are meshes or point clouds (PLY, OBJ, STL, OFF, XYZ, TXT) in the same coordinates. Both are scaled
+to the frame of the reference, whose bounding box is centred at the origin and whose farthest vertex is at radius 1; the
+output is not normalised by itself. A reference that is a cloud is taken as it is: what needs a surface is left out.
+
+--metric takes names from `detailbench list metrics` and sets of them (standard, full); --convention a paper's columns.
+The floor is the score of a perfect output: the reference itself, or a fresh sample of it as large as the output.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..cli import add_plugin_argument
+from ..conventions import Convention, load_convention
+from ..errors import DetailbenchError, MissingLibrary, UsageError, did_you_mean
+from ..plan import Choice
+from ..registry import load_plugins, registry
+from ..report.score_table import Score, score_table, words
+from ..schema import build
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+    from ..shapes import Case, PointCloud
+
+DEFAULT = "standard"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("output", metavar="OUTPUT", help="what is to be scored")
+    parser.add_argument("reference", metavar="REFERENCE", help="the truth")
+    parser.add_argument("--metric", metavar="NAMES", help=f"metrics or sets of them, with commas (default: {DEFAULT})")
+    parser.add_argument("--convention", metavar="NAME", help="print the columns of a paper in its units")
+    parser.add_argument("--source", metavar="FILE", help="the mesh that OUTPUT was deformed from, for cot_laplacian")
+    parser.add_argument("--seed", type=int, default=0, help="of the samples (default: 0)")
+    parser.add_argument("--samples", type=int, help="points drawn from each surface (default: 100,000)")
+    parser.add_argument("--json", action="store_true", help="print JSON, in full precision")
+    add_plugin_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, score, print."""
+    load_plugins(args.plugin)
+    if args.samples is not None and args.samples < 1:
+        raise UsageError(f"--samples {args.samples}: expected at least 1")
+    if args.seed < 0:
+        raise UsageError(f"--seed {args.seed}: expected at least 0")
+    if args.metric and args.convention:
+        raise UsageError(f"--metric {args.metric}: the convention {args.convention} says which metrics it needs")
+    convention = load_convention(args.convention) if args.convention else None
+    chosen = _of_convention(convention) if convention else _of_names(args.metric or DEFAULT)
+    case, output = read(args.output, args.reference, seed=args.seed, samples=args.samples, source=args.source)
+    if not _overlap(output, case.reference.mesh):
+        hint = "are they in the same coordinates?"
+        print(f"warning: the boxes of {args.output} and {args.reference} do not overlap; {hint}", file=sys.stderr)
+    scores, left_out = score(case, output, chosen)
+    if convention:
+        scores = in_convention(convention, scores)
+    if args.json:
+        print(json.dumps(as_json(args, case, scores, left_out), indent=2))
+    else:
+        print(f"{args.output} ({words(output)}) against {args.reference} ({words(case.reference.mesh)})\n")
+        print(score_table(scores, case, case.compare(output).samples, left_out, convention))
+    return 0
+
+
+# -- what to score with ------------------------------------------------------------------------------------------------
+
+
+def _of_names(names: str) -> list[Choice]:
+    """The metrics of a list of names; ``standard`` and ``full`` stand for those that they hold."""
+    wanted: list[str] = []
+    for name in filter(None, map(str.strip, names.split(","))):
+        wanted.extend(_presets().get(name, [name]))
+    if not wanted:
+        raise UsageError(f"--metric {names!r}: expected a name. {did_you_mean('', registry().names('metric'))}")
+    return [Choice.of("metric", {"_name_": name}) for name in dict.fromkeys(wanted)]
+
+
+def _of_convention(convention: Convention) -> list[Choice]:
+    return [Choice.of("metric", {"_name_": name}) for name in convention.metrics]
+
+
+def _presets() -> dict[str, list[str]]:
+    """The sets of metrics in the config group ``metric``."""
+    from importlib.resources import files
+
+    import yaml
+
+    folder = files("bench.conf") / "metric"
+    sets = {f.name: yaml.safe_load(f.read_text(encoding="utf-8")) for f in folder.iterdir() if f.name.endswith(".yaml")}
+    return {name.removesuffix(".yaml"): content["defaults"] for name, content in sets.items()}
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+
+
+def read(
+    output: str, reference: str, *, seed: int = 0, samples: int | None = None, source: str | None = None
+) -> tuple[Case, PointCloud | Trimesh]:
+    """The case that two files make, and the output in its frame."""
+    from ..geometry.cloud_surface import CloudSurface
+    from ..geometry.comparison import set_samples
+    from ..geometry.files import load_mesh
+    from ..shapes import Case, Frame, PointCloud, Shape
+
+    truth, result = load(reference), load(output)
+    if isinstance(truth, PointCloud):
+        frame = Frame.of(truth.points)
+        framed = PointCloud(frame.apply(truth.points), truth.normals)
+        shape = Shape(reference, _without_faces(framed.points), surface=CloudSurface(framed), exactness="mesh")
+    else:
+        shape, frame = Shape(reference, truth).framed()
+    inputs = {"source": _moved(load_mesh(source), frame)} if source else {}
+    case = Case(Path(reference).stem, inputs, shape, frame, seed)
+    if samples:
+        set_samples(case, samples)
+    return case, _moved(result, frame)
+
+
+def load(path: str) -> PointCloud | Trimesh:
+    """A file as a mesh if it has faces, otherwise as a point cloud.
+
+    Raises
+    ------
+    BadInput
+        Naming the file and what was expected of it.
+    """
+    from ..geometry.files import MESH_READERS, load_cloud, load_mesh
+
+    cloud = load_cloud(path)  # says what is wrong with a file that cannot be read
+    reader = MESH_READERS.get(Path(path).suffix.lower())
+    has_faces = reader is not None and len(reader(Path(path).read_bytes(), path).faces)
+    return load_mesh(path) if has_faces else cloud
+
+
+def _overlap(output: PointCloud | Trimesh, reference: Trimesh) -> bool:
+    points = output.vertices if hasattr(output, "vertices") else output.points
+    theirs = reference.vertices
+    return bool((points.min(axis=0) <= theirs.max(axis=0)).all() and (points.max(axis=0) >= theirs.min(axis=0)).all())
+
+
+def _moved(geometry: PointCloud | Trimesh, frame: Any) -> PointCloud | Trimesh:
+    from trimesh import Trimesh
+
+    from ..shapes import PointCloud
+
+    if isinstance(geometry, PointCloud):
+        return PointCloud(frame.apply(geometry.points), geometry.normals)
+    return Trimesh(frame.apply(geometry.vertices), geometry.faces, process=False)
+
+
+def _without_faces(points: Any) -> Trimesh:
+    from trimesh import Trimesh
+
+    return Trimesh(points, process=False)
+
+
+# -- scoring -----------------------------------------------------------------------------------------------------------
+
+
+def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tuple[dict[str, Score], dict[str, str]]:
+    """Every score that can be computed, and why the other metrics have none."""
+    from ..geometry.comparison import NeedsSurface
+
+    kind = "mesh" if hasattr(output, "faces") else "cloud"
+    is_cloud = not len(case.reference.mesh.faces)
+    scores: dict[str, Score] = {}
+    left_out: dict[str, str] = {}
+    for choice in metrics:
+        plugin = choice.plugin
+        if kind not in plugin.options.get("outputs", ("mesh", "cloud")):
+            left_out[choice.name] = f"does not score a {kind}"
+            continue
+        try:
+            plugin.require()
+            metric = build(plugin, choice.parameters)
+            found = metric.score(output, case)
+            floors = {}
+            if plugin.options.get("floor") and not is_cloud:
+                floors = metric.score(case.perfect(output), case)
+        except NeedsSurface:
+            left_out[choice.name] = "needs a reference that is a mesh"
+            continue
+        except MissingLibrary as error:
+            left_out[choice.name] = str(error)
+            continue
+        if not found:
+            left_out[choice.name] = "does not apply to these two"
+        for key, value in found.items():
+            scores[key] = Score(float(value), floors.get(key), plugin.better(key))
+    if not scores:
+        raise DetailbenchError("; ".join(f"{name} {reason}" for name, reason in left_out.items()))
+    return scores, left_out
+
+
+def in_convention(convention: Convention, scores: dict[str, Score]) -> dict[str, Score]:
+    """The columns of a convention, in its units."""
+    shown = {}
+    convention.scores(scores)
+    for column in convention.columns:
+        if column.score in scores:
+            value, floor, better = scores[column.score]
+            floor = None if floor is None else floor * column.factor
+            shown[column.title] = Score(value * column.factor, floor, better)
+    return shown
+
+
+# -- printing ----------------------------------------------------------------------------------------------------------
+
+
+def as_json(args: argparse.Namespace, case: Case, scores: dict[str, Score], left_out: dict[str, str]) -> dict[str, Any]:
+    """All that was found, as plain values; numbers that are not finite as text, which JSON has no word for."""
+    return {
+        "output": args.output,
+        "reference": args.reference,
+        "convention": args.convention,
+        "seed": args.seed,
+        "frame": {"center": list(case.frame.center), "radius": case.frame.radius},
+        "scores": {key: _finite(s.value) for key, s in scores.items()},
+        "floors": {key: _finite(s.floor) for key, s in scores.items() if s.floor is not None},
+        "better": {key: s.better for key, s in scores.items()},
+        "left_out": left_out,
+    }
+
+
+def _finite(value: float) -> float | str:
+    return value if math.isfinite(value) else str(value)

@@ -1,0 +1,39 @@
+"""Distances as shares of the size of the reference's bounding box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench import Case, PointCloud, register
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
+@dataclass(frozen=True)
+class BoxScaledDistances:
+    """Chamfer and Hausdorff distances as shares of the diagonal, and of the longest edge, of the reference's box.
+
+    ``chamfer_l1_mean_by_diagonal`` and ``hausdorff_by_diagonal`` divide the metrics of these names by the diagonal of
+    the reference's axis-aligned bounding box: dsr-benchmark (Sulzer et al. 2024) prints them in per cent.
+    ``chamfer_l1_mean_by_edge`` divides by the box's longest edge, the unit of Occupancy Networks (Mescheder et al.
+    2019), which prints it in tenths. Dimensionless. The box turns with the axes, so a rotation of everything changes
+    them a little; else all that is said of the two metrics holds.
+    """
+
+    def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
+        """The three scores, dimensionless."""
+        pair = case.compare(output)
+        edges = np.ptp(case.reference.mesh.vertices, axis=0)
+        forward, backward = pair.to_reference.distance, pair.to_output.distance
+        chamfer, farthest = (forward.mean() + backward.mean()) / 2, max(forward.max(), backward.max())
+        diagonal = np.linalg.norm(edges)
+        return {
+            "chamfer_l1_mean_by_diagonal": float(chamfer / diagonal),
+            "hausdorff_by_diagonal": float(farthest / diagonal),
+            "chamfer_l1_mean_by_edge": float(chamfer / edges.max()),
+        }

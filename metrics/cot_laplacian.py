@@ -1,0 +1,50 @@
+"""What a deformation does to the details of its source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench import Case, register
+from bench.geometry.laplacian import cotangent_laplacian
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+@register("metric", version=1, better="lower", outputs=("mesh",), floor=True, requires=("scipy",))
+@dataclass(frozen=True)
+class CotLaplacian:
+    """Change of the cotangent Laplacian from the source mesh to an output with the same faces.
+
+    With L the cotangent Laplacian of the **source** (``L_ij = (cot a + cot b) / 2``, rows sum to zero, no division by
+    areas), applied to both the source's vertices V and the output's V', and ``e_i = | |L V|_i - |L V'|_i |``:
+    ``cot_laplacian = mean_i e_i`` in frame units, the CotLapNorm of Neural Cages (Wang et al. 2020);
+    ``cot_laplacian_box`` the same in halves of the longest edge of the reference's box, the unit of that code;
+    ``cot_laplacian_per_area = sum_i e_i / A`` with A the source's area, in 1 / frame units.
+
+    The mean over vertices falls as the mesh is refined; the last form is the area-weighted mean of the change of
+    ``|L V|_i / A_i``, twice the mean curvature, and converges with the resolution. L is not built anew on the output:
+    how its triangles are stretched would enter the weights. Lengths are compared, not vectors, so a rotation of any
+    part costs nothing; scaling costs in proportion, and shearing along a flat part nothing. No target is asked for: the
+    source itself is perfect. Robust as a mean is.
+
+    Scores ``{}`` without a ``source`` mesh in the case's input, or where the output has other faces than it.
+    """
+
+    def score(self, output: Trimesh, case: Case) -> dict[str, float]:
+        """``cot_laplacian``, ``cot_laplacian_box``, ``cot_laplacian_per_area``; ``{}`` where they do not apply."""
+        source = case.input.get("source")
+        if not hasattr(source, "faces") or not np.array_equal(source.faces, output.faces):
+            return {}
+        L = cotangent_laplacian(source.vertices, source.faces)
+        before, after = (np.linalg.norm(L @ np.asarray(mesh.vertices), axis=1) for mesh in (source, output))
+        change = np.abs(before - after)
+        half_edge = np.ptp(case.reference.mesh.vertices, axis=0).max() / 2
+        return {
+            "cot_laplacian": float(change.mean()),
+            "cot_laplacian_box": float(change.mean() / half_edge),
+            "cot_laplacian_per_area": float(change.sum() / source.area),
+        }

@@ -1,0 +1,56 @@
+"""Distances after each shape was normalised by itself, as the upsampling papers do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench import Case, PointCloud, register
+from bench.geometry.comparison import compare
+from bench.geometry.neighbours import OrderedPoints
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
+@dataclass(frozen=True)
+class OwnSphereDistances:
+    """Squared Chamfer and Hausdorff distances, both shapes normalised by their own centroid and farthest point.
+
+    ``P' = (P - mean P) / max |p - mean P|``, ``Q'`` likewise from the reference samples, then
+    ``own_sphere_chamfer_l2_sum = mean_p' min_q' |p' - q'|^2 + mean_q' min_p' |p' - q'|^2`` and
+    ``own_sphere_hausdorff_sq_sum = max_p' min_q' |p' - q'|^2 + max_q' min_p' |p' - q'|^2``; dimensionless. The
+    evaluation script of MPU (Wang et al. 2019) and PU-GAN (Li et al. 2019), whose ground truth is a cloud as dense as
+    the output.
+
+    Fragile, and kept for comparison only: the output chooses its own frame. One outlier shrinks the whole output, and
+    a result of the wrong size or place is forgiven. ``chamfer_l2_sum`` is the same in the frame of the reference.
+    """
+
+    samples: int = 0  # of the reference; 0: as many as the output has points
+
+    def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
+        """``own_sphere_chamfer_l2_sum`` and ``own_sphere_hausdorff_sq_sum``, dimensionless."""
+        pair = compare(output, case, self.samples or _count(output) or case.compare(output).samples)
+        if pair.is_empty:
+            return dict.fromkeys(("own_sphere_chamfer_l2_sum", "own_sphere_hausdorff_sq_sum"), float("inf"))
+        P, Q = (OrderedPoints(in_own_sphere(points)) for points in (pair.output_points, pair.reference_points))
+        forward, backward = P.nearest_in(Q).distance ** 2, Q.nearest_in(P).distance ** 2
+        return {
+            "own_sphere_chamfer_l2_sum": float(forward.mean() + backward.mean()),
+            "own_sphere_hausdorff_sq_sum": float(forward.max() + backward.max()),
+        }
+
+
+def _count(output: PointCloud | Trimesh) -> int:
+    return len(output) if isinstance(output, PointCloud) else 0
+
+
+def in_own_sphere(points: np.ndarray) -> np.ndarray:
+    """(n, 3) points with their mean at the origin and the farthest at distance 1; all at the origin if all coincide."""
+    centered = points - points.mean(axis=0)
+    radius = np.linalg.norm(centered, axis=1).max()
+    return centered / radius if radius > 0 else centered

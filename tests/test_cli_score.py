@@ -1,0 +1,132 @@
+"""``detailbench score``: two files, on the spot."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from bench import PointCloud, generator
+from bench.cli import main
+from bench.geometry.files import save
+
+FEW = ("--samples", "2000")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A ball of radius 50 far from the origin, the same 2 % larger, and clouds of both."""
+    folder = tmp_path_factory.mktemp("files")
+    ball = trimesh.creation.icosphere(3)
+    place = lambda scale: trimesh.Trimesh(ball.vertices * 50 * scale + [100, 200, 300], ball.faces, process=False)  # noqa: E731
+    save(place(1), folder / "reference.ply")
+    save(place(1.02), folder / "output.obj")
+    points = generator(0).normal(size=(1500, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    save(PointCloud(points * 51 + [100, 200, 300], points), folder / "cloud.ply")
+    save(PointCloud(points[:700] * 50 + [100, 200, 300]), folder / "scan.xyz")
+    return folder
+
+
+def scored(capsys, *words):
+    assert main(["score", *map(str, words), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_table_with_floors(files, capsys):
+    assert main(["score", str(files / "output.obj"), str(files / "reference.ply"), *FEW]) == 0
+    text = capsys.readouterr().out
+    assert "1,280 faces" in text and "1 is 50 in the files' coordinates" in text and "2,000 points" in text
+    for key in ("chamfer_l2_sum", "p2f_mean", "fscore@0.01", "watertight"):
+        assert key in text
+
+
+def test_lengths_are_in_radii_of_the_reference(files, capsys):
+    found = scored(capsys, files / "output.obj", files / "reference.ply", "--metric", "p2f_mean,s2f", *FEW)
+    assert found["scores"]["p2f_mean"] == pytest.approx(0.02, rel=0.01)
+    assert found["scores"]["s2f_max"] == pytest.approx(0.02, rel=0.01)
+    assert found["floors"]["p2f_mean"] < 1e-12
+    assert found["frame"] == {"center": pytest.approx([100, 200, 300]), "radius": pytest.approx(50)}
+    assert found["better"] == dict.fromkeys(("p2f_mean", "s2f_mean", "s2f_rms", "s2f_max"), "lower")
+
+
+def test_seed_and_samples(files, capsys):
+    words = (files / "output.obj", files / "reference.ply", "--metric", "chamfer_l1_mean")
+    first, again, other = (scored(capsys, *words, *FEW, "--seed", seed)["scores"] for seed in (0, 0, 1))
+    assert first == again != other
+    more = scored(capsys, *words, "--samples", 20_000)
+    assert more["floors"]["chamfer_l1_mean"] == pytest.approx(0.5 * np.sqrt(4 * np.pi / 20_000), rel=0.03)
+
+
+def test_everything_there_is(files, capsys):
+    mesh = scored(capsys, files / "output.obj", files / "reference.ply", "--metric", "full", "--samples", 500)
+    assert mesh["scores"]["iou"] == pytest.approx(1.02**-3, abs=0.01)
+    assert set(mesh["left_out"]) == {"cot_laplacian", "spacing_variation", "uniformity"}
+    cloud = scored(capsys, files / "cloud.ply", files / "reference.ply", "--metric", "full", "--samples", 500)
+    assert cloud["scores"]["normal_cosine_oriented"] > 0.98
+    assert {"iou", "topology", "s2f"} <= set(cloud["left_out"])
+
+
+def test_a_cloud_as_reference(files, capsys):
+    found = scored(capsys, files / "cloud.ply", files / "scan.xyz", "--metric", "standard,coverage,directed")
+    # The scan is a part of the cloud on a smaller sphere: every one of its points is 0.02 from its twin.
+    assert found["scores"]["to_output_p50"] == pytest.approx(0.02, rel=0.02)
+    assert found["floors"] == {}
+    assert found["left_out"]["p2f_mean"] == found["left_out"]["coverage"] == "needs a reference that is a mesh"
+    assert scored(capsys, files / "scan.xyz", files / "scan.xyz", "--metric", "hausdorff")["scores"] == {"hausdorff": 0}
+
+
+def test_a_convention(files, capsys):
+    words = (files / "cloud.ply", files / "reference.ply")
+    found = scored(capsys, *words, "--convention", "dss", *FEW)
+    plain = scored(capsys, *words, "--metric", "chamfer_l2_sum,hausdorff_sq_sum", *FEW)
+    assert found["scores"]["CD (1e-4)"] == pytest.approx(1e4 * plain["scores"]["chamfer_l2_sum"])
+    assert found["floors"]["HD (1e-3)"] == pytest.approx(1e3 * plain["floors"]["hausdorff_sq_sum"])
+    assert main(["score", *map(str, words), "--convention", "dss", *FEW]) == 0
+    assert "CD (1e-4) = 10000 x chamfer_l2_sum" in capsys.readouterr().out
+
+
+def test_the_source_of_a_deformation(files, capsys):
+    words = (files / "output.obj", files / "reference.ply", "--metric", "cot_laplacian")
+    found = scored(capsys, *words, "--source", files / "reference.ply")
+    # |L v| / A is 2 on the unit sphere, and the output is 2 % larger.
+    assert found["scores"]["cot_laplacian_per_area"] == pytest.approx(0.04, rel=0.02)
+    assert main(["score", *map(str, words)]) == 1
+    assert "cot_laplacian does not apply to these two" in capsys.readouterr().err
+
+
+def test_other_coordinates_are_noticed(files, capsys):
+    points = generator(1).normal(size=(50, 3))
+    save(PointCloud(points), files / "elsewhere.ply")
+    words = [str(files / "elsewhere.ply"), str(files / "reference.ply"), "--metric", "hausdorff", *FEW]
+    assert main(["score", *words]) == 0
+    assert "do not overlap; are they in the same coordinates?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "output, reference, words, message",
+    [
+        ("missing.ply", "reference.ply", (), "missing.ply: no such file"),
+        ("empty.ply", "reference.ply", (), "empty.ply: is empty"),
+        ("output.obj", "flat.obj", (), "flat.obj: all 1 faces are degenerate"),
+        ("output.obj", "reference.ply", ("--metric", "p2f_men"), "Did you mean 'p2f_mean'"),
+        ("output.obj", "reference.ply", ("--metric", ","), "--metric ',': expected a name"),
+        ("output.obj", "reference.ply", ("--convention", "dsss"), "Did you mean 'dss'"),
+        ("output.obj", "reference.ply", ("--convention", "dss", "--metric", "iou"), "the convention dss says which"),
+        ("output.obj", "reference.ply", ("--samples", "0"), "--samples 0: expected at least 1"),
+        ("output.obj", "reference.ply", ("--seed", "-1"), "--seed -1: expected at least 0"),
+        ("output.obj", "reference.ply", ("--source", "scan.xyz"), "scan.xyz"),
+        (
+            "scan.xyz",
+            "reference.ply",
+            ("--metric", "iou,s2f"),
+            "iou does not score a cloud; s2f does not score a cloud",
+        ),
+    ],
+)
+def test_errors_name_what_is_wrong(files, capsys, output, reference, words, message):
+    (files / "empty.ply").write_bytes(b"")
+    (files / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+    words = [str(files / word) if word == "scan.xyz" else word for word in words]
+    assert main(["score", str(files / output), str(files / reference), *words]) == 1
+    assert message in capsys.readouterr().err
