@@ -29,6 +29,10 @@ class Apss:
         """Every point projected to the surface."""
         return mls.project(cloud, "apss", filterscale=self.filterscale, sphericalparameter=self.spherical)
 
+    def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
+        """Exactly ``ratio`` times as many points: midpoints between neighbours, projected and evenly thinned."""
+        return mls.upsample(cloud, ratio, "apss", filterscale=self.filterscale, sphericalparameter=self.spherical)
+
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The surface by marching cubes; open where points are missing."""
         return mls.isosurface(

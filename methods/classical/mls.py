@@ -43,16 +43,26 @@ def project(cloud: PointCloud, kind: str, **parameters: Any) -> PointCloud:
     BadInput
         See :func:`distinct_points`.
     """
-    import pymeshlab
-
     points, normals, inverse = distinct_oriented(cloud, kind, AT_LEAST)
-    meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, v_normals_matrix=normals))
-    meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, v_normals_matrix=normals))
-    _project(meshes, kind, STEPS, parameters)
-    moved = meshes.mesh(PROXY).vertex_matrix()
-    good = np.isfinite(moved).all(axis=1)
-    return PointCloud(np.where(good[:, None], moved, points)[inverse])
+    return PointCloud(_moved(points, normals, points, kind, parameters)[inverse])
+
+
+def upsample(cloud: PointCloud, ratio: int, kind: str, **parameters: Any) -> PointCloud:
+    """Exactly ``ratio`` times as many points of the surface, evenly; the projected ones of the input come first.
+
+    Raises
+    ------
+    BadInput
+        See :func:`distinct_points`.
+    """
+    from .refinement import refine
+
+    points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
+
+    def onto_surface(queries: np.ndarray) -> np.ndarray:
+        return _moved(points, normals, queries, kind, parameters)
+
+    return PointCloud(refine(onto_surface(points), ratio * len(cloud), onto_surface))
 
 
 def isosurface(cloud: PointCloud, kind: str, resolution: int, **parameters: Any) -> Trimesh:
@@ -92,3 +102,20 @@ def _project(meshes: pymeshlab.MeshSet, kind: str, steps: int, parameters: dict[
         meshes.apply_filter(
             f"compute_mls_projection_{kind}", controlmesh=CONTROL, proxymesh=PROXY, maxprojectioniters=1, **parameters
         )
+
+
+def _moved(
+    points: np.ndarray, normals: np.ndarray, queries: np.ndarray, kind: str, parameters: dict[str, Any]
+) -> np.ndarray:
+    """Queries (m, 3) projected to the surface of the points (n, 3); those beyond their support stay."""
+    import pymeshlab
+    from scipy.spatial import cKDTree
+
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, v_normals_matrix=normals))
+    # RIMLS starts from the normal that a query brings along.
+    nearest = normals if queries is points else normals[cKDTree(points).query(queries)[1]]
+    meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=queries, v_normals_matrix=nearest))
+    _project(meshes, kind, STEPS, parameters)
+    moved = meshes.mesh(PROXY).vertex_matrix()
+    return np.where(np.isfinite(moved).all(axis=1)[:, None], moved, queries)

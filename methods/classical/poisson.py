@@ -22,6 +22,7 @@ class Poisson:
 
     depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
     trim: float = 0.0  # drop this quantile of least supported vertices, 0..1; opens what the method closes
+    cut: float = 0.0  # drop vertices that lie so many octree levels below the median one; 0.7 opens holes, 0 keeps all
     point_weight: float = 2.0  # how strongly the surface is held to the points; 0 is unscreened Poisson
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
     samples_per_node: float = 1.5  # points per octree cell; 5 to 20 smooths noise away
@@ -32,13 +33,15 @@ class Poisson:
             raise ValueError(f"depth: expected 5 to 12, got {self.depth}")
         if not 0 <= self.trim < 1:
             raise ValueError(f"trim: expected a quantile from 0 to below 1, got {self.trim}")
+        if not self.cut >= 0:
+            raise ValueError(f"cut: expected at least 0, got {self.cut}")
         if not self.point_weight >= 0:
             raise ValueError(f"point_weight: expected at least 0, got {self.point_weight}")
         if not self.scale >= 1:
             raise ValueError(f"scale: expected at least 1, got {self.scale}")
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
-        """A closed surface; with ``trim`` an open one where there were no points."""
+        """A closed surface; with ``trim`` or ``cut`` an open one where there were no points."""
         import open3d as o3d
         from trimesh import Trimesh
 
@@ -55,7 +58,18 @@ class Poisson:
                 point_weight=self.point_weight,
                 n_threads=1,  # with more, order and last digits change from run to run, and it is no faster
             )
-        if self.trim > 0:
-            support = np.asarray(support)
-            mesh.remove_vertices_by_mask(support < np.quantile(support, self.trim))
+        support = np.asarray(support)
+        least = np.quantile(support, self.trim) if self.trim > 0 else -np.inf
+        if self.cut > 0:
+            least = max(least, np.median(support) - self.cut)
+        mesh.remove_vertices_by_mask(support < least)
         return Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles), process=False)
+
+    def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
+        """Exactly ``ratio`` times as many points of the reconstructed surface, evenly spread, with its normals."""
+        from bench.geometry.mesh_surface import MeshSurface
+        from bench.geometry.poisson_disk import CANDIDATES, eliminate
+
+        mesh = self.reconstruct(cloud, run)
+        count = ratio * len(cloud)
+        return PointCloud(*eliminate(*MeshSurface(mesh).sample(CANDIDATES * count, run.rng), mesh, count))

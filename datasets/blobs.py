@@ -1,0 +1,104 @@
+"""Metaballs: smooth bodies of balls that merge, from compact clusters to strings that barely hold together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+from math import sqrt
+
+import numpy as np
+
+from bench import Shape, generator, register
+
+from .balls import BallField
+from .implicit import Body, ImplicitSurface
+from .rotations import random_rotation
+
+GOLDEN = (sqrt(5) - 1) / 2
+WEIGHT = 5.0  # of each ball at its centre; alone it is the ball of 0.64 of its reach
+NECK = 1.12  # the sum of two neighbours on the way between them, at least; 1 is where they part
+
+
+@register("dataset", requires=("scipy", "skimage", "trimesh"))
+@dataclass(frozen=True)
+class Blobs:
+    """Metaballs (Wyvill's cubic kernels): smooth bodies; exact samples, normals and closest points.
+
+    The surface is ``sum of 5 (1 - |x - c_i|^2 / R_i^2)^3 = 1``. Balls of different sizes are joined one by one to a
+    ball that is there, as far apart as ``looseness`` says: at 0 a compact cluster, at 1 necks about to break. The
+    looseness of the shapes is spread evenly between its limits (a golden-ratio sequence). Branches that come back
+    close handles, so the genus is not known before the mesh is made. Tag: ``smooth``.
+    """
+
+    balls_low: int = 8  # fewest balls of a shape
+    balls_high: int = 40  # and most
+    looseness_low: float = 0.15  # distance of joined balls: 0 half as far as necks hold, 1 as far as they hold
+    looseness_high: float = 1.0  # equal limits give one looseness
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.balls_low <= self.balls_high:
+            raise ValueError(f"balls_low: expected 1 to balls_high={self.balls_high}, got {self.balls_low}")
+        if self.balls_high > 200:
+            raise ValueError(f"balls_high: expected at most 200, got {self.balls_high}")
+        if not 0 <= self.looseness_low <= self.looseness_high <= 1:
+            raise ValueError(
+                "looseness_low: expected 0 <= looseness_low <= looseness_high <= 1, "
+                f"got {self.looseness_low} and {self.looseness_high}"
+            )
+
+    def shapes(self, split: str) -> Iterator[Shape]:
+        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        for index in count():
+            yield self._shape(split, index)
+
+    def _shape(self, split: str, index: int) -> Shape:
+        rng = generator("blobs", split, index)
+        share = (0.5 + index * GOLDEN) % 1
+        looseness = self.looseness_low + (self.looseness_high - self.looseness_low) * share
+        balls = int(rng.integers(self.balls_low, self.balls_high + 1))
+        surface = ImplicitSurface(lambda: _body(generator("blobs", split, index, "balls"), balls, looseness))
+        return Shape(
+            f"blobs-{split}-{index:03d}",
+            lambda: surface.mesh,
+            surface=surface,
+            tags=("smooth",),
+            info={"balls": balls, "looseness": looseness, "symmetry": "none"},
+            exactness="implicit",
+        )
+
+
+def _body(rng: np.random.Generator, balls: int, looseness: float) -> Body:
+    centres, reach = _joined_balls(rng, balls, looseness)
+    field = BallField(np.einsum("ij,nj->ni", random_rotation(rng), centres), reach, np.full(balls, WEIGHT))
+    low, high = field.box()
+    # The thinnest necks are a few steps wide, and large bodies get no more vertices than a hundred thousand.
+    return Body(field, low, high, float(max(reach.min() / 9, np.linalg.norm(high - low) / 230)))
+
+
+def _joined_balls(rng: np.random.Generator, balls: int, looseness: float) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (m, 3) and reaches (m,) of balls each of which holds on to an earlier one."""
+    reach = 0.45 * np.exp(rng.normal(scale=0.3, size=balls)).clip(0.55, 1.8)
+    centres = np.zeros((balls, 3))
+    for k in range(1, balls):
+        # A loose string goes on from its end, a cluster grows anywhere.
+        parent = int(rng.integers(max(0, k - 3), k)) if rng.random() < 0.6 * looseness else int(rng.integers(k))
+        distance = (0.5 + 0.5 * looseness) * _holding_distance(reach[parent], reach[k])
+        candidates = rng.normal(size=(6, 3))
+        candidates = centres[parent] + distance * candidates / np.linalg.norm(candidates, axis=1, keepdims=True)
+        # Of some places, that in the greatest free room: balls do not pile up.
+        room = ((candidates[:, None] - centres[:k]) ** 2).sum(axis=-1).min(axis=1)
+        centres[k] = candidates[room.argmax()]
+    return centres - centres.mean(axis=0), reach
+
+
+def _holding_distance(one: float, other: float) -> float:
+    """How far apart two balls may be so that their sum on the line between them stays above :data:`NECK`."""
+    t = np.linspace(0, 1, 101)
+    low, high = 0.0, one + other
+    for _ in range(30):
+        distance = (low + high) / 2
+        falloff = np.maximum(1 - (t * distance / one) ** 2, 0) ** 3
+        falloff += np.maximum(1 - ((1 - t) * distance / other) ** 2, 0) ** 3
+        low, high = (distance, high) if WEIGHT * falloff.min() >= NECK else (low, distance)
+    return low

@@ -1,0 +1,94 @@
+"""Alpha wrapping, by CGAL, drawn onto the points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench import BadInput, PointCloud, Run, register
+
+from .inputs import distinct_points
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+NEAR = 2.0  # mean spacings from the points up to which the wrap is drawn onto them wholly
+FAR = 3.0  # and from which on it stays where it is: there the points are missing
+LEVELS = 4  # subdivisions at most
+
+
+@register("method", cite="Portaneri et al. 2022; fit: Cazals and Pouget 2005", requires=("CGAL", "scipy", "trimesh"))
+@dataclass(frozen=True)
+class AlphaWrap:
+    """Alpha wrapping: a ball that is too large for the gaps between the points carves a closed surface around them.
+
+    What is wrapped lies outside of the points, in coarse triangles. It is subdivided and drawn onto quadrics that are
+    fitted to the points, and spans what is missing. Needs no normals. Always closed, whatever the points.
+    """
+
+    alpha: float = 5.0  # size of the ball in mean spacings: it must not fit through holes, nor skip narrow gaps
+    offset: float = 1.0  # distance of the wrap from the points, in mean spacings; thinner parts than this fuse
+    fit: bool = True  # whether the wrap is drawn onto the points
+    k: int = 18  # neighbours of a quadric; more smooth noise away, and detail with it
+
+    def __post_init__(self) -> None:
+        if not self.alpha > 0:
+            raise ValueError(f"alpha: expected a number above 0, got {self.alpha}")
+        if not self.offset > 0:
+            raise ValueError(f"offset: expected a number above 0, got {self.offset}")
+        if self.k < 6:
+            raise ValueError(f"k: a quadric needs at least 6 neighbours, got {self.k}")
+
+    def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
+        """A closed mesh, outward; where the ball found a hole, of two sheets."""
+        from trimesh import Trimesh
+
+        from bench.geometry.spacing import mean_spacing
+
+        points, _ = distinct_points(cloud.points, "alpha_wrap", at_least=4)
+        spacing = mean_spacing(points)
+        # The wrap costs by the square of the extent in units of alpha; a distant outlier would keep it busy for hours.
+        if np.ptp(points, axis=0).max() > 3000 * self.alpha * spacing:
+            raise BadInput(
+                "alpha_wrap: the points extend over more than 3000 times alpha; remove far outliers, or raise alpha"
+            )
+        mesh = Trimesh(*wrap(points, self.alpha * spacing, self.offset * spacing), process=False)
+        if not len(mesh.faces):
+            raise BadInput(f"alpha_wrap: nothing is left around {len(points)} points; expected points of a surface")
+        return self._fit(mesh, points, spacing) if self.fit else mesh
+
+    def _fit(self, mesh: Trimesh, points: np.ndarray, spacing: float) -> Trimesh:
+        from scipy.spatial import cKDTree
+        from trimesh import Trimesh
+
+        from .quadrics import project_to_quadrics
+
+        tree = cKDTree(points)
+        levels = np.ceil(np.log2(mesh.edges_unique_length.mean() / spacing))
+        for _ in range(int(np.clip(levels, 0, LEVELS))):
+            mesh = mesh.subdivide()
+            vertices = np.asarray(mesh.vertices)
+            distance = tree.query(vertices)[0] / spacing
+            share = np.clip((FAR - distance) / (FAR - NEAR), 0, 1)[:, None]
+            drawn = (1 - share) * vertices + share * project_to_quadrics(vertices, tree, self.k)
+            mesh = Trimesh(drawn, mesh.faces, process=False)
+        return mesh
+
+
+def wrap(points: np.ndarray, alpha: float, offset: float) -> tuple[np.ndarray, np.ndarray]:
+    """The alpha wrap of ``points`` (n, 3): vertices (v, 3) and triangles (f, 3)."""
+    from CGAL.CGAL_Alpha_wrap_3 import Point_3_Vector, alpha_wrap_3
+    from CGAL.CGAL_Kernel import Point_3
+    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3
+
+    from .point_sets import to_mesh
+
+    vector = Point_3_Vector()
+    vector.reserve(len(points))
+    for point in points.tolist():
+        vector.append(Point_3(*point))
+    polyhedron = Polyhedron_3()
+    alpha_wrap_3(vector, alpha, offset, polyhedron)
+    return to_mesh(polyhedron)

@@ -1,0 +1,41 @@
+"""Radius outlier removal, by Open3D."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench import PointCloud, Run, register
+
+from .inputs import distinct_points
+from .statistical_outlier import refuse_none, select
+
+
+@register("method", cite="Rusu and Cousins 2011", requires=("open3d", "scipy"))
+@dataclass(frozen=True)
+class RadiusOutlier:
+    """Radius outlier removal: points with too few others around them are left out. Removes small clusters too."""
+
+    radius: float = 4.0  # in mean spacings
+    least: int = 8  # so many other points must lie within the radius; a plane at random has about 12 within 4
+
+    def __post_init__(self) -> None:
+        if not self.radius > 0:
+            raise ValueError(f"radius: expected a number above 0, got {self.radius}")
+        if self.least < 1:
+            raise ValueError(f"least: expected at least 1, got {self.least}")
+
+    def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
+        """Those points of the input that are kept, unmoved and in its order, with the normals that they came with."""
+        import open3d as o3d
+
+        from bench.geometry.spacing import mean_spacing
+
+        points, inverse = distinct_points(cloud.points, "radius_outlier", at_least=2)
+        distinct = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+        # Open3D counts a point among its own neighbours, and keeps those with more than it is told.
+        _, inliers = distinct.remove_radius_outlier(self.least, self.radius * mean_spacing(points))
+        kept = np.isin(inverse, np.asarray(inliers))
+        refuse_none(kept, "radius_outlier", "raise radius, or lower least")
+        return select(cloud, kept)
