@@ -54,7 +54,7 @@ def select(
     return rows if chosen.all() else rows[chosen]
 
 
-GROUPINGS = ("dataset", "sensor", "tag")
+GROUPINGS = ("task", "dataset", "sensor", "tag")
 
 
 def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
@@ -64,8 +64,8 @@ def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
     ----------
     rows : DataFrame
     by : str or list of str
-        What tables are made by, besides the task: some of ``dataset``, ``sensor`` and ``tag``; by dataset and sensor
-        without it. A case with several tags counts under each; one with none is ``untagged``.
+        What tables are made by, besides the task: some of ``dataset``, ``sensor`` and ``tag``, or just ``task``; by
+        dataset and sensor without it. A case with several tags counts under each; one with none is ``untagged``.
 
     Raises
     ------

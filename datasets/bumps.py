@@ -62,7 +62,13 @@ class Bumps:
             surface=surface,
             tags=("smooth",) if exponent >= FLAT else ("smooth", "multiscale"),
             exactness="parametric",
-            info={"genus": 0, "symmetry": "none", "degree": self.degree, "exponent": exponent, "amplitude": self.amplitude},
+            info={
+                "genus": 0,
+                "symmetry": "none",
+                "degree": self.degree,
+                "exponent": exponent,
+                "amplitude": self.amplitude,
+            },
         )
 
     def _exponent(self, index: int) -> float:

@@ -1,0 +1,158 @@
+"""Bodies with a rough skin: fractal noise along the normal of a smooth base, known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import count
+from math import pi, sqrt
+from typing import Literal
+
+import numpy as np
+
+from bench import Shape, generator, register
+
+from .gradient_noise import FractalNoise
+from .jets import Jet, cos, normalize, sin, stack
+from .parametric import Chart, ParametricSurface, Patch
+from .rotations import random_rotation
+
+BASES = ("sphere", "torus", "box", "ellipsoid")
+ROUGH = 0.75  # below this Hurst exponent there is visible detail at every scale
+BeforeNoise = Callable[[Jet, Jet], tuple[Jet, Jet]]  # the base's point and its outward unit normal
+
+
+@register("dataset", requires=("igl", "scipy", "trimesh"))
+@dataclass(frozen=True)
+class Fbm:
+    """Spheres, tori, rounded boxes and ellipsoids, displaced along their normals by fractal noise.
+
+    The surface is ``b + h(b) n`` with ``h`` the sum over octaves k of ``2^(-k hurst) noise(2^k b)`` (fractional
+    Brownian motion, about). Hurst exponents run evenly between the limits: from rough (``multiscale``, below 0.75, of
+    three octaves or more) to gently waved. The largest possible |h| is ``strength`` times the base's reach (the
+    distance up to which normals do not meet), below 1, so that no shape touches itself. All are ``smooth``: noise is
+    twice continuously differentiable.
+    """
+
+    octaves: int = 4  # of noise, each half as wide as the one before
+    frequency: float = 1.6  # of the first octave: cells of the noise per unit, bodies are about 2 across
+    hurst_low: float = 0.3  # Hurst exponent of the roughest shapes
+    hurst_high: float = 1.1  # and of the smoothest
+    strength: float = 0.9  # largest possible displacement over the base's reach
+    base: Literal["all", "sphere", "torus", "box", "ellipsoid"] = "all"  # of the displacement
+    cells: int = 96  # of the tessellation across each sixth of a ball; a torus has 4 times as many around
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.octaves <= 8:
+            raise ValueError(f"octaves: expected 1 to 8, got {self.octaves}")
+        if not 0.1 <= self.frequency <= 16:
+            raise ValueError(f"frequency: expected 0.1 to 16, got {self.frequency}")
+        if not 0 <= self.hurst_low <= self.hurst_high:
+            raise ValueError(f"hurst_low: expected 0 to hurst_high={self.hurst_high}, got {self.hurst_low}")
+        if not 0 <= self.strength < 1:
+            raise ValueError(f"strength: expected 0 to below 1, got {self.strength}")
+        if self.base != "all" and self.base not in BASES:
+            raise ValueError(f"base: expected one of all, {', '.join(BASES)}; got {self.base!r}")
+        if not 4 <= self.cells <= 512:
+            raise ValueError(f"cells: expected 4 to 512, got {self.cells}")
+
+    def shapes(self, split: str) -> Iterator[Shape]:
+        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        for index in count():
+            yield self._shape(split, index)
+
+    def _shape(self, split: str, index: int) -> Shape:
+        rng = generator("fbm", split, index)
+        golden = (sqrt(5) - 1) / 2
+        hurst = self.hurst_low + (self.hurst_high - self.hurst_low) * ((0.1 + index * golden) % 1)
+        base = BASES[index % len(BASES)] if self.base == "all" else self.base
+        rough = Rough(base, hurst, self, int(rng.integers(2**31)))
+        surface = ParametricSurface(rough.parts, random_rotation(rng))
+        tags = ("smooth", "multiscale") if hurst < ROUGH and self.octaves >= 3 else ("smooth",)
+        info = {
+            "base": base,
+            "genus": int(base == "torus"),
+            "symmetry": "none",
+            "octaves": self.octaves,
+            "hurst": hurst,
+            "largest_displacement": rough.amplitude,
+        }
+        name = f"fbm-{split}-{index:03d}-{base}"
+        return Shape(name, surface.mesh, surface=surface, tags=tags, info=info, exactness="parametric")
+
+
+@dataclass(frozen=True, eq=False)
+class Rough:
+    """One displaced base; the noise is made on first use."""
+
+    base: str
+    hurst: float
+    settings: Fbm
+    seed: int
+
+    @cached_property
+    def _measures(self) -> tuple[np.ndarray, float, float]:
+        """Semi-axes (a torus: radius and tube), the exponent of the ball's norm, and the reach."""
+        rng = generator("fbm base", self.seed)
+        if self.base == "torus":
+            tube = rng.uniform(0.32, 0.42)
+            return np.array([1.0, tube]), 2.0, float(min(tube, 1 - tube))
+        if self.base == "sphere":
+            return np.ones(3), 2.0, 0.3  # its reach is 1; more than 0.3 would be a spiky star
+        axes = np.sort(rng.uniform([0.55, 0.75, 1.0], [0.75, 1.0, 1.2]))
+        if self.base == "ellipsoid":
+            return axes, 2.0, float(min(axes[0] ** 2 / axes[2], 0.3))
+        # The curvature of |x/a|^4 + ... = 1 is at most that of the same with equal, smallest axes, times the squared
+        # ratio of the axes, as a linear map by the ratio can tighten a bend by no more; on the unit ball it is 2.09.
+        axes = np.array([0.85, 0.95, 1.0]) * rng.uniform(0.97, 1.03, size=3)
+        return axes, 4.0, float(axes.min() ** 2 / axes.max() / 2.1)
+
+    @property
+    def amplitude(self) -> float:
+        """The largest possible displacement."""
+        return self.settings.strength * self._measures[2]
+
+    @cached_property
+    def _noise(self) -> FractalNoise:
+        s = self.settings
+        return FractalNoise(s.octaves, self.hurst, s.frequency, generator("fbm noise", self.seed))
+
+    def parts(self) -> tuple[list[Chart], list[Patch]]:
+        """A chart for each side of a cube, or one for a torus."""
+        n = self.settings.cells
+        if self.base == "torus":
+            u, v = (np.linspace(-pi, pi, cells + 1) for cells in (2 * n, 4 * n))
+            return [Chart(self._displaced(self._torus), flip=True)], [Patch(0, u, v, reach=(2 * pi, 2 * pi))]
+        lines = np.linspace(-1, 1, n + 1)
+        sides = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
+        charts = [Chart(self._displaced(self._side(axis, sign)), flip=sign < 0) for axis, sign in sides]
+        return charts, [Patch(k, lines, lines, reach=(0.2, 0.2)) for k in range(6)]
+
+    def _displaced(self, base: BeforeNoise) -> Callable[[Jet, Jet], Jet]:
+        def position(u: Jet, v: Jet) -> Jet:
+            point, normal = base(u, v)
+            return point + normal * (self._noise(point) * self.amplitude)
+
+        return position
+
+    def _torus(self, u: Jet, v: Jet) -> tuple[Jet, Jet]:
+        radius, tube = self._measures[0]
+        normal = stack(cos(u) * cos(v), cos(u) * sin(v), sin(u))
+        return stack(cos(v) * radius, sin(v) * radius, 0.0 * u) + normal * tube, normal
+
+    def _side(self, axis: int, sign: float) -> BeforeNoise:
+        """The part of the ball ``sum |x/a|^p = 1`` over a side of the cube, in equal angles."""
+        axes, p, _ = self._measures
+
+        def part(u: Jet, v: Jet) -> tuple[Jet, Jet]:
+            across = [sin(t * (pi / 4)) / cos(t * (pi / 4)) for t in (u, v)]
+            d = [across[0], across[1], sign]
+            d = stack(*d[2 - axis :], *d[: 2 - axis])  # u, v and the axis in cyclic order: x_u cross x_v is along it
+            norm = sum((d[k] ** p for k in range(3)), start=0.0)
+            unit = d * norm ** (-1 / p)
+            gradient = unit ** (p - 1)
+            inverse = (1 / axes)[:, None]
+            return unit * axes[:, None], normalize(gradient * inverse)
+
+        return part

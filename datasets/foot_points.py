@@ -1,0 +1,112 @@
+"""Newton's method for the foot points of points on a surface x(u, v), within bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+ROUNDING = 1e-15  # of a squared distance, relative to the squared size: no step is refused for less
+
+
+def refine(
+    points: np.ndarray,
+    start: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    longest: np.ndarray,
+    size: float,
+    evaluate: Callable[[np.ndarray, np.ndarray, int], np.ndarray],
+    *,
+    iterations: int = 60,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Minimise ``|p - x(u, v)|^2`` from ``start``, never ending farther away than there.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    start, low, high : (n, 2) arrays
+        Parameters to start from, and their bounds.
+    longest : (n, 2) array
+        The longest step.
+    size : float
+        Of the surface: the unit of the tolerance.
+    evaluate : function of (rows, places, order) that returns Taylor coefficients (6, n, 3) of x
+
+    Returns
+    -------
+    places : (n, 2) array
+    squares : (n,) array of squared distances
+    """
+    result = np.clip(start, low, high)
+    rows = np.arange(len(points))
+    places, taylor = result, evaluate(rows, result, 2)
+    squares = _square(points, taylor[0])
+    damping, final = np.ones(len(points)), squares.copy()
+    for _ in range(iterations):
+        step, moved = _newton_step(points[rows] - taylor[0], taylor, places, low[rows], high[rows])
+        shrink = np.minimum(1, (longest[rows] / np.maximum(np.abs(step), 1e-300)).min(axis=1)) * damping
+        trial = np.clip(places + shrink[:, None] * step, low[rows], high[rows])
+        # Convergence is quadratic: after a step of 1e-8 of the size what is left is about 1e-16.
+        going = np.flatnonzero((moved * shrink > 1e-9 * size) & (damping > 1e-9))
+        ended = np.setdiff1d(np.arange(len(rows)), going, assume_unique=True)
+        if len(ended):  # the last step counts where it is one to the better
+            last = rows[ended]
+            square = _square(points[last], evaluate(last, trial[ended], 0)[0])
+            better = square <= squares[ended] + ROUNDING * size**2 * (damping[ended] == 1)
+            result[last] = np.where(better[:, None], trial[ended], places[ended])
+            final[last] = np.where(better, square, squares[ended])
+        if not len(going):
+            return result, final
+        rows, places, trial, squares, damping = (x[going] for x in (rows, places, trial, squares, damping))
+        taylor = taylor[:, going]
+        trial_taylor = evaluate(rows, trial, 2)
+        trial_squares = _square(points[rows], trial_taylor[0])
+        better = trial_squares <= squares
+        places = np.where(better[:, None], trial, places)
+        taylor = np.where(better[:, None], trial_taylor, taylor)
+        squares = np.where(better, trial_squares, squares)
+        damping = np.where(better, np.minimum(1, 4 * damping), damping / 4)
+        result[rows], final[rows] = places, squares
+    return result, final
+
+
+def _square(points: np.ndarray, x: np.ndarray) -> np.ndarray:
+    square = ((points - x) ** 2).sum(axis=1)
+    return np.where(np.isfinite(square), square, np.inf)
+
+
+def _newton_step(
+    residual: np.ndarray, taylor: np.ndarray, places: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The step (n, 2) towards the minimum of ``|r|^2 / 2``, and how far it moves along the surface, (n,).
+
+    In parameters scaled to lengths, so that the step does not depend on the parametrisation.
+    """
+    _, x_u, x_v, x_uu, x_uv, x_vv = np.nan_to_num(taylor, nan=0.0, posinf=1e100, neginf=-1e100)
+    scale = np.sqrt(np.stack([_dot(x_u, x_u), _dot(x_v, x_v)], axis=1))
+    scale = np.maximum(scale, 1e-12 * scale.max(axis=1, keepdims=True) + 1e-200)
+    s_u, s_v = scale.T
+    g = -np.stack([_dot(residual, x_u) / s_u, _dot(residual, x_v) / s_v], axis=1)
+    a = (_dot(x_u, x_u) - 2 * _dot(residual, x_uu)) / s_u**2
+    b = (_dot(x_u, x_v) - _dot(residual, x_uv)) / (s_u * s_v)
+    c = (_dot(x_v, x_v) - 2 * _dot(residual, x_vv)) / s_v**2
+    # A parameter that is at its bound, or all but there, and would go beyond it is put on it and held there.
+    close = 1e-3 * (high - low)
+    to_low, to_high = (places <= low + close) & (g > 0), (places >= high - close) & (g < 0)
+    held = to_low | to_high
+    g, b = np.where(held, 0.0, g), np.where(held.any(axis=1), 0.0, b)
+    a, c = np.where(held[:, 0], 1.0, a), np.where(held[:, 1], 1.0, c)
+    # Where |r|^2 is not convex, shift its curvatures up: the step is then one of descent.
+    lowest = (a + c) / 2 - np.hypot((a - c) / 2, b)
+    shift = np.where(lowest < 1e-3, np.maximum(0.1, -lowest) - lowest, 0.0)
+    a, c = a + shift, c + shift
+    determinant = a * c - b * b
+    step = np.stack([b * g[:, 1] - c * g[:, 0], b * g[:, 0] - a * g[:, 1]], axis=1) / determinant[:, None]
+    step = np.nan_to_num(step) / scale
+    step = np.where(held, np.where(to_low, low, high) - places, step)
+    return step, np.linalg.norm(step * scale, axis=1)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("ni,ni->n", a, b)

@@ -1,0 +1,132 @@
+"""Chairs, tables and shelves, with labelled parts and, in pairs, one topology for a category."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from bench import Shape, ShapePair, generator, register
+
+from .furniture_parts import CATEGORIES, Piece, bar_grid
+from .rotations import random_rotation
+from .solids import arrays, origins, turned
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+    from trimesh import Trimesh
+
+
+@register("dataset", requires=("manifold3d", "trimesh"))
+@dataclass(frozen=True)
+class Furniture:
+    """Chairs, tables and shelves of 13 to 15 measures each, in turn; parts are labelled.
+
+    ``shapes`` are unions: one closed manifold each, turned at random. ``pairs`` stand upright and unturned, with every
+    optional part, and their parts are closed meshes that overlap at the joints: only so do all pieces of a category
+    have the same faces, vertex i of the one corresponding to vertex i of the other. Metres; z is up, the front is -y.
+    """
+
+    category: Literal["all", "chair", "table", "shelf"] = "all"  # of furniture
+
+    def __post_init__(self) -> None:
+        if self.category != "all" and self.category not in CATEGORIES:
+            raise ValueError(f"category: expected one of all, {', '.join(CATEGORIES)}; got {self.category!r}")
+
+    def shapes(self, split: str) -> Iterator[Shape]:
+        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        for index in count():
+            category = self._category(index)
+            rng = generator("furniture", split, index)
+            yield _union(f"furniture-{split}-{index:03d}-{category}", category, rng)
+
+    def pairs(self, split: str) -> Iterator[ShapePair]:
+        """Two pieces of one category with the same faces."""
+        for index in count():
+            category, rng = self._category(index), generator("furniture pairs", split, index)
+            id = f"furniture-{split}-{index:03d}-{category}"
+            source, target = CATEGORIES[category](rng, full=True), CATEGORIES[category](rng, full=True)
+            marks = {name: _vertex(*at) for name, at in source.landmarks.items()}
+            yield ShapePair(id, *(_parts(f"{id}-{n}", category, p) for n, p in
+                                  (("source", source), ("target", target))), marks)  # fmt: skip
+
+    def _category(self, index: int) -> str:
+        return self.category if self.category != "all" else list(CATEGORIES)[index % len(CATEGORIES)]
+
+
+def _info(category: str, piece: Piece) -> dict:
+    return {
+        "category": category,
+        "parts": [bar.name for bar in piece.bars],
+        "symmetry": _symmetry(category),
+        **piece.measures,
+    }
+
+
+def _symmetry(category: str) -> str:
+    return {"chair": "mirror x", "table": "mirror x y", "shelf": "none"}[category]
+
+
+def _thickness(piece: Piece) -> float:
+    """The thinnest bar or board, relative to the diagonal of the box."""
+    points = np.concatenate([bar.vertices() for bar in piece.bars])
+    thinnest = min(min(*bar.start, *bar.end, np.linalg.norm(bar.b - bar.a) / 2) for bar in piece.bars)
+    return float(2 * thinnest / np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def _union(id: str, category: str, rng: np.random.Generator) -> Shape:
+    piece, rotation = CATEGORIES[category](rng, full=False), random_rotation(rng)
+    thickness = _thickness(piece)
+    tags = ("sharp", *(("thin",) if thickness < 0.03 else ()), *(("high_genus",) if piece.genus >= 10 else ()))
+    made: list = []
+
+    def make() -> tuple[Trimesh, np.ndarray]:
+        if not made:
+            solids = [_solid(bar.vertices()) for bar in piece.bars]
+            union = _joined(solids)
+            mesh = turned(*arrays(union), rotation)
+            made.append((mesh, origins(union, [solid.original_id() for solid in solids])))
+        return made[0]
+
+    info = {"genus": piece.genus, "thickness": thickness, **_info(category, piece)}
+    return Shape(
+        id, lambda: make()[0], tags=tags, info=info, exactness="polyhedron", attributes=lambda: {"part": make()[1]}
+    )  # fmt: skip
+
+
+def _solid(vertices: np.ndarray) -> Manifold:
+    from manifold3d import Manifold, Mesh64
+
+    mesh = Mesh64(np.ascontiguousarray(vertices), np.ascontiguousarray(bar_grid()[1].astype(np.uint64)))
+    return Manifold(mesh).as_original()
+
+
+def _joined(solids: list[Manifold]) -> Manifold:
+    from manifold3d import Manifold, OpType
+
+    return Manifold.batch_boolean(solids, OpType.Add)
+
+
+def _parts(id: str, category: str, piece: Piece) -> Shape:
+    """All parts of a piece as one mesh of as many components."""
+    faces = bar_grid()[1]
+    size, n = len(bar_grid()[0]), len(piece.bars)
+
+    def make() -> Trimesh:
+        from trimesh import Trimesh
+
+        vertices = np.concatenate([bar.vertices() for bar in piece.bars])
+        return Trimesh(vertices, np.concatenate([faces + k * size for k in range(n)]), process=False)
+
+    info = {"genus": 0, "components": n, "thickness": _thickness(piece), **_info(category, piece)}
+    tags = ("sharp", *(("thin",) if info["thickness"] < 0.03 else ()))
+    labels = np.repeat(np.arange(n), len(faces))
+    return Shape(id, make, tags=tags, info=info, exactness="polyhedron", attributes={"part": labels})
+
+
+def _vertex(bar: int, corner: tuple[int, int, int]) -> int:
+    grid, _ = bar_grid()
+    return bar * len(grid) + int(np.abs(grid - corner).sum(axis=1).argmin())

@@ -1,0 +1,260 @@
+"""Surfaces that are made of patches ``x(u, v)`` in closed form: exact samples, normals and foot points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .foot_points import refine
+from .jets import Jet
+from .patch_mesh import WeldedMesh, patch_grid, weld
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+    from trimesh import Trimesh
+
+CHUNK = 20_000  # places that are evaluated at a time: the terms of their jets stay in the cache
+MARGIN = 1.1  # of the bound of dA over a cell above the largest of the values that it is taken from
+OTHER_SIDES = 6  # how many grid points on borders are tried where a foot point ended on the border of its patch
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """A formula x(u, v) that one or several patches share."""
+
+    position: Callable[[Jet, Jet], Jet]  # from u and v to the point, a vector
+    flip: bool = False  # whether the outward normal is x_v cross x_u
+    lost: int = 0  # how many orders of derivatives the formula uses up (1 where it needs a normal of another surface)
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A rectangle of parameters, and the grid that tessellates it."""
+
+    chart: int  # which of the surface's charts
+    u: np.ndarray  # ascending grid lines; the first and the last are the border
+    v: np.ndarray
+    levels: np.ndarray | None = None  # how often the columns are halved in each row, see patch_grid
+    reach: tuple[float, float] = (0.0, 0.0)  # how far in u and v the formula goes on to describe the same surface
+
+
+class ParametricSurface:
+    """A surface of patches, exact; a :class:`bench.Surface`.
+
+    Parameters
+    ----------
+    make : function without arguments that returns charts and patches
+        Called on first use, so that a list of shapes costs nothing.
+    rotation : (3, 3) array, optional
+        Applied last.
+    """
+
+    def __init__(self, make: Callable[[], tuple[Sequence[Chart], Sequence[Patch]]], rotation: Any = None):
+        self._make = make
+        self._rotation = rotation
+
+    @cached_property
+    def parts(self) -> tuple[list[Chart], list[Patch]]:
+        """The charts and the patches."""
+        charts, patches = self._make()
+        return list(charts), list(patches)
+
+    # -- the formula -----------------------------------------------------------------------------------------------
+
+    def evaluate(self, chart: np.ndarray, u: np.ndarray, v: np.ndarray, order: int) -> np.ndarray:
+        """Taylor coefficients (1, 3 or 6, n, 3) of the surface at (u, v) of the given charts, each (n,).
+
+        In the order x, x_u, x_v, x_uu / 2, x_uv, x_vv / 2.
+        """
+        result = np.empty(((1, 3, 6)[order], len(u), 3))
+        for k, formula in enumerate(self.parts[0]):
+            rows = np.flatnonzero(chart == k)
+            for part in np.split(rows, range(CHUNK, len(rows), CHUNK)):
+                if len(part):
+                    jet = formula.position(*Jet.variables(u[part], v[part], order + formula.lost))
+                    result[:, part] = np.moveaxis(jet.truncate(order).c, 1, 2)
+        # einsum, not a matrix product: the sum is the same to the last bit whatever library multiplies matrices.
+        return result if self._rotation is None else np.einsum("ij,tnj->tni", self._rotation, result)
+
+    def at(self, patch: np.ndarray, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The points at (u, v) of the given patches, each (n,), and their outward unit normals: two (n, 3) arrays."""
+        chart = self._table["chart"][patch]
+        x, x_u, x_v = self.evaluate(chart, u, v, 1)
+        normals = np.cross(x_u, x_v)
+        lengths = np.linalg.norm(normals, axis=1)
+        poles = np.flatnonzero(~(lengths > 1e-14 * np.linalg.norm(x_u, axis=1) * self._size))
+        if len(poles):  # there the normal is the limit from within the patch
+            low, high = self._table["low"][patch[poles]], self._table["high"][patch[poles]]
+            inward = np.stack([u[poles], v[poles]], axis=1)
+            inward += 1e-6 * ((low + high) / 2 - inward)
+            _, a, b = self.evaluate(chart[poles], *inward.T, 1)
+            normals[poles] = np.cross(a, b)
+            lengths[poles] = np.linalg.norm(normals[poles], axis=1)
+        sign = np.where(self._table["flip"][patch], -1.0, 1.0)
+        return x, normals * (sign / lengths)[:, None]
+
+    @cached_property
+    def _table(self) -> dict[str, np.ndarray]:
+        """What is known of each patch, a row a patch: its chart, its borders, how far a foot point may go."""
+        charts, patches = self.parts
+        low, high = (np.array([(p.u[end], p.v[end]) for p in patches]) for end in (0, -1))
+        reach = np.array([p.reach for p in patches])
+        chart = np.array([p.chart for p in patches])
+        flip = np.array([charts[k].flip for k in chart])
+        return {"chart": chart, "flip": flip, "low": low, "high": high, "from": low - reach, "to": high + reach}
+
+    # -- the mesh --------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def grid(self) -> tuple[WeldedMesh, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The tessellation; patch, u, v of all grid points; which of them are on the border of their patch."""
+        charts, patches = self.parts
+        grids = [patch_grid(p.u, p.v, p.levels) for p in patches]
+        patch = np.repeat(np.arange(len(patches)), [len(g.u) for g in grids])
+        u, v = (np.concatenate([getattr(g, name) for g in grids]) for name in "uv")
+        points = self.evaluate(self._table["chart"][patch], u, v, 0)[0]
+        starts = np.cumsum([0] + [len(g.u) for g in grids])
+        border = np.concatenate([start + g.border for start, g in zip(starts, grids, strict=False)])
+        return weld(points, grids, [charts[p.chart].flip for p in patches]), patch, u, v, border
+
+    def mesh(self) -> Trimesh:
+        """The tessellation; its vertices lie on the surface."""
+        from trimesh import Trimesh
+
+        welded = self.grid[0]
+        return Trimesh(welded.vertices, welded.faces, process=False)
+
+    @cached_property
+    def _size(self) -> float:
+        return float(np.linalg.norm(np.ptp(self.grid[0].vertices, axis=0)))
+
+    # -- sampling --------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _cells(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Patch, lower corner (c, 2), width (c, 2), bound of dA per du dv, cumulative bound of the area of the cells.
+
+        The bound is the largest value at corners and middles of the cell and of the cells around it, with a margin:
+        cells are smaller than the features of a surface, so that what a cell hides is seen by its neighbours.
+        """
+        corners, widths, bounds, owners = [], [], [], []
+        for k, patch in enumerate(self.parts[1]):
+            at_corners = self._elements(patch, patch.u, patch.v)
+            at_middles = self._elements(patch, _middles(patch.u), _middles(patch.v))
+            bounds.append(MARGIN * _largest_around(at_corners, at_middles).ravel())
+            low = np.meshgrid(patch.u[:-1], patch.v[:-1], indexing="ij")
+            wide = np.meshgrid(np.diff(patch.u), np.diff(patch.v), indexing="ij")
+            corners.append(np.stack([m.ravel() for m in low], axis=1))
+            widths.append(np.stack([m.ravel() for m in wide], axis=1))
+            owners.append(np.full(low[0].size, k))
+        corners, widths, bounds, owners = (np.concatenate(x) for x in (corners, widths, bounds, owners))
+        return owners, corners, widths, bounds, np.cumsum(bounds * widths.prod(axis=1))
+
+    def _elements(self, patch: Patch, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """dA per du dv on the grid over the lines u and v of a patch."""
+        places = [m.ravel() for m in np.meshgrid(u, v, indexing="ij")]
+        _, x_u, x_v = self.evaluate(np.full(len(places[0]), patch.chart), *places, 1)
+        element = np.linalg.norm(np.cross(x_u, x_v), axis=1)
+        return np.nan_to_num(element, nan=0.0, posinf=0.0).reshape(len(u), len(v))
+
+    def sample(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """``count`` points, uniform by area of the exact surface, and their outward unit normals.
+
+        A cell of the grid is drawn by a bound of its area, a place in it is kept with the probability of its dA.
+        """
+        owners, corners, widths, bounds, cumulative = self._cells
+        kept, missing = [], count
+        while missing > 0:
+            tries = int(1.35 * missing) + 16
+            cell = np.searchsorted(cumulative, rng.random(tries) * cumulative[-1], side="right")
+            cell = np.minimum(cell, len(cumulative) - 1)
+            places = corners[cell] + rng.random((tries, 2)) * widths[cell]
+            patch = owners[cell]
+            x_u, x_v = self.evaluate(self._table["chart"][patch], *places.T, 1)[1:]
+            element = np.linalg.norm(np.cross(x_u, x_v), axis=1)
+            accepted = np.flatnonzero(rng.random(tries) * bounds[cell] < element)[:missing]
+            kept.append((patch[accepted], places[accepted]))
+            missing -= len(accepted)
+        if not kept:
+            return np.empty((0, 3)), np.empty((0, 3))
+        patch, places = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+        return self.at(patch, *places.T)
+
+    # -- closest points --------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _trees(self) -> tuple[Any, cKDTree]:
+        """A tree over the triangles, and one over the grid points on borders of patches."""
+        from scipy.spatial import cKDTree
+
+        from bench.geometry.closest import TriangleTree
+
+        welded, patch, u, v, border = self.grid
+        points = self.evaluate(self._table["chart"][patch[border]], u[border], v[border], 0)[0]
+        return TriangleTree(welded.vertices, welded.faces), cKDTree(points)
+
+    def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The foot point of each of ``points`` (n, 3) and its outward unit normal: two (n, 3) arrays.
+
+        From the closest point of the tessellation, by Newton's method in (u, v). Where that ends on the border of a
+        patch, it starts again from the nearest places on other borders, and the best end counts.
+        """
+        points = np.asarray(points, dtype=np.float64)
+        if not len(points):
+            return np.empty((0, 3)), np.empty((0, 3))
+        patch, places = self._foot_parameters(points)
+        return self.at(patch, *places.T)
+
+    def _foot_parameters(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        patch, start = self._start(points)
+        places, square = self._refine(points, patch, start)
+        stuck = np.flatnonzero(self._on_border(patch, places))
+        if len(stuck):
+            _, grid_patch, u, v, border = self.grid
+            feet = self.evaluate(self._table["chart"][patch[stuck]], *places[stuck].T, 0)[0]
+            others = np.atleast_2d(border[self._trees[1].query(feet, k=OTHER_SIDES)[1]])
+            for other in others.T:
+                twin, at = grid_patch[other], np.stack([u[other], v[other]], axis=1)
+                trial, trial_square = self._refine(points[stuck], twin, at)
+                better = trial_square < square[stuck]
+                rows = stuck[better]
+                patch[rows], places[rows], square[rows] = twin[better], trial[better], trial_square[better]
+        return patch, places
+
+    def _start(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Patch and parameters (n, 2) of the closest point of the tessellation."""
+        from bench.geometry.mesh_surface import _barycentric
+
+        welded, patch, u, v, _ = self.grid
+        found = self._trees[0].closest(points)
+        weights = np.stack(_barycentric(found.points, welded.vertices, welded.faces[found.faces]), axis=1)
+        corners = welded.corners[found.faces]
+        places = np.stack([(weights * u[corners]).sum(axis=1), (weights * v[corners]).sum(axis=1)], axis=1)
+        return patch[corners[:, 0]], places
+
+    def _refine(self, points: np.ndarray, patch: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        table = self._table
+        chart, longest = table["chart"][patch], (table["high"] - table["low"])[patch] / 4
+        return refine(
+            points, start, table["from"][patch], table["to"][patch], longest, self._size,
+            lambda rows, places, order: self.evaluate(chart[rows], *places.T, order),
+        )  # fmt: skip
+
+    def _on_border(self, patch: np.ndarray, places: np.ndarray) -> np.ndarray:
+        return ((places <= self._table["from"][patch]) | (places >= self._table["to"][patch])).any(axis=1)
+
+
+def _middles(lines: np.ndarray) -> np.ndarray:
+    return (lines[1:] + lines[:-1]) / 2
+
+
+def _largest_around(corners: np.ndarray, middles: np.ndarray) -> np.ndarray:
+    """For each cell of a grid, the largest of the values at corners and middles of it and its eight neighbours."""
+    largest = np.maximum(np.maximum(corners[:-1], corners[1:])[:, :-1], np.maximum(corners[:-1], corners[1:])[:, 1:])
+    largest = np.pad(np.maximum(largest, middles), 1, mode="edge")
+    largest = np.maximum(np.maximum(largest[:-2], largest[1:-1]), largest[2:])
+    return np.maximum(np.maximum(largest[:, :-2], largest[:, 1:-1]), largest[:, 2:])

@@ -1,0 +1,102 @@
+"""Superellipsoids and supertoroids: from boxes over spheres to octahedra, known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+from typing import Literal
+
+import numpy as np
+
+from bench import Shape, generator, register
+
+from .parametric import ParametricSurface
+from .rotations import random_rotation
+from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula
+
+# The two-dimensional golden ratio (Roberts 2018): pairs (e1, e2) that fill the square evenly from the first on. The
+# start is chosen so that the first four are a box, an octahedron-like body, a wheel with an edge, and a square ring.
+STEP = (0.7548776662466927, 0.5698402909980532)
+START = (0.02, 0.03)
+TOROIDS = 4  # every fourth shape is a supertoroid
+
+
+@register("dataset", requires=("scipy", "trimesh"))
+@dataclass(frozen=True)
+class Superquadrics:
+    """Superellipsoids and supertoroids; exact samples, normals and closest points.
+
+    The surface is ``((|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) + |z/c|^(2/e1) = 1`` (Barr 1981), parametrised by the polar
+    angles of its two superellipses, so that tangents stay finite; every fourth shape is a ring of that section. Small
+    exponents give boxes with narrow rounds, 1 an ellipsoid, 2 an octahedron. The pairs (e1, e2) of the shapes fill the
+    square between the limits evenly. ``sharp``: the normal turns by 30 degrees or more within 2 % of the bounding-box
+    diagonal, so that at the spacing of a scan it is an edge (where e is 2, truly one); ``smooth``: by less than half of
+    that. Shapes are turned at random.
+    """
+
+    exponent_low: float = 0.1  # smallest exponent: 0.1 is a box with rounds of 7 % of its half width
+    exponent_high: float = 2.0  # largest exponent: 2 is an octahedron
+    kind: Literal["all", "ellipsoid", "toroid"] = "all"  # of body
+    rows: int = 160  # cells of the tessellation from pole to pole
+    columns: int = 256  # and around
+
+    def __post_init__(self) -> None:
+        if not 0.05 <= self.exponent_low <= 2:
+            raise ValueError(f"exponent_low: expected 0.05 to 2, got {self.exponent_low}")
+        if not self.exponent_low <= self.exponent_high <= 2:
+            raise ValueError(f"exponent_high: expected exponent_low={self.exponent_low} to 2, got {self.exponent_high}")
+        if self.kind not in ("all", "ellipsoid", "toroid"):
+            raise ValueError(f"kind: expected all, ellipsoid or toroid, got {self.kind!r}")
+        for name in ("rows", "columns"):
+            if not 16 <= getattr(self, name) <= 2048:
+                raise ValueError(f"{name}: expected 16 to 2048, got {getattr(self, name)}")
+
+    def shapes(self, split: str) -> Iterator[Shape]:
+        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        for index in count():
+            yield self._shape(split, index)
+
+    def _shape(self, split: str, index: int) -> Shape:
+        rng = generator("superquadrics", split, index)
+        ring = self.kind == "toroid" or (self.kind == "all" and index % TOROIDS == TOROIDS - 1)
+        e1, e2 = (
+            self.exponent_low + (self.exponent_high - self.exponent_low) * ((start + index * step) % 1)
+            for start, step in zip(START, STEP, strict=True)
+        )
+        product = SphericalProduct(
+            _superellipse(e1),
+            _superellipse(e2),
+            tuple(float(x) for x in rng.uniform(0.4, 1.0, size=3)),
+            float(rng.uniform(1.8, 3.0)) if ring else 0.0,
+            self.rows,
+            self.columns,
+        )
+        rotation = random_rotation(rng)
+        surface = ParametricSurface(product.parts, rotation)
+        turn = product.sharpest_turn()
+        tags = ("sharp",) if turn >= EDGE_ANGLE else ("smooth",) if turn < EDGE_ANGLE / 2 else ()
+        kind = "toroid" if ring else "ellipsoid"
+        info = {
+            "kind": kind,
+            "genus": int(ring),
+            "symmetry": "mirror x, y and z",
+            "e1": float(e1),
+            "e2": float(e2),
+            "axes": list(product.axes),
+            "major": product.major,
+            "sharpest_turn": round(turn, 1),
+            "rotation": np.round(rotation, 15).tolist(),
+        }
+        return Shape(
+            f"superquadrics-{split}-{index:03d}-{kind}",
+            surface.mesh,
+            surface=surface,
+            tags=tags,
+            info=info,
+            exactness="parametric",
+        )
+
+
+def _superellipse(e: float) -> Superformula:
+    return Superformula(4, 2 / e, 2 / e, 2 / e)

@@ -1,0 +1,95 @@
+"""Supershapes of two superformulas: stars, flowers, gears and lanterns, known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+from math import sqrt
+
+import numpy as np
+
+from bench import Shape, generator, register
+
+from .parametric import ParametricSurface
+from .rotations import random_rotation
+from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula
+
+KINDS = ("star", "flower", "ridged", "lantern")
+
+
+@register("dataset", requires=("igl", "scipy", "trimesh"))
+@dataclass(frozen=True)
+class Supershapes:
+    """Gielis' supershapes: the spherical product of two superformulas; exact samples, normals and closest points.
+
+    Each formula is ``r(t) = (|cos(m t / 4)|^p + |sin(m t / 4)|^p)^(-1 / q)``. With p below 2 its m tips are pointed
+    (at p = 1 they are edges), above 2 they are rounded lobes with valleys between. ``q`` is chosen so that the largest
+    radius is ``2^depth`` times the smallest. In turn: stars (pointed tips), flowers (round lobes), ridged ones (many
+    shallow pointed ridges) and lanterns (pointed around, lobed from pole to pole). ``sharp`` and ``smooth`` are
+    measured, as for superquadrics: the normal turns by 30 degrees or more, or by less than 15, within 2 % of the
+    bounding-box diagonal. Shapes are turned at random.
+    """
+
+    lobes_low: int = 3  # fewest lobes around
+    lobes_high: int = 9  # most lobes around
+    depth: float = 0.9  # of the deepest valleys: radii vary by a factor of 2^depth
+    rows: int = 160  # cells of the tessellation from pole to pole
+    columns: int = 288  # and around
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.lobes_low <= 24:
+            raise ValueError(f"lobes_low: expected 2 to 24, got {self.lobes_low}")
+        if not self.lobes_low <= self.lobes_high <= 24:
+            raise ValueError(f"lobes_high: expected lobes_low={self.lobes_low} to 24, got {self.lobes_high}")
+        if not 0.05 <= self.depth <= 1.5:
+            raise ValueError(f"depth: expected 0.05 to 1.5, got {self.depth}")
+        for name in ("rows", "columns"):
+            if not 16 <= getattr(self, name) <= 2048:
+                raise ValueError(f"{name}: expected 16 to 2048, got {getattr(self, name)}")
+
+    def shapes(self, split: str) -> Iterator[Shape]:
+        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        for index in count():
+            yield self._shape(split, index)
+
+    def _shape(self, split: str, index: int) -> Shape:
+        rng = generator("supershapes", split, index)
+        golden = (sqrt(5) - 1) / 2
+        lobes = self.lobes_low + int((self.lobes_high - self.lobes_low + 1) * ((0.4 + index * golden) % 1))
+        kind = KINDS[index % len(KINDS)]
+        longitude, latitude = _formulas(kind, lobes, self.depth, rng)
+        axes = (1.0, 1.0, float(rng.uniform(0.6, 1.1)))
+        product = SphericalProduct(latitude, longitude, axes, 0.0, self.rows, self.columns)
+        surface = ParametricSurface(product.parts, random_rotation(rng))
+        turn = product.sharpest_turn()
+        tags = ("sharp",) if turn >= EDGE_ANGLE else ("smooth",) if turn < EDGE_ANGLE / 2 else ()
+        info = {
+            "kind": kind,
+            "genus": 0,
+            "symmetry": f"rotation {lobes} about z, mirror z, before the turn at random",
+            "lobes": lobes,
+            "longitude": [longitude.m, longitude.n1, longitude.n2],
+            "latitude": [latitude.m, latitude.n1, latitude.n2],
+            "sharpest_turn": round(turn, 1),
+        }
+        name = f"supershapes-{split}-{index:03d}-{kind}"
+        return Shape(name, surface.mesh, surface=surface, tags=tags, info=info, exactness="parametric")
+
+
+def _formulas(kind: str, lobes: int, depth: float, rng: np.random.Generator) -> tuple[Superformula, Superformula]:
+    """The superformulas of longitude and latitude."""
+    x, y = rng.uniform(0.75, 1.0, size=2)
+    pointed, lobed = float(rng.choice([1.0, 1.15, 1.3])), rng.uniform(3.0, 7.0)
+    if kind == "star":
+        return _formula(lobes, pointed, depth * x), _formula(4, rng.uniform(1.0, 1.4), 0.5 * depth * y)
+    if kind == "flower":
+        return _formula(lobes, lobed, depth * x), _formula(int(rng.choice([2, 4])), 3.0, 0.35 * depth * y)
+    if kind == "ridged":
+        return _formula(2 * lobes, pointed, 0.3 * depth * x), _formula(2, rng.uniform(2.5, 5), 0.5 * depth * y)
+    return _formula(lobes, pointed, 0.6 * depth * x), _formula(6, lobed, 0.6 * depth * y)
+
+
+def _formula(m: int, p: float, depth: float) -> Superformula:
+    """Where |cos| = |sin|, ``r = 2^((p / 2 - 1) / q)``, and 1 where one of them is 0."""
+    return Superformula(m, abs(p / 2 - 1) / depth, p, p)
