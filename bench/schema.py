@@ -34,15 +34,22 @@ def config_class(plugin: Plugin) -> type:
         If a parameter has a type that a config cannot hold.
     """
     entries: list[tuple[str, Any, Any]] = [(NAME_KEY, str, plugin.name)]
-    hints = _field_types(plugin)
+    types = _config_types(plugin)
     for f in plugin.fields:
         default = _plain(f.default_factory() if f.default is dataclasses.MISSING else f.default)  # type: ignore[misc]
-        annotation = _config_type(hints[f.name], f"{plugin.kind} {plugin.name}: parameter {f.name!r}")
+        annotation = types[f.name]
         if isinstance(default, (list, dict)):
             entries.append((f.name, annotation, dataclasses.field(default_factory=lambda value=default: value)))
         else:
             entries.append((f.name, annotation, default))
     return dataclasses.make_dataclass(plugin.cls.__name__, entries)
+
+
+def _config_types(plugin: Plugin) -> dict[str, Any]:
+    """The config's type of every parameter, or :class:`PluginError` for one that it cannot hold."""
+    hints = _field_types(plugin)
+    where = f"{plugin.kind} {plugin.name}: parameter"
+    return {f.name: _config_type(hints[f.name], f"{where} {f.name!r}") for f in plugin.fields}
 
 
 def _field_types(plugin: Plugin) -> dict[str, Any]:
@@ -180,6 +187,35 @@ def _inner(values: Mapping[str, Any]) -> str:
     return ",".join(f"{k}={_short(v)}" for k, v in values.items())
 
 
+class _Group(dict):
+    """A group of Hydra's config store whose nodes are made when they are first composed.
+
+    Making a node of each plugin there is takes longer than all else that a start does, and a run composes a few. What
+    is pickled for the processes of a launcher are the nodes that were made: Hydra composes a sweep's jobs beforehand.
+    """
+
+    def __getitem__(self, name: str) -> Any:
+        node = super().__getitem__(name)
+        if isinstance(node, Plugin):
+            node = _config_node(name, node)
+            self[name] = node
+        return node
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _Group:
+        return self  # Hydra copies the store with itself, and every node again when it loads it
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, ({name: node for name, node in self.items() if not isinstance(node, Plugin)},)
+
+
+def _config_node(name: str, plugin: Plugin) -> Any:
+    from hydra.core.config_store import ConfigNode
+    from omegaconf import OmegaConf
+
+    package = f"metric.{plugin.name}" if plugin.kind == "metric" else None
+    return ConfigNode(name, OmegaConf.structured(config_class(plugin)), plugin.kind, package, plugin.origin)
+
+
 def store_configs() -> None:
     """Put every registered plugin into Hydra's config store, each in the group of its kind.
 
@@ -189,15 +225,14 @@ def store_configs() -> None:
 
     from .registry import KINDS, Broken
 
-    store = ConfigStore.instance()
     reg = registry()
     for kind in KINDS:
+        group = ConfigStore.instance().repo[kind] = _Group()
         for plugin in reg.all(kind):
-            package = f"metric.{plugin.name}" if kind == "metric" else None
             try:
-                node = config_class(plugin)
+                _config_types(plugin)
             except PluginError as error:
                 if all(b.reason != str(error) for b in reg.broken):
                     reg.broken.append(Broken(plugin.origin, plugin.file, str(error)))
                 continue
-            store.store(group=kind, name=plugin.name, node=node, package=package, provider=plugin.origin)
+            group[f"{plugin.name}.yaml"] = plugin

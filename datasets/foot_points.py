@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-ROUNDING = 1e-15  # of a squared distance, relative to the squared size: no step is refused for less
+ROUNDING = 1e-15  # of coordinates, relative to the size: no step is refused for what it makes of a squared distance
 
 
 def refine(
@@ -47,13 +47,13 @@ def refine(
         step, moved = _newton_step(points[rows] - taylor[0], taylor, places, low[rows], high[rows])
         shrink = np.minimum(1, (longest[rows] / np.maximum(np.abs(step), 1e-300)).min(axis=1)) * damping
         trial = np.clip(places + shrink[:, None] * step, low[rows], high[rows])
-        # Convergence is quadratic: after a step of 1e-8 of the size what is left is about 1e-16.
-        going = np.flatnonzero((moved * shrink > 1e-9 * size) & (damping > 1e-9))
+        # Convergence is quadratic, though slow to become so beside a pole: what is left is far below the last step.
+        going = np.flatnonzero((moved * shrink > 1e-11 * size) & (damping > 1e-9))
         ended = np.setdiff1d(np.arange(len(rows)), going, assume_unique=True)
         if len(ended):  # the last step counts where it is one to the better
             last = rows[ended]
             square = _square(points[last], evaluate(last, trial[ended], 0)[0])
-            better = square <= squares[ended] + ROUNDING * size**2 * (damping[ended] == 1)
+            better = square <= _tolerant(squares[ended], size)
             result[last] = np.where(better[:, None], trial[ended], places[ended])
             final[last] = np.where(better, square, squares[ended])
         if not len(going):
@@ -62,7 +62,7 @@ def refine(
         taylor = taylor[:, going]
         trial_taylor = evaluate(rows, trial, 2)
         trial_squares = _square(points[rows], trial_taylor[0])
-        better = trial_squares <= squares
+        better = trial_squares <= _tolerant(squares, size)
         places = np.where(better[:, None], trial, places)
         taylor = np.where(better[:, None], trial_taylor, taylor)
         squares = np.where(better, trial_squares, squares)
@@ -74,6 +74,10 @@ def refine(
 def _square(points: np.ndarray, x: np.ndarray) -> np.ndarray:
     square = ((points - x) ** 2).sum(axis=1)
     return np.where(np.isfinite(square), square, np.inf)
+
+
+def _tolerant(squares: np.ndarray, size: float) -> np.ndarray:
+    return squares + ROUNDING * (squares + np.sqrt(squares) * size)
 
 
 def _newton_step(
@@ -91,21 +95,38 @@ def _newton_step(
     a = (_dot(x_u, x_u) - 2 * _dot(residual, x_uu)) / s_u**2
     b = (_dot(x_u, x_v) - _dot(residual, x_uv)) / (s_u * s_v)
     c = (_dot(x_v, x_v) - 2 * _dot(residual, x_vv)) / s_v**2
-    # A parameter that is at its bound, or all but there, and would go beyond it is put on it and held there.
-    close = 1e-3 * (high - low)
-    to_low, to_high = (places <= low + close) & (g > 0), (places >= high - close) & (g < 0)
-    held = to_low | to_high
-    g, b = np.where(held, 0.0, g), np.where(held.any(axis=1), 0.0, b)
-    a, c = np.where(held[:, 0], 1.0, a), np.where(held[:, 1], 1.0, c)
     # Where |r|^2 is not convex, shift its curvatures up: the step is then one of descent.
     lowest = (a + c) / 2 - np.hypot((a - c) / 2, b)
     shift = np.where(lowest < 1e-3, np.maximum(0.1, -lowest) - lowest, 0.0)
     a, c = a + shift, c + shift
+    step = _box_minimum(a, b, c, g, (low - places) * scale, (high - places) * scale)
+    return step / scale, np.linalg.norm(step, axis=1)
+
+
+def _box_minimum(
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """The minimum (n, 2) of ``g . s + (a s0^2 + 2 b s0 s1 + c s1^2) / 2`` over low <= s <= high, for convex ones."""
     determinant = a * c - b * b
     step = np.stack([b * g[:, 1] - c * g[:, 0], b * g[:, 0] - a * g[:, 1]], axis=1) / determinant[:, None]
-    step = np.nan_to_num(step) / scale
-    step = np.where(held, np.where(to_low, low, high) - places, step)
-    return step, np.linalg.norm(step * scale, axis=1)
+    step = np.nan_to_num(step)
+    crosses = (step < low) | (step > high)
+    rows = np.flatnonzero(crosses.any(axis=1))
+    if not len(rows):
+        return step
+    # Where the free minimum lies beyond one bound, the bounded one is on that bound; beyond two, on one of them.
+    a, b, c, g, low, high, free = (x[rows] for x in (a, b, c, g, low, high, step))
+    best, lowest = np.clip(free, low, high), np.full(len(rows), np.inf)
+    for k, own in ((0, a), (1, c)):
+        other = c if k == 0 else a
+        trial = np.clip(free, low, high)
+        trial[:, 1 - k] = np.clip(-(g[:, 1 - k] + b * trial[:, k]) / other, low[:, 1 - k], high[:, 1 - k])
+        value = _dot(g, trial) + b * trial[:, 0] * trial[:, 1]
+        value += (own * trial[:, k] ** 2 + other * trial[:, 1 - k] ** 2) / 2
+        take = crosses[rows, k] & (value < lowest)
+        best[take], lowest[take] = trial[take], value[take]
+    step[rows] = best
+    return step
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

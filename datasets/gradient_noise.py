@@ -1,4 +1,4 @@
-"""Gradient noise in space (Perlin 2002) and its fractal sums, with derivatives and the same to the last bit anywhere."""
+"""Gradient noise in space (Perlin 2002) and its fractal sums, with derivatives."""
 
 from __future__ import annotations
 

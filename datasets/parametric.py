@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 CHUNK = 20_000  # places that are evaluated at a time: the terms of their jets stay in the cache
 MARGIN = 1.1  # of the bound of dA over a cell above the largest of the values that it is taken from
-OTHER_SIDES = 6  # how many grid points on borders are tried where a foot point ended on the border of its patch
+MOST_SIDES = 24  # how many grid points of one vertex are tried where a foot point ended there: at a pole there are many
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,7 @@ class Patch:
     v: np.ndarray
     levels: np.ndarray | None = None  # how often the columns are halved in each row, see patch_grid
     reach: tuple[float, float] = (0.0, 0.0)  # how far in u and v the formula goes on to describe the same surface
+    fixed: bool = False  # whether its faces may not depend on its form: else quads are split along shorter diagonals
 
 
 class ParametricSurface:
@@ -105,7 +106,26 @@ class ParametricSurface:
         reach = np.array([p.reach for p in patches])
         chart = np.array([p.chart for p in patches])
         flip = np.array([charts[k].flip for k in chart])
-        return {"chart": chart, "flip": flip, "low": low, "high": high, "from": low - reach, "to": high + reach}
+        # At a pole, Newton's method does not know where to go: it starts a part of a cell beside it.
+        inset = [np.array([self._pole_inset(p, end) for p in patches]) for end in (0, -1)]
+        return {
+            "chart": chart,
+            "flip": flip,
+            "low": low,
+            "high": high,
+            "from": low - reach,
+            "to": high + reach,
+            "lowest start": low[:, 0] - reach[:, 0] + inset[0],
+            "highest start": high[:, 0] + reach[:, 0] - inset[1],
+        }
+
+    def _pole_inset(self, patch: Patch, end: int) -> float:
+        """A third of the cell at the first (0) or the last (-1) line of u, where that is a pole; 0 where it is not."""
+        v = np.linspace(patch.v[0], patch.v[-1], 5)
+        points = self.evaluate(np.full(5, patch.chart), np.full(5, patch.u[end]), v, 0)[0]
+        inside = self.evaluate(np.full(5, patch.chart), np.full(5, patch.u[len(patch.u) // 2]), v, 0)[0]
+        is_pole = np.ptp(points, axis=0).max() < 1e-6 * np.ptp(inside, axis=0).max()
+        return abs(patch.u[end] - patch.u[1 if end == 0 else -2]) / 3 if is_pole else 0.0
 
     # -- the mesh --------------------------------------------------------------------------------------------------
 
@@ -119,7 +139,8 @@ class ParametricSurface:
         points = self.evaluate(self._table["chart"][patch], u, v, 0)[0]
         starts = np.cumsum([0] + [len(g.u) for g in grids])
         border = np.concatenate([start + g.border for start, g in zip(starts, grids, strict=False)])
-        return weld(points, grids, [charts[p.chart].flip for p in patches]), patch, u, v, border
+        flips, fixed = [charts[p.chart].flip for p in patches], [p.fixed for p in patches]
+        return weld(points, grids, flips, fixed), patch, u, v, border
 
     def mesh(self) -> Trimesh:
         """The tessellation; its vertices lie on the surface."""
@@ -187,15 +208,22 @@ class ParametricSurface:
     # -- closest points --------------------------------------------------------------------------------------------
 
     @cached_property
-    def _trees(self) -> tuple[Any, cKDTree]:
-        """A tree over the triangles, and one over the grid points on borders of patches."""
-        from scipy.spatial import cKDTree
-
+    def _tree(self) -> Any:
+        """A tree over the triangles."""
         from bench.geometry.closest import TriangleTree
 
-        welded, patch, u, v, border = self.grid
-        points = self.evaluate(self._table["chart"][patch[border]], u[border], v[border], 0)[0]
-        return TriangleTree(welded.vertices, welded.faces), cKDTree(points)
+        return TriangleTree(self.grid[0].vertices, self.grid[0].faces)
+
+    @cached_property
+    def _border(self) -> tuple[cKDTree, np.ndarray, np.ndarray, np.ndarray]:
+        """A tree over the vertices on borders; the grid points there, sorted by vertex; of each, first and number."""
+        from scipy.spatial import cKDTree
+
+        welded, _, _, _, border = self.grid
+        border = border[welded.vertex[border] >= 0]
+        border = border[np.argsort(welded.vertex[border], kind="stable")]
+        vertices, first, number = np.unique(welded.vertex[border], return_index=True, return_counts=True)
+        return cKDTree(welded.vertices[vertices]), border, first, number
 
     def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The foot point of each of ``points`` (n, 3) and its outward unit normal: two (n, 3) arrays.
@@ -214,15 +242,21 @@ class ParametricSurface:
         places, square = self._refine(points, patch, start)
         stuck = np.flatnonzero(self._on_border(patch, places))
         if len(stuck):
-            _, grid_patch, u, v, border = self.grid
+            _, grid_patch, u, v, _ = self.grid
+            tree, border, first, number = self._border
             feet = self.evaluate(self._table["chart"][patch[stuck]], *places[stuck].T, 0)[0]
-            others = np.atleast_2d(border[self._trees[1].query(feet, k=OTHER_SIDES)[1]])
-            for other in others.T:
-                twin, at = grid_patch[other], np.stack([u[other], v[other]], axis=1)
-                trial, trial_square = self._refine(points[stuck], twin, at)
-                better = trial_square < square[stuck]
-                rows = stuck[better]
-                patch[rows], places[rows], square[rows] = twin[better], trial[better], trial_square[better]
+            nearest = tree.query(feet)[1]
+            # All grid points of the vertex; of very many, as at a pole, evenly chosen ones.
+            sides = np.minimum(number[nearest], MOST_SIDES)
+            rows = np.repeat(np.arange(len(stuck)), sides)
+            k = np.arange(len(rows)) - np.repeat(np.cumsum(sides) - sides, sides)
+            other = border[first[nearest[rows]] + k * number[nearest[rows]] // sides[rows]]
+            twin, at = grid_patch[other], np.stack([u[other], v[other]], axis=1)
+            trial, trial_square = self._refine(points[stuck[rows]], twin, at)
+            order = np.lexsort((trial_square, rows))  # the best of each first
+            best = order[np.unique(rows[order], return_index=True)[1]]
+            best = best[trial_square[best] < square[stuck]]
+            patch[stuck[rows[best]]], places[stuck[rows[best]]] = twin[best], trial[best]
         return patch, places
 
     def _start(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -230,7 +264,7 @@ class ParametricSurface:
         from bench.geometry.mesh_surface import _barycentric
 
         welded, patch, u, v, _ = self.grid
-        found = self._trees[0].closest(points)
+        found = self._tree.closest(points)
         weights = np.stack(_barycentric(found.points, welded.vertices, welded.faces[found.faces]), axis=1)
         corners = welded.corners[found.faces]
         places = np.stack([(weights * u[corners]).sum(axis=1), (weights * v[corners]).sum(axis=1)], axis=1)
@@ -239,13 +273,17 @@ class ParametricSurface:
     def _refine(self, points: np.ndarray, patch: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         table = self._table
         chart, longest = table["chart"][patch], (table["high"] - table["low"])[patch] / 4
+        start = start.copy()
+        start[:, 0] = np.clip(start[:, 0], table["lowest start"][patch], table["highest start"][patch])
         return refine(
             points, start, table["from"][patch], table["to"][patch], longest, self._size,
             lambda rows, places, order: self.evaluate(chart[rows], *places.T, order),
         )  # fmt: skip
 
     def _on_border(self, patch: np.ndarray, places: np.ndarray) -> np.ndarray:
-        return ((places <= self._table["from"][patch]) | (places >= self._table["to"][patch])).any(axis=1)
+        low, high = self._table["from"][patch], self._table["to"][patch]
+        near = 1e-9 * (high - low)  # steps onto a border end within rounding of it
+        return ((places <= low + near) | (places >= high - near)).any(axis=1)
 
 
 def _middles(lines: np.ndarray) -> np.ndarray:

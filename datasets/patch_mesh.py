@@ -10,13 +10,13 @@ WELD = 1e-9  # grid points on borders that are closer than this, relative to the
 
 
 class PatchGrid(NamedTuple):
-    """Grid points of one patch, row by row, and triangles between them that turn from u to v."""
+    """Grid points of one patch, row by row, and faces between them that turn from u to v."""
 
     u: np.ndarray
     v: np.ndarray
-    faces: np.ndarray
+    faces: np.ndarray  # (f, 3): triangles between rows of different numbers of columns
     border: np.ndarray  # the grid points on the border
-    shorter: np.ndarray  # (q, 4): the quads whose diagonal may be chosen: a, b, c, d round about; faces follow them
+    quads: np.ndarray  # (q, 4): the quads between the rest, round about, that are still to be split
 
 
 class WeldedMesh(NamedTuple):
@@ -26,6 +26,7 @@ class WeldedMesh(NamedTuple):
     faces: np.ndarray  # (f, 3)
     corners: np.ndarray  # (f, 3): the grid point of each corner of a face
     representative: np.ndarray  # (v,): one grid point of each vertex
+    vertex: np.ndarray  # (n,): the vertex of each grid point; -1 where no face is left there
 
 
 def patch_grid(u: np.ndarray, v: np.ndarray, levels: np.ndarray | None) -> PatchGrid:
@@ -59,7 +60,7 @@ def _zip(fine: np.ndarray, coarse: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack(corners, axis=1) for corners in ((f0, c0, f1), (f1, c0, c1), (f1, c1, f2))])
 
 
-def weld(points: np.ndarray, grids: list[PatchGrid], flips: list[bool]) -> WeldedMesh:
+def weld(points: np.ndarray, grids: list[PatchGrid], flips: list[bool], fixed: list[bool]) -> WeldedMesh:
     """One mesh of all grids.
 
     Parameters
@@ -67,6 +68,7 @@ def weld(points: np.ndarray, grids: list[PatchGrid], flips: list[bool]) -> Welde
     points : (n, 3) array of all grid points, one grid after the other
     grids : one a patch
     flips : for each, whether the outward normal is ``x_v`` cross ``x_u``
+    fixed : for each, whether its quads are split along their first diagonals, wherever its points are
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -74,8 +76,8 @@ def weld(points: np.ndarray, grids: list[PatchGrid], flips: list[bool]) -> Welde
 
     starts = np.cumsum([0] + [len(grid.u) for grid in grids])
     corners = []
-    for start, grid, flip in zip(starts, grids, flips, strict=False):
-        faces = start + np.concatenate([grid.faces, _split(points[start:], grid.shorter)])
+    for start, grid, flip, first in zip(starts, grids, flips, fixed, strict=False):
+        faces = start + np.concatenate([grid.faces, _split(points[start:], grid.quads, first)])
         corners.append(faces[:, ::-1] if flip else faces)
     corners = np.concatenate(corners)
     border = np.concatenate([start + grid.border for start, grid in zip(starts, grids, strict=False)])
@@ -90,16 +92,19 @@ def weld(points: np.ndarray, grids: list[PatchGrid], flips: list[bool]) -> Welde
     representative = np.full(labels.max() + 1, -1)
     representative[labels[::-1]] = np.arange(len(points))[::-1]
     representative = representative[used]
-    return WeldedMesh(points[representative], faces.reshape(-1, 3), corners, representative)
+    numbers = np.full(labels.max() + 1, -1)
+    numbers[used] = np.arange(len(used))
+    return WeldedMesh(points[representative], faces.reshape(-1, 3), corners, representative, numbers[labels])
 
 
-def _split(points: np.ndarray, quads: np.ndarray) -> np.ndarray:
-    """Two triangles a quad, along its shorter diagonal."""
+def _split(points: np.ndarray, quads: np.ndarray, first: bool) -> np.ndarray:
+    """Two triangles a quad, along its shorter diagonal or always along its first one."""
     a, b, c, d = quads.T
     across = ((points[a] - points[c]) ** 2).sum(axis=1) <= 1.000001 * ((points[b] - points[d]) ** 2).sum(axis=1)
-    first = np.where(across[:, None], np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
-    second = np.where(across[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
-    return np.concatenate([first, second])
+    across |= first
+    one = np.where(across[:, None], np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
+    other = np.where(across[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
+    return np.concatenate([one, other])
 
 
 def pole_levels(ring: np.ndarray, spacing: np.ndarray, columns: int) -> np.ndarray:

@@ -39,10 +39,11 @@ class Base:
         """The grid of ``cells`` columns; it is the same for all balls and vases, and for all rings."""
         v = np.linspace(-pi, pi, cells + 1)
         if self.is_ring:
-            return Patch(0, np.linspace(-pi, pi, 5 * cells // 16 + 1), v, reach=(2 * pi, 2 * pi))
+            return Patch(0, np.linspace(-pi, pi, 5 * cells // 16 + 1), v, reach=(2 * pi, 2 * pi), fixed=True)
         u = np.linspace(-pi / 2, pi / 2, cells // 2 + 1)
         spacing = np.full(len(u), u[1] - u[0])
-        return Patch(0, u, v, pole_levels(np.cos(u) * (v[1] - v[0]), spacing, cells), reach=(0.0, 2 * pi))
+        levels = pole_levels(np.cos(u) * (v[1] - v[0]), spacing, cells)
+        return Patch(0, u, v, levels, reach=(0.0, 2 * pi), fixed=True)
 
 
 def band_mask(u: Jet) -> Jet:

@@ -84,9 +84,9 @@ class SphericalProduct:
     def _curves(self):
         """Functions from angles to points of the meridian, at its mean width, and of the equator."""
         a, b, c = self.axes
-        t = np.linspace(-pi, pi, 721)
+        t = np.linspace(-pi, pi, 361)
         width = (np.linalg.norm(self.longitude.curve(t) * [a, b], axis=1)).mean()
-        reach = np.abs(self.latitude.curve(np.linspace(-self._span, self._span, 721))[:, 0] + self.major).max()
+        reach = np.abs(self.latitude.curve(np.linspace(-self._span, self._span, 361))[:, 0] + self.major).max()
         return (
             lambda t: (self.latitude.curve(t) + [self.major, 0]) * [width, c],
             lambda t: self.longitude.curve(t) * [a * reach, b * reach],
@@ -102,11 +102,11 @@ class SphericalProduct:
         """By how many degrees at most the normal turns within 2 % of the bounding-box diagonal, along both curves."""
         window = EDGE_WINDOW * np.linalg.norm(self.extents())
         meridian, ring = self._curves()
-        profile = meridian(np.linspace(-self._span, self._span, 8 * DENSE))
+        profile = meridian(np.linspace(-self._span, self._span, 2 * DENSE))
         if not self.major:  # on over the pole, to the other side: an apex is sharp as well
             mirrored = profile[::-1] * [-1, 1]
             profile = np.concatenate([profile, mirrored[1:]])
-        return max(_turn(profile, window), _turn(ring(np.linspace(-pi, pi, 8 * DENSE)), window))
+        return max(_turn(profile, window), _turn(ring(np.linspace(-pi, pi, 2 * DENSE)), window))
 
 
 def _turn(closed: np.ndarray, window: float) -> float:

@@ -22,7 +22,7 @@ START = (0.02, 0.03)
 TOROIDS = 4  # every fourth shape is a supertoroid
 
 
-@register("dataset", requires=("scipy", "trimesh"))
+@register("dataset", requires=("igl", "scipy", "trimesh"))
 @dataclass(frozen=True)
 class Superquadrics:
     """Superellipsoids and supertoroids; exact samples, normals and closest points.

@@ -92,4 +92,4 @@ def _formulas(kind: str, lobes: int, depth: float, rng: np.random.Generator) -> 
 
 def _formula(m: int, p: float, depth: float) -> Superformula:
     """Where |cos| = |sin|, ``r = 2^((p / 2 - 1) / q)``, and 1 where one of them is 0."""
-    return Superformula(m, abs(p / 2 - 1) / depth, p, p)
+    return Superformula(m, float(abs(p / 2 - 1) / depth), float(p), float(p))

@@ -59,7 +59,7 @@ def test_a_clean_run_leaves_results_and_nothing_else(finished):
     shell, done = finished
     assert list(shell.work.iterdir()) == []
     below = {path.name for path in shell.results.iterdir()}
-    assert below <= {"cells", ".locks", ".index", ".sweeps", ".partial"}
+    assert below <= {"cells", ".cache", ".locks", ".index", ".sweeps", ".partial"}
     for folder in (".sweeps", ".partial"):
         assert not list(shell.results.glob(f"{folder}/*"))
     assert len(shell.files()) == 4

@@ -147,7 +147,7 @@ def test_a_remembered_dataset_makes_each_mesh_once(memo):
         assert [len(s.mesh.faces) for s in shapes] == [80, 80]
         assert shapes[0].tags == ("smooth",) and shapes[0].exactness == "polyhedron" and shapes[0].info == {"genus": 0}
     assert dataset.made == 2
-    list(RememberedDataset(dataset, memo).shapes("train"))[0].mesh  # noqa: B018, RUF015
+    list(RememberedDataset(dataset, memo).shapes("train"))[0].mesh  # noqa: B018
     assert dataset.made == 3
 
 

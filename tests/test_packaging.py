@@ -31,8 +31,10 @@ NOT_OURS = {"build", "dist", "results", "outputs", "multirun", "__pycache__"}
 # Who may import whom: a module imports its own floor and those below. From the top to the ground.
 FLOORS = (
     "cli commands sweep __main__",
-    "leaderboard selection report statistics runner isolate application conformance testing templates progress catalog listing",
-    "store index worker plan config schema presets sensors conventions memo overrides provenance forkserver watch affinity meter",
+    "leaderboard selection report statistics runner isolate application conformance testing templates progress catalog "
+    "listing",
+    "store index worker plan config schema presets sensors conventions memo overrides provenance forkserver watch "
+    "affinity meter",
     "registry tasks run fields",
     "geometry shapes",
     "errors seeds __init__",

@@ -16,9 +16,9 @@ from .inputs import distinct_oriented
 class Bilateral:
     """Bilateral smoothing: points move along normals that count less the more they differ, which keeps edges."""
 
-    k: int = 24  # neighbours; more smooth more
+    k: int = 40  # neighbours; more smooth more
     iterations: int = 1  # passes; from the third on fine detail is flattened
-    angle: float = 15.0  # degrees by which normals may differ before they count less; 90 ignores edges
+    angle: float = 20.0  # degrees by which normals may differ before they count less; 90 ignores edges
 
     def __post_init__(self) -> None:
         if self.k < 3:

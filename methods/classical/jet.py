@@ -14,8 +14,8 @@ from .inputs import distinct_points
 class Jet:
     """Jet smoothing: every point moves onto a quadric fitted to its nearest neighbours."""
 
-    k: int = 24  # neighbours of the fit; more smooth more
-    iterations: int = 2  # passes
+    k: int = 16  # neighbours of the fit; more smooth more
+    iterations: int = 1  # passes; more smooth more
 
     def __post_init__(self) -> None:
         if self.k < 6:

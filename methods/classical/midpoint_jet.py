@@ -16,8 +16,8 @@ from .inputs import distinct_points
 class MidpointJet:
     """Midpoints between neighbours, moved onto local quadrics and thinned by farthest points: cheap and even."""
 
-    k: int = 24  # neighbours of a fit; more smooth noise away, and detail with it
-    keep: bool = False  # whether the points of the input stay where they are instead of moving onto the surface
+    k: int = 12  # neighbours of a fit; more smooth noise away, and detail with it
+    keep: bool = True  # whether the points of the input stay where they are instead of moving onto the surface
 
     def __post_init__(self) -> None:
         if self.k < 6:

@@ -19,7 +19,7 @@ class Rimls:
     """Robust implicit moving least squares: a kernel regression that keeps sharp features."""
 
     filterscale: float = 3.0  # support in local spacings; larger smooths more
-    sigma_n: float = 0.75  # how far normals may differ before they count less; smaller is sharper
+    sigma_n: float = 0.5  # how far normals may differ before they count less; smaller is sharper
     resolution: int = 150  # marching cubes cells along the longest side of the bounding box (reconstruct)
 
     def __post_init__(self) -> None:

@@ -101,8 +101,8 @@ def seconds(figures):
 
 @pytest.mark.slow
 def test_ten_times_as_many_cells(tmp_path):
-    # `make test` takes 500 and 5,000 cells, `make bench` 1,000 and 10,000.
-    seeds = 10 if "DETAILBENCH_SHORT" in os.environ else 20
+    # `make test` takes 250 and 2,500 cells, `make bench` 1,000 and 10,000.
+    seeds = 5 if "DETAILBENCH_SHORT" in os.environ else 20
     assert write_cells(tmp_path / "few", datasets=5, seeds=seeds) == 50 * seeds
     assert write_cells(tmp_path / "many", datasets=25, seeds=2 * seeds) == 500 * seeds
     small, first, second = measure(tmp_path / "few"), measure(tmp_path / "many"), measure(tmp_path / "many")

@@ -1,5 +1,6 @@
 """Starting: help and listings are quick, against the start of Hydra alone, interleaved in one run."""
 
+import os
 import statistics
 import subprocess
 import sys
@@ -7,7 +8,7 @@ import time
 
 import pytest
 
-ROUNDS = 7
+ROUNDS = 4 if "DETAILBENCH_SHORT" in os.environ else 7
 COMMANDS = {
     "import hydra": ["-c", "import hydra"],
     "detailbench --help": ["-m", "bench", "--help"],

@@ -1,0 +1,81 @@
+"""Thin sheets: flat, corrugated, folded and egg-box plates over three decades of thickness."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+from math import sqrt
+from typing import Literal
+
+from bench import Shape, generator, register
+
+from .parametric import ParametricSurface
+from .rotations import random_rotation
+from .sheets import LENGTH, Sheet, corrugated, egg_box, flat, folded
+
+NEAR = THIN = 0.03  # fractions of the bounding-box diagonal: of a gap, and of a wall
+KINDS = ("corrugated", "folded", "flat", "egg_box")
+
+
+@register("dataset", requires=("igl", "scipy", "trimesh"))
+@dataclass(frozen=True)
+class Plates:
+    """Sheets of constant thickness; exact samples, normals and closest points.
+
+    A middle surface (a rectangle, a sine wave, flats with round bends between them, or an egg box) is moved by half the
+    thickness to either side, exactly. The ratios of thickness to length run evenly, by decades, through the range. The
+    ends are straight (``sharp``) or, for every other shape of the other kinds than egg boxes, half-round (``smooth``).
+    ``thin``: below 3 % of the bounding-box diagonal. ``near_contact``: a hem, folded back onto itself, whose gap is
+    below 3 %. Shapes are turned at random.
+    """
+
+    ratio_low: float = 3e-3  # thinnest sheet: thickness over the length of 2
+    ratio_high: float = 1e-1  # thickest sheet
+    kind: Literal["all", "flat", "corrugated", "folded", "egg_box"] = "all"  # of plate
+    spacing: float = 0.016  # edge length of the tessellation, for a length of 2
+
+    def __post_init__(self) -> None:
+        if not 1e-3 <= self.ratio_low <= 0.1:
+            raise ValueError(f"ratio_low: expected 0.001 to 0.1, got {self.ratio_low}")
+        if not self.ratio_low <= self.ratio_high <= 0.1:
+            raise ValueError(f"ratio_high: expected ratio_low={self.ratio_low} to 0.1, got {self.ratio_high}")
+        if self.kind != "all" and self.kind not in KINDS:
+            raise ValueError(f"kind: expected one of all, {', '.join(KINDS)}; got {self.kind!r}")
+        if not 0.004 <= self.spacing <= 0.1:
+            raise ValueError(f"spacing: expected 0.004 to 0.1, got {self.spacing}")
+
+    def shapes(self, split: str) -> Iterator[Shape]:
+        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        for index in count():
+            yield self._shape(split, index)
+
+    def _shape(self, split: str, index: int) -> Shape:
+        rng = generator("plates", split, index)
+        golden = (sqrt(5) - 1) / 2
+        ratio = self.ratio_high * (self.ratio_low / self.ratio_high) ** ((0.85 + index * golden) % 1)
+        kind = KINDS[index % len(KINDS)] if self.kind == "all" else self.kind
+        turn = index // len(KINDS) if self.kind == "all" else index
+        thickness = ratio * LENGTH
+        make = {"flat": flat, "corrugated": corrugated, "folded": folded, "egg_box": egg_box}[kind]
+        middle = make(rng, thickness, turn)
+        ends = "round" if kind != "egg_box" and (turn + KINDS.index(kind)) % 2 else "flat"
+        sheet = Sheet(middle, thickness, ends, self.spacing)
+        surface = ParametricSurface(sheet.parts, random_rotation(rng))
+        diagonal = sheet.diagonal
+        tags = ["sharp" if ends == "flat" else "smooth"]
+        if thickness / diagonal < THIN:
+            tags.append("thin")
+        if middle.gap is not None and middle.gap / diagonal < NEAR:
+            tags.append("near_contact")
+        info = {
+            "kind": middle.name,
+            "ends": ends,
+            "genus": 0,
+            "ratio": ratio,
+            "thickness": thickness / diagonal,
+            "wall": thickness,
+            "symmetry": middle.symmetry,
+        }
+        name = f"plates-{split}-{index:03d}-{kind}"
+        return Shape(name, surface.mesh, surface=surface, tags=tuple(tags), info=info, exactness="parametric")
