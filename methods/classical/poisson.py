@@ -23,7 +23,7 @@ class Poisson:
     depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
     trim: float = 0.0  # drop this quantile of least supported vertices, 0..1; opens what the method closes
     cut: float = 0.0  # drop vertices that lie so many octree levels below the median one; 0.7 opens holes, 0 keeps all
-    point_weight: float = 2.0  # how strongly the surface is held to the points; 0 is unscreened Poisson
+    point_weight: float = 4.0  # how strongly the surface is held to the points; 0 is unscreened Poisson
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
     samples_per_node: float = 1.5  # points per octree cell; 5 to 20 smooths noise away
 
