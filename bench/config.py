@@ -60,11 +60,11 @@ def register_base() -> None:
     """Put the typed base, and every plugin, into Hydra's config store; those that are new since the last call."""
     from .registry import KINDS, registry
 
-    _register(tuple(plugin.cls for kind in KINDS for plugin in registry().all(kind)))
+    _register(tuple((kind, *registry().names(kind)) for kind in KINDS))
 
 
 @functools.lru_cache(maxsize=1)
-def _register(plugins: tuple[type, ...]) -> None:
+def _register(names: tuple[tuple[str, ...], ...]) -> None:
     from hydra.core.config_store import ConfigStore
 
     from .schema import store_configs

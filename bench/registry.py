@@ -34,9 +34,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from .errors import MissingLibrary, PluginError, UsageError, did_you_mean
+from .kept import ENTRY_POINTS, kept_modules
 
 KINDS = ("task", "dataset", "sensor", "method", "metric")
-ENTRY_POINTS = "detailbench.plugins"
 DIRECTIONS = ("lower", "higher", "reference")
 
 # Import names whose distribution is called otherwise, or that come with one of our extras.
@@ -140,10 +140,15 @@ class Broken:
 
 
 class Registry:
-    """All plugins by kind and name, and those that could not be loaded."""
+    """All plugins by kind and name, and those that could not be loaded.
+
+    Where a listing has been kept (:mod:`bench.kept`), the names are known from it, and a module is imported when
+    one of its plugins is asked for.
+    """
 
     def __init__(self) -> None:
         self._plugins: dict[str, dict[str, Plugin]] = {kind: {} for kind in KINDS}
+        self._known: dict[str, dict[str, tuple[str, str]]] = {kind: {} for kind in KINDS}  # name -> module, origin
         self._collisions: dict[tuple[str, str], PluginError] = {}
         self.broken: list[Broken] = []
         self._loaded: set[str] = set()
@@ -154,6 +159,7 @@ class Registry:
 
     def add(self, plugin: Plugin) -> None:
         """Add one plugin; a second one of that name from elsewhere is refused, with both sides named."""
+        self._load_known(plugin.kind, plugin.name)
         known = self._plugins[plugin.kind].get(plugin.name)
         if known and (known.file, known.cls.__qualname__) != (plugin.file, plugin.cls.__qualname__):
             collision = PluginError(
@@ -174,11 +180,17 @@ class Registry:
 
     def names(self, kind: str) -> list[str]:
         """The names of one kind, sorted."""
-        return sorted(self._plugins[kind])
+        return sorted({*self._plugins[kind], *self._known[kind]})
 
     def all(self, kind: str) -> list[Plugin]:
         """The plugins of one kind, by name."""
+        for name in list(self._known[kind]):
+            self._load_known(kind, name)
         return [self._plugins[kind][name] for name in self.names(kind)]
+
+    def loaded(self) -> list[Plugin]:
+        """The plugins whose modules are imported by now, of all kinds."""
+        return [plugin for kind in KINDS for plugin in self._plugins[kind].values()]
 
     def find(self, kind: str, name: str, *, also: Iterable[str] = ()) -> Plugin:
         """The plugin of that kind and name; ``also`` are other names that may have been meant.
@@ -188,6 +200,7 @@ class Registry:
         UsageError
             If there is none (with the nearest name, and the plugins that are broken), or if two claim the name.
         """
+        self._load_known(kind, name)
         if (kind, name) in self._collisions:
             raise UsageError(str(self._collisions[kind, name]))
         if name in self._plugins[kind]:
@@ -197,15 +210,33 @@ class Registry:
 
     # -- loading ---------------------------------------------------------------------------------------------------
 
-    def discover(self) -> None:
-        """Load every entry point of the group, once."""
+    def discover(self, *, known: Mapping[str, Mapping[str, tuple[str, str]]] | None = None) -> None:
+        """Load every entry point of the group, once; or take note of what is ``known`` to be in them.
+
+        Parameters
+        ----------
+        known : mapping, optional
+            For each kind, the module and the origin of each name. None of the modules is imported.
+        """
         if self._discovered:
             return
         self._discovered = True
+        if known is not None:
+            self._known = {kind: dict(known[kind]) for kind in KINDS}
+            return
         for entry in sorted(importlib.metadata.entry_points(group=ENTRY_POINTS), key=lambda e: (not _ours(e), e.name)):
             origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.name
             for module in self._plugin_modules(entry.module, origin):
                 self._guarded(origin, module, lambda module=module: importlib.import_module(module))
+
+    def _load_known(self, kind: str, name: str) -> None:
+        """Import the module of a name that is known from a listing."""
+        if name not in self._known[kind]:
+            return
+        module, origin = self._known[kind].pop(name)
+        outer = self._origin  # this may happen while another module is being imported
+        self._guarded(origin, module, lambda: importlib.import_module(module))
+        self._origin = outer
 
     def load_file(self, path: str | Path) -> None:
         """Load one plugin file, as ``--plugin`` does.
@@ -220,6 +251,10 @@ class Registry:
             raise UsageError(f"--plugin {path}: no such file")
         if path.suffix != ".py":
             raise UsageError(f"--plugin {path}: expected a Python file (.py)")
+        for kind in KINDS:
+            for name, (module, _) in list(self._known[kind].items()):
+                if module.rpartition(".")[2] == path.stem:  # perhaps one of those that are installed
+                    self._load_known(kind, name)
         if any(plugin.file == path for kind in KINDS for plugin in self._plugins[kind].values()):
             return  # one of those that are installed
         module = plugin_module_name(path)
@@ -306,9 +341,9 @@ _REGISTRY = Registry()
 
 
 def registry(*, discover: bool = True) -> Registry:
-    """The registry of this process, with every installed plugin loaded."""
-    if discover:
-        _REGISTRY.discover()
+    """The registry of this process, with every installed plugin loaded, or known from a listing that was kept."""
+    if discover and not _REGISTRY._discovered:
+        _REGISTRY.discover(known=kept_modules())
     return _REGISTRY
 
 

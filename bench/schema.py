@@ -194,45 +194,50 @@ class _Group(dict):
     is pickled for the processes of a launcher are the nodes that were made: Hydra composes a sweep's jobs beforehand.
     """
 
+    def __init__(self, kind: str):
+        super().__init__({f"{name}.yaml": None for name in registry().names(kind)})
+        self._kind = kind
+
     def __getitem__(self, name: str) -> Any:
         node = super().__getitem__(name)
-        if isinstance(node, Plugin):
-            node = _config_node(name, node)
-            self[name] = node
+        if node is None:
+            node = self[name] = _config_node(registry().find(self._kind, name.removesuffix(".yaml")))
         return node
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _Group:
         return self  # Hydra copies the store with itself, and every node again when it loads it
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return dict, ({name: node for name, node in self.items() if not isinstance(node, Plugin)},)
+        return dict, ({name: node for name, node in self.items() if node is not None},)
 
 
-def _config_node(name: str, plugin: Plugin) -> Any:
+def _config_node(plugin: Plugin) -> Any:
     from hydra.core.config_store import ConfigNode
     from omegaconf import OmegaConf
 
     package = f"metric.{plugin.name}" if plugin.kind == "metric" else None
-    return ConfigNode(name, OmegaConf.structured(config_class(plugin)), plugin.kind, package, plugin.origin)
+    node = OmegaConf.structured(config_class(plugin))
+    return ConfigNode(f"{plugin.name}.yaml", node, plugin.kind, package, plugin.origin)
 
 
 def store_configs() -> None:
-    """Put every registered plugin into Hydra's config store, each in the group of its kind.
-
-    A plugin whose parameters a config cannot hold is listed as broken, like one that does not import.
-    """
+    """Put every registered plugin into Hydra's config store, each in the group of its kind."""
     from hydra.core.config_store import ConfigStore
 
-    from .registry import KINDS, Broken
+    from .registry import KINDS
 
-    reg = registry()
+    check_configs()
     for kind in KINDS:
-        group = ConfigStore.instance().repo[kind] = _Group()
-        for plugin in reg.all(kind):
-            try:
-                _config_types(plugin)
-            except PluginError as error:
-                if all(b.reason != str(error) for b in reg.broken):
-                    reg.broken.append(Broken(plugin.origin, plugin.file, str(error)))
-                continue
-            group[f"{plugin.name}.yaml"] = plugin
+        ConfigStore.instance().repo[kind] = _Group(kind)
+
+
+def check_configs() -> None:
+    """List plugins whose parameters a config cannot hold as broken, like those that do not import."""
+    from .registry import Broken
+
+    for plugin in registry().loaded():
+        try:
+            _config_types(plugin)
+        except PluginError as error:
+            if all(b.reason != str(error) for b in registry().broken):
+                registry().broken.append(Broken(plugin.origin, plugin.file, str(error)))

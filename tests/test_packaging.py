@@ -35,7 +35,7 @@ FLOORS = (
     "listing",
     "store index worker plan config schema presets sensors conventions memo overrides provenance forkserver watch "
     "affinity meter",
-    "registry tasks run fields",
+    "registry tasks run fields kept",
     "geometry shapes",
     "errors seeds __init__",
 )

@@ -25,6 +25,7 @@ from typing import Any
 from .. import sweep
 from ..cli import add_plugin_argument
 from ..errors import UsageError, did_you_mean
+from ..listing import listing
 from ..overrides import check_overrides
 from ..progress import Bars, Lines
 from ..registry import load_plugins
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, and say with the exit code whether every case was solved."""
+    listing()  # kept for this start and the next: the processes below import only what they need
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
     total = plan_size(overrides, args.multirun)

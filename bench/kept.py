@@ -1,0 +1,93 @@
+"""The listing that is kept from one start to the next, with a stamp of all sources that it comes from.
+
+Importing every plugin module takes longer than anything else that a start does. While the stamp (path, size and time
+of change of each source) holds, a listing imports no plugin at all, and a run only those that it needs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.metadata
+import importlib.util
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+ENTRY_POINTS = "detailbench.plugins"
+
+
+def kept_modules() -> dict[str, dict[str, tuple[str, str]]] | None:
+    """The module and origin of each plugin by kind and name, from the listing that was kept.
+
+    None where there is none, where a source has changed since, or where a plugin was broken: then all are imported.
+    """
+    found = kept_listing(stamp())
+    if found is None or found["broken"]:
+        return None
+    return {
+        kind: {facts["name"]: (facts["module"], facts["origin"]) for facts in plugins}
+        for kind, plugins in found["plugins"].items()
+    }
+
+
+def kept_listing(stamp: str) -> dict[str, Any] | None:
+    """The listing that was kept under this stamp, None where there is none."""
+    with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
+        kept = json.loads(_path().read_text(encoding="utf-8"))
+        if kept["stamp"] == stamp:
+            return kept["listing"]
+    return None
+
+
+def _path() -> Path:
+    """One file for each environment."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "detailbench" / f"listing-{_digest([sys.prefix])}.json"
+
+
+def keep(stamp: str, listing: dict[str, Any]) -> None:
+    """Write the listing; where that is not possible the next start takes longer, no more."""
+    path, content = _path(), json.dumps({"stamp": stamp, "listing": listing})
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(content)
+        os.replace(temporary, path)
+
+
+def stamp() -> str:
+    """A digest over path, size and time of change of all that a listing can depend on."""
+    entries = sorted((e.name, e.value) for e in importlib.metadata.entry_points(group=ENTRY_POINTS))
+    modules = {value.partition(":")[0] for _, value in entries} | {"bench", "bench.conf"}
+    facts = [sys.version, entries]
+    for file in sorted(file for module in modules for file in _sources(module)):
+        with contextlib.suppress(OSError):
+            stat = os.stat(file)
+            facts.append([file, stat.st_size, stat.st_mtime_ns])
+    return _digest(facts)
+
+
+def _sources(module: str) -> Iterator[str]:
+    """The files of a module or package that a listing can depend on."""
+    try:
+        spec = importlib.util.find_spec(module)
+    except (Exception, SystemExit):  # a parent package may do anything; the registry says so
+        return
+    if spec is None:
+        return
+    if not spec.submodule_search_locations:
+        yield str(spec.origin)
+        return
+    for folder in spec.submodule_search_locations:
+        for path, _, names in os.walk(folder):
+            yield from (os.path.join(path, name) for name in names if name.endswith((".py", ".yaml", ".json")))
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value).encode()).hexdigest()[:16]
