@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -96,7 +97,7 @@ class Scanner:
         found = sum(len(scan.points) for scan in scans)
         least = 3 if self.normals == "pca" else 1  # a plane through fewer is anybody's
         if found < least:
-            name = type(self).__name__
+            name = re.sub(r"(?<!^)(?=[A-Z])", "_", type(self).__name__).lower()
             raise BadInput(
                 f"sensor {name}: {found} points of {shape.id} were measured from {self.views} views, expected at least "
                 f"{least}; try more views, more rays or a larger distance"

@@ -25,8 +25,8 @@ class AdvancingFront:
     points on the time grows faster than their number: 4 s for 20,000, 90 s for 100,000.
     """
 
-    radius_ratio: float = 10.0  # how much larger than its neighbour a triangle's circle may be; larger closes more
-    beta: float = 0.8  # radians that a dihedral angle may deviate from flat before plausibility drops
+    radius_ratio: float = 5.0  # how much larger than its neighbour a triangle's circle may be; larger closes more
+    beta: float = 0.52  # radians that a dihedral angle may deviate from flat before plausibility drops
 
     def __post_init__(self) -> None:
         if not self.radius_ratio > 0:
