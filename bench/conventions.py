@@ -13,6 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from .errors import UsageError, did_you_mean
+from .presets import names
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,8 +78,7 @@ class Convention:
         import pandas as pd
 
         parts = []
-        for keys, lines in board.groupby(["task", "dataset", "sensor"], sort=False, dropna=False):
-            del keys
+        for _, lines in board.groupby(["task", "dataset", "sensor"], sort=False, dropna=False):
             shown = [self._column(lines, column) for column in self.columns]
             parts.extend(part for part in shown if len(part))
         made = pd.concat(parts, ignore_index=True) if parts else board.iloc[:0].copy()
@@ -95,10 +95,7 @@ class Convention:
 
 def convention_names() -> list[str]:
     """The conventions that there are."""
-    from importlib.resources import files
-
-    folder = files("bench.conf") / "convention"
-    return sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml"))
+    return names("convention")
 
 
 @cache

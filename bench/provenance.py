@@ -74,12 +74,13 @@ def memory_keys(cell: Cell) -> dict[str, str]:
 
 
 def _own_digest() -> str:
-    """A digest over the sources of shapes, tasks and geometry, which decide what a case is and how it is measured."""
+    """A digest over the sources of shapes, tasks, effects and geometry: what a case is and how it is measured."""
     folder = Path(__file__).parent
     files = [
         folder / "shapes.py",
         folder / "tasks.py",
         folder / "seeds.py",
+        folder / "sensors.py",
         *sorted((folder / "geometry").glob("*.py")),
     ]
     return digest([_sha256(file, file.stat().st_mtime_ns, file.stat().st_size) for file in files])

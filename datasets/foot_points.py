@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .tangents import dot
+
 ROUNDING = 1e-15  # of coordinates, relative to the size: no step is refused for what it makes of a squared distance
 
 
@@ -88,13 +90,13 @@ def _newton_step(
     In parameters scaled to lengths, so that the step does not depend on the parametrisation.
     """
     _, x_u, x_v, x_uu, x_uv, x_vv = np.nan_to_num(taylor, nan=0.0, posinf=1e100, neginf=-1e100)
-    scale = np.sqrt(np.stack([_dot(x_u, x_u), _dot(x_v, x_v)], axis=1))
+    scale = np.sqrt(np.stack([dot(x_u, x_u), dot(x_v, x_v)], axis=1))
     scale = np.maximum(scale, 1e-12 * scale.max(axis=1, keepdims=True) + 1e-200)
     s_u, s_v = scale.T
-    g = -np.stack([_dot(residual, x_u) / s_u, _dot(residual, x_v) / s_v], axis=1)
-    a = (_dot(x_u, x_u) - 2 * _dot(residual, x_uu)) / s_u**2
-    b = (_dot(x_u, x_v) - _dot(residual, x_uv)) / (s_u * s_v)
-    c = (_dot(x_v, x_v) - 2 * _dot(residual, x_vv)) / s_v**2
+    g = -np.stack([dot(residual, x_u) / s_u, dot(residual, x_v) / s_v], axis=1)
+    a = (dot(x_u, x_u) - 2 * dot(residual, x_uu)) / s_u**2
+    b = (dot(x_u, x_v) - dot(residual, x_uv)) / (s_u * s_v)
+    c = (dot(x_v, x_v) - 2 * dot(residual, x_vv)) / s_v**2
     # Where |r|^2 is not convex, shift its curvatures up: the step is then one of descent.
     lowest = (a + c) / 2 - np.hypot((a - c) / 2, b)
     shift = np.where(lowest < 1e-3, np.maximum(0.1, -lowest) - lowest, 0.0)
@@ -121,13 +123,9 @@ def _box_minimum(
         other = c if k == 0 else a
         trial = np.clip(free, low, high)
         trial[:, 1 - k] = np.clip(-(g[:, 1 - k] + b * trial[:, k]) / other, low[:, 1 - k], high[:, 1 - k])
-        value = _dot(g, trial) + b * trial[:, 0] * trial[:, 1]
+        value = dot(g, trial) + b * trial[:, 0] * trial[:, 1]
         value += (own * trial[:, k] ** 2 + other * trial[:, 1 - k] ** 2) / 2
         take = crosses[rows, k] & (value < lowest)
         best[take], lowest[take] = trial[take], value[take]
     step[rows] = best
     return step
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("ni,ni->n", a, b)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from .band import sample_near_zero
+from .tangents import dot, tangents
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -121,10 +122,10 @@ class ImplicitSurface:
         vertices, normals = self.project(vertices, iterations=2)
         for _ in range(3):
             # Where the surface turns away from the normal within an edge, a tangent move would fold the faces.
-            turn = np.minimum.reduceat(_dot(normals[rows], normals[adjacency.indices]), adjacency.indptr[:-1])
+            turn = np.minimum.reduceat(dot(normals[rows], normals[adjacency.indices]), adjacency.indptr[:-1])
             weight = 0.5 * np.clip(2.5 * turn - 1.25, 0, 1)
             move = weight[:, None] * (adjacency @ vertices / degree[:, None] - vertices)
-            moved = vertices + move - _dot(move, normals)[:, None] * normals
+            moved = vertices + move - dot(move, normals)[:, None] * normals
             vertices, normals = self.project(moved, iterations=1)
         return self.project(vertices)[0]
 
@@ -140,7 +141,7 @@ class ImplicitSurface:
         normals, longest = np.zeros_like(x), self.body.step
         for _ in range(iterations):
             value, gradient = self._gradient(x[active])
-            square = np.maximum(_dot(gradient, gradient), 1e-300)
+            square = np.maximum(dot(gradient, gradient), 1e-300)
             normals[active] = gradient / np.sqrt(square)[:, None]
             length = np.abs(value) / np.sqrt(square)
             # One more step after the last that was measured costs a subtraction and gains the last digits.
@@ -223,8 +224,8 @@ class ImplicitSurface:
         height, normals = self._height(start, direction)
         # x = q + t D with q and D linear in (u, v): the plane of (q_u + t D_u, q_v + t D_v) seen along D.
         t = height[:, None]
-        volume = _dot(np.cross(q_u + t * direction_u, q_v + t * direction_v), direction)
-        return start + t * direction, normals, volume / _dot(direction, normals)
+        volume = dot(np.cross(q_u + t * direction_u, q_v + t * direction_v), direction)
+        return start + t * direction, normals, volume / dot(direction, normals)
 
     def _height(self, start: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """``t`` with ``f(start + t direction) = 0`` near t = 0, and the unit normals there: (n,) and (n, 3) arrays."""
@@ -232,7 +233,7 @@ class ImplicitSurface:
         for _ in range(20):
             value, gradient = self._gradient(start[active] + t[active, None] * direction[active])
             normals[active] = gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
-            step = np.clip(value / _dot(gradient, direction[active]), -self.body.step, self.body.step)
+            step = np.clip(value / dot(gradient, direction[active]), -self.body.step, self.body.step)
             t[active] -= step
             active = active[np.abs(step) > 1e-9 * self._size]
             if not len(active):
@@ -311,14 +312,14 @@ class ImplicitSurface:
         With the shape operator S the surface is ``x + u - (u . S u / 2) n`` for tangents u, so that the distance to
         ``p = x + t + s n`` is stationary at ``(I + s S) u = t``.
         """
-        e1, e2 = _tangents(n)
+        e1, e2 = tangents(n)
         away = p - x
-        t1, t2, s = _dot(away, e1), _dot(away, e2), _dot(away, n)
+        t1, t2, s = dot(away, e1), dot(away, e2), dot(away, n)
         h = 1e-6 * self._size
         gradients = [self._gradient(x + d)[1] for d in (h * e1, h * e2, -h * e1, -h * e2)]
         slope = np.linalg.norm(gradients[0] + gradients[1] + gradients[2] + gradients[3], axis=1) / 4 * 2 * h
         d1, d2 = gradients[0] - gradients[2], gradients[1] - gradients[3]
-        s11, s22, s12 = _dot(d1, e1) / slope, _dot(d2, e2) / slope, (_dot(d1, e2) + _dot(d2, e1)) / (2 * slope)
+        s11, s22, s12 = dot(d1, e1) / slope, dot(d2, e2) / slope, (dot(d1, e2) + dot(d2, e1)) / (2 * slope)
         a11, a22, a12 = 1 + s * s11, 1 + s * s22, s * s12
         # Where the distance is not convex, shift its curvatures up: the step is then one of descent.
         lowest = (a11 + a22) / 2 - np.hypot((a11 - a22) / 2, a12)
@@ -330,21 +331,8 @@ class ImplicitSurface:
         return u1[:, None] * e1 + u2[:, None] * e2, bend
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("ni,ni->n", a, b)
-
-
 def _square(a: np.ndarray) -> np.ndarray:
-    return _dot(a, a)
-
-
-def _tangents(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two orthonormal tangents at each unit normal (Duff et al. 2017, without a pole)."""
-    x, y, z = n.T
-    sign = np.where(z < 0, -1.0, 1.0)
-    a = -1 / (sign + z)
-    b = x * y * a
-    return np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1), np.stack([b, sign + y * y * a, -y], axis=1)
+    return dot(a, a)
 
 
 def _largest_component(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -261,11 +261,11 @@ class ParametricSurface:
 
     def _start(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Patch and parameters (n, 2) of the closest point of the tessellation."""
-        from bench.geometry.mesh_surface import _barycentric
+        from bench.geometry.mesh_surface import barycentric
 
         welded, patch, u, v, _ = self.grid
         found = self._tree.closest(points)
-        weights = np.stack(_barycentric(found.points, welded.vertices, welded.faces[found.faces]), axis=1)
+        weights = np.stack(barycentric(found.points, welded.vertices, welded.faces[found.faces]), axis=1)
         corners = welded.corners[found.faces]
         places = np.stack([(weights * u[corners]).sum(axis=1), (weights * v[corners]).sum(axis=1)], axis=1)
         return patch[corners[:, 0]], places

@@ -20,6 +20,13 @@ DENSE = 2001  # places on a curve, a piece, that grid lines and angles are taken
 EDGE_WINDOW, EDGE_ANGLE = 0.02, 30.0  # an edge: the normal turns by so many degrees within this part of the diagonal
 
 
+def check_grid(rows: int, columns: int) -> None:
+    """Raise ValueError, naming the parameter, for a tessellation that is too coarse or too fine."""
+    for name, value in (("rows", rows), ("columns", columns)):
+        if not 16 <= value <= 2048:
+            raise ValueError(f"{name}: expected 16 to 2048, got {value}")
+
+
 @dataclass(frozen=True)
 class Superformula:
     """Gielis' ``r(t) = (|cos(m t / 4)|^n2 + |sin(m t / 4)|^n3)^(-1 / n1)``; it is smooth but for t = 2 pi k / m."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .harmonics import HarmonicSum
+from .tangents import dot, tangents
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -133,7 +134,7 @@ class StarSurface:
             trial = u + step
             trial /= np.linalg.norm(trial, axis=1, keepdims=True)
             # Convergence is quadratic: after a step below 1e-7 what is left is about 1e-13.
-            arrived = _dot(step, step) < 1e-14
+            arrived = dot(step, step) < 1e-14
             result[active[arrived]] = trial[arrived]
             active, p, u, trial, damping = (rows[~arrived] for rows in (active, p, u, trial, damping))
             if not len(active):
@@ -172,13 +173,13 @@ def _choose(which: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
 
 def _newton_step(p: np.ndarray, u: np.ndarray, r: np.ndarray, gradient: np.ndarray, hessian: np.ndarray) -> np.ndarray:
     """The tangent step at u towards the minimum of ``E = |p - r(u) u|^2 / 2`` on the sphere: (n, 3)."""
-    e1, e2 = _tangents(u)
-    q = _dot(p, u)
-    t1, t2 = _dot(p, e1), _dot(p, e2)
-    g1, g2 = _dot(gradient, e1), _dot(gradient, e2)
+    e1, e2 = tangents(u)
+    q = dot(p, u)
+    t1, t2 = dot(p, e1), dot(p, e2)
+    g1, g2 = dot(gradient, e1), dot(gradient, e2)
     # The second derivatives of r along the sphere, as in HarmonicSum.hessian:
-    he1, he2, radial = _times(hessian, e1), _times(hessian, e2), _dot(gradient, u)
-    r11, r12, r22 = _dot(e1, he1) - radial, _dot(e1, he2), _dot(e2, he2) - radial
+    he1, he2, radial = _times(hessian, e1), _times(hessian, e2), dot(gradient, u)
+    r11, r12, r22 = dot(e1, he1) - radial, dot(e1, he2), dot(e2, he2) - radial
     # With p . u(s) = q + t . s - q |s|^2 / 2 and r(s) = r + g . s + s . R s / 2, up to third order:
     # E(s) = E(0) + ((r - q) g - r t) . s + s . ((r - q) R + g g^T - g t^T - t g^T + r q I) s / 2.
     s1, s2 = (r - q) * g1 - r * t1, (r - q) * g2 - r * t2
@@ -191,22 +192,9 @@ def _newton_step(p: np.ndarray, u: np.ndarray, r: np.ndarray, gradient: np.ndarr
     a11, a22 = a11 + shift, a22 + shift
     determinant = a11 * a22 - a12 * a12
     step = ((a12 * s2 - a22 * s1) / determinant)[:, None] * e1 + ((a12 * s1 - a11 * s2) / determinant)[:, None] * e2
-    length = np.sqrt(_dot(step, step))
+    length = np.sqrt(dot(step, step))
     return step * np.minimum(1, LONGEST_STEP / np.maximum(length, LONGEST_STEP))[:, None]
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("ni,ni->n", a, b)
 
 
 def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return np.einsum("nij,nj->ni", matrices, vectors)
-
-
-def _tangents(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two orthonormal tangents of the sphere at each u (Duff et al. 2017, without a pole)."""
-    x, y, z = u.T
-    sign = np.where(z < 0, -1.0, 1.0)
-    a = -1 / (sign + z)
-    b = x * y * a
-    return np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1), np.stack([b, sign + y * y * a, -y], axis=1)

@@ -13,7 +13,7 @@ from bench import Shape, generator, register
 
 from .parametric import ParametricSurface
 from .rotations import random_rotation
-from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula
+from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
 
 # The two-dimensional golden ratio (Roberts 2018): pairs (e1, e2) that fill the square evenly from the first on. The
 # start is chosen so that the first four are a box, an octahedron-like body, a wheel with an edge, and a square ring.
@@ -48,9 +48,7 @@ class Superquadrics:
             raise ValueError(f"exponent_high: expected exponent_low={self.exponent_low} to 2, got {self.exponent_high}")
         if self.kind not in ("all", "ellipsoid", "toroid"):
             raise ValueError(f"kind: expected all, ellipsoid or toroid, got {self.kind!r}")
-        for name in ("rows", "columns"):
-            if not 16 <= getattr(self, name) <= 2048:
-                raise ValueError(f"{name}: expected 16 to 2048, got {getattr(self, name)}")
+        check_grid(self.rows, self.columns)
 
     def shapes(self, split: str) -> Iterator[Shape]:
         """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""

@@ -13,7 +13,7 @@ from bench import Shape, generator, register
 
 from .parametric import ParametricSurface
 from .rotations import random_rotation
-from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula
+from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
 
 KINDS = ("star", "flower", "ridged", "lantern")
 
@@ -44,9 +44,7 @@ class Supershapes:
             raise ValueError(f"lobes_high: expected lobes_low={self.lobes_low} to 24, got {self.lobes_high}")
         if not 0.05 <= self.depth <= 1.5:
             raise ValueError(f"depth: expected 0.05 to 1.5, got {self.depth}")
-        for name in ("rows", "columns"):
-            if not 16 <= getattr(self, name) <= 2048:
-                raise ValueError(f"{name}: expected 16 to 2048, got {getattr(self, name)}")
+        check_grid(self.rows, self.columns)
 
     def shapes(self, split: str) -> Iterator[Shape]:
         """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""

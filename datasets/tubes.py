@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .tangents import dot, tangents
+
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
     from trimesh import Trimesh
@@ -90,13 +92,13 @@ class FourierCurve:
             p, now = points[active], s[active]
             c, first, second = self.at(now, 2)
             away = c - p
-            slope, bend = _dot(away, first), _dot(first, first) + _dot(away, second)
-            step = -slope / np.where(bend > 1e-3 * _dot(first, first), bend, _dot(first, first))
+            slope, bend = dot(away, first), dot(first, first) + dot(away, second)
+            step = -slope / np.where(bend > 1e-3 * dot(first, first), bend, dot(first, first))
             longest = 8 * pi / SAMPLES
             trial = now + damping[active] * np.clip(step, -longest, longest)
             moved = self.at(trial)[0] - p
             # Rounding must not keep a nearly converged point from its step.
-            better = _dot(moved, moved) <= _dot(away, away) * (1 + np.where(np.abs(step) < 1e-5, 1e-13, 0))
+            better = dot(moved, moved) <= dot(away, away) * (1 + np.where(np.abs(step) < 1e-5, 1e-13, 0))
             s[active[better]] = trial[better]
             damping[active] = np.where(better, 1.0, damping[active] / 4)
             active = active[(np.abs(step) > 1e-11) & (damping[active] > 1e-9)]
@@ -226,13 +228,13 @@ class TubeSurface:
         while missing > 0:
             drawn = int(1.1 * missing * largest * 2 * pi / curve.length) + 16
             c, first, second = curve.at(rng.random(drawn) * 2 * pi, 2)
-            speed = np.sqrt(_dot(first, first))
+            speed = np.sqrt(dot(first, first))
             tangent = first / speed[:, None]
-            bend = (second - _dot(second, tangent)[:, None] * tangent) / (speed**2)[:, None]
-            one, two = _across(tangent)
+            bend = (second - dot(second, tangent)[:, None] * tangent) / (speed**2)[:, None]
+            one, two = tangents(tangent)
             angle = rng.random((drawn, 1)) * 2 * pi
             normal = np.cos(angle) * one + np.sin(angle) * two
-            element = speed * (1 - self.radius * _dot(bend, normal))
+            element = speed * (1 - self.radius * dot(bend, normal))
             accepted = np.flatnonzero(rng.random(drawn) * largest < element)[:missing]
             kept.append(((c + self.radius * normal)[accepted], normal[accepted]))
             missing -= len(accepted)
@@ -247,11 +249,11 @@ class TubeSurface:
             s = curve.foot(points)
             centre, tangent = curve.at(s, 1)
             away = points - centre
-            distance = np.sqrt(_dot(away, away))
+            distance = np.sqrt(dot(away, away))
             tangent = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
             # On the curve itself every direction across it is as near.
             on_curve = distance < 1e-12 * self.radius
-            normal = np.where(on_curve[:, None], _across(tangent)[0], away / np.maximum(distance, 1e-300)[:, None])
+            normal = np.where(on_curve[:, None], tangents(tangent)[0], away / np.maximum(distance, 1e-300)[:, None])
             nearer = distance < best
             best[nearer], normals[nearer] = distance[nearer], normal[nearer]
             closest[nearer] = (centre + self.radius * normal)[nearer]
@@ -273,7 +275,7 @@ def _untwisted_frames(centre: np.ndarray, tangent: np.ndarray) -> tuple[np.ndarr
     """
     count = len(centre)
     one = np.empty((count + 1, 3))
-    one[0] = _across(tangent[:1])[0][0]
+    one[0] = tangents(tangent[:1])[0][0]
     for i in range(count):
         j = (i + 1) % count
         chord = centre[j] - centre[i]
@@ -286,23 +288,10 @@ def _untwisted_frames(centre: np.ndarray, tangent: np.ndarray) -> tuple[np.ndarr
         one[i + 1] = mirrored - 2 / (second @ second) * (second @ mirrored) * second
     left = np.arctan2(np.cross(one[0], one[-1]) @ tangent[0], one[0] @ one[-1])
     angle = (-left * np.arange(count) / count)[:, None]
-    one = one[:-1] - _dot(one[:-1], tangent)[:, None] * tangent
+    one = one[:-1] - dot(one[:-1], tangent)[:, None] * tangent
     one /= np.linalg.norm(one, axis=1, keepdims=True)
     two = np.cross(tangent, one)
     return np.cos(angle) * one + np.sin(angle) * two, np.cos(angle) * two - np.sin(angle) * one
-
-
-def _across(tangent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two orthonormal vectors across each unit tangent (n, 3)."""
-    x, y, z = tangent.T
-    sign = np.where(z < 0, -1.0, 1.0)
-    a = -1 / (sign + z)
-    b = x * y * a
-    return np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1), np.stack([b, sign + y * y * a, -y], axis=1)
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("ni,ni->n", a, b)
 
 
 def circle(radius: float = 1.0) -> FourierCurve:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from bench.datasets.bumps import Bumps
+from bench.datasets.rotations import random_rotation
 from bench.datasets.sensors.density_gradient import DensityGradient
 from bench.datasets.sensors.gaussian import Gaussian
 from bench.datasets.sensors.half_space import HalfSpace
@@ -24,7 +25,7 @@ from bench.datasets.sensors.random_dropout import RandomDropout
 from bench.datasets.sensors.uniform import Uniform
 from bench.datasets.sensors.uniform_noise import UniformNoise
 from bench.datasets.sensors.view_subset import ViewSubset
-from bench.datasets.sensors.views import fibonacci_sphere, look_at, random_rotation, rotation_about, turntable
+from bench.datasets.sensors.views import fibonacci_sphere, look_at, rotation_about, turntable
 from bench.datasets.sensors.voxel_thinned import VoxelThinned
 from scipy.special import erfc
 

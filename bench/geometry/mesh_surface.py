@@ -62,14 +62,14 @@ class MeshSurface:
         """
         face_normals, corners = self.normals[at.faces], np.asarray(self.mesh.faces)[at.faces]
         normals = np.zeros_like(at.points)
-        for k, weight in enumerate(_barycentric(at.points, np.asarray(self.mesh.vertices), corners)):
+        for k, weight in enumerate(barycentric(at.points, np.asarray(self.mesh.vertices), corners)):
             at_corner = vertex_normals[corners[:, k]]
             same_side = np.einsum("ni,ni->n", at_corner, face_normals) > CREASE
             normals += weight[:, None] * np.where(same_side[:, None], at_corner, face_normals)
         return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def _barycentric(points: np.ndarray, V: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def barycentric(points: np.ndarray, V: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The weights of the corners of ``triangles`` (n, 3) at ``points`` (n, 3) in them: three (n,) arrays in 0..1."""
     a, b, c = (V[triangles[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)

@@ -11,10 +11,11 @@ import numpy as np
 from bench import BadInput, PointCloud, Shape
 from bench.geometry.normals import estimate_normals
 
+from ..rotations import random_rotation
 from .checks import expect, expect_choice, expect_count, expect_length
 from .scene import Scene
 from .spoiling import random_directions
-from .views import Pose, fibonacci_sphere, look_at, random_rotation, rotation_about, turntable
+from .views import Pose, fibonacci_sphere, look_at, rotation_about, turntable
 
 RIGS = ("sphere", "turntable")
 NORMALS = ("pca", "exact", "none")

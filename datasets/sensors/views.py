@@ -32,18 +32,6 @@ def turntable(count: int, elevation: float, start: float) -> np.ndarray:
     return np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=1)
 
 
-def random_rotation(rng: np.random.Generator) -> np.ndarray:
-    """A (3, 3) rotation matrix, uniform over all rotations (from a random unit quaternion)."""
-    w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
 def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
     """The (3, 3) rotation matrix about a unit vector by an angle in radians (Rodrigues)."""
     x, y, z = axis

@@ -45,14 +45,14 @@ class AdvancingFront:
         points, normals, _ = distinct_oriented(cloud, "advancing_front", at_least=4)
         polyhedron = Polyhedron_3()
         advancing_front_surface_reconstruction(to_point_set(points), polyhedron, self.radius_ratio, self.beta)
-        vertices, faces = in_order(*to_mesh(polyhedron))
+        vertices, faces = to_mesh(polyhedron)
         if not len(faces):
             raise BadInput(f"advancing_front: {len(points)} points, and no triangle is plausible; expected a surface")
-        return Trimesh(vertices, turn_pieces(vertices, faces, points, normals), process=False)
+        return Trimesh(*in_order(vertices, turn_pieces(vertices, faces, points, normals)), process=False)
 
 
 def in_order(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same mesh with its vertices (v, 3) and faces (f, 3) sorted: CGAL's order differs from process to process."""
+    """The same mesh with its vertices (v, 3) and faces (f, 3) sorted: CGAL's order differs from call to call."""
     order = np.lexsort(vertices.T)
     faces = np.argsort(order, kind="stable")[faces]
     first = faces.argmin(axis=1)[:, None]

@@ -5,14 +5,13 @@ both kinds of trees are made anew in every round. The library calls are timed in
 """
 
 import os
-import statistics
-import time
 
 import igl
 import numpy as np
 import pytest
 import trimesh
 from pykdtree.kdtree import KDTree
+from turns import medians_by_turns
 
 from bench import Case, PointCloud, Shape, generator
 from bench.registry import registry
@@ -35,17 +34,6 @@ def problem():
     return shape.mesh, PointCloud(points + rng.normal(scale=0.005, size=points.shape), normals)
 
 
-def medians_by_turns(calls):
-    """The median seconds of each call, all of them once per round, after one round that does not count."""
-    seconds = {name: [] for name in calls}
-    for _ in range(ROUNDS + 1):
-        for name, call in calls.items():
-            begin = time.perf_counter()
-            call()
-            seconds[name].append(time.perf_counter() - begin)
-    return {name: statistics.median(times[1:]) for name, times in seconds.items()}
-
-
 def test_scoring_against_the_library_calls_it_needs(problem, benchmark, capsys):
     mesh, output = problem
     metrics = [registry().find("metric", name).cls() for name in METRICS]
@@ -64,7 +52,7 @@ def test_scoring_against_the_library_calls_it_needs(problem, benchmark, capsys):
         return {key: value for metric in metrics for key, value in metric.score(output, case).items()}
 
     calls["scoring"] = lambda: score(fresh())
-    medians = medians_by_turns(calls)
+    medians = medians_by_turns(calls, ROUNDS)
     ours, needed = medians.pop("scoring"), sum(medians.values())
     ratio = ours / needed
     with capsys.disabled():

@@ -1,13 +1,12 @@
 """Sampling and scanning cost hardly more than the library calls that they cannot do without."""
 
 import os
-import statistics
-import time
 
 import numpy as np
 import open3d as o3d
 import pytest
 import trimesh
+from turns import medians_by_turns
 
 from bench import Shape, generator
 from bench.registry import registry
@@ -27,17 +26,6 @@ def shape():
     return Shape("bumpy", trimesh.Trimesh(sphere.vertices * scale[:, None], sphere.faces, process=False)).framed()[0]
 
 
-def by_turns(**calls):
-    """The median seconds of each call, all of them once per round, after one round that does not count."""
-    seconds = {name: [] for name in calls}
-    for _ in range(ROUNDS + 1):
-        for name, call in calls.items():
-            begin = time.perf_counter()
-            call()
-            seconds[name].append(time.perf_counter() - begin)
-    return {name: statistics.median(times[1:]) for name, times in seconds.items()}
-
-
 def report(capsys, title, medians):
     ours, library = medians.values()
     with capsys.disabled():
@@ -51,9 +39,11 @@ def test_poisson_disk_sampling(shape, benchmark, capsys):
         o3d.utility.Vector3dVector(shape.mesh.vertices), o3d.utility.Vector3iVector(shape.mesh.faces)
     )
     mesh.compute_vertex_normals()
-    medians = by_turns(
-        ours=lambda: sensor.sense(shape, generator(0)), library=lambda: mesh.sample_points_poisson_disk(COUNT)
-    )
+    calls = {
+        "ours": lambda: sensor.sense(shape, generator(0)),
+        "library": lambda: mesh.sample_points_poisson_disk(COUNT),
+    }
+    medians = medians_by_turns(calls, ROUNDS)
     ratio = report(capsys, f"{COUNT:,} Poisson-disk points", medians)
     benchmark.extra_info["ratio"] = ratio
     cloud = benchmark.pedantic(sensor.sense, args=(shape, generator(0)), rounds=1)
@@ -74,7 +64,7 @@ def test_scanning(shape, benchmark, capsys):
         )
         return scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
 
-    medians = by_turns(ours=lambda: sensor.sense(shape, generator(0)), library=library)
+    medians = medians_by_turns({"ours": lambda: sensor.sense(shape, generator(0)), "library": library}, ROUNDS)
     ratio = report(capsys, f"a depth image of {PIXELS**2:,} pixels with exact normals", medians)
     benchmark.extra_info["ratio"] = ratio
     cloud = benchmark.pedantic(sensor.sense, args=(shape, generator(0)), rounds=1)
