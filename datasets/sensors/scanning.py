@@ -30,15 +30,19 @@ class Scan(NamedTuple):
     """(n, 3) array: the points of the mesh that were measured"""
     faces: np.ndarray
     """(n,) int array, of the hits"""
-    sensor: np.ndarray
-    """(n, 3) array: where the scanner stood"""
+    center: np.ndarray
+    """(3,) array: where the scanner stood"""
     turn: np.ndarray
-    """(n, 3, 3) or (1, 3, 3) array: how registration turned the points"""
+    """(3, 3) array: how registration turned the points"""
 
     @classmethod
     def of(cls, pose: Pose, points: np.ndarray, hits: np.ndarray, faces: np.ndarray) -> Scan:
         """The points as a scanner at ``pose`` measured them."""
-        return cls(points, hits, faces, np.broadcast_to(pose.center, points.shape), np.eye(3)[None])
+        return cls(points, hits, faces, pose.center, np.eye(3))
+
+    def at(self, chosen: np.ndarray) -> Scan:
+        """A part of the measurements, by index."""
+        return self._replace(points=self.points[chosen], hits=self.hits[chosen], faces=self.faces[chosen])
 
 
 @dataclass(frozen=True)
@@ -103,8 +107,8 @@ class Scanner:
                 f"sensor {name}: {found} points of {shape.id} were measured from {self.views} views, expected at least "
                 f"{least}; try more views, more rays or a larger distance"
             )
-        scan = self._thinned(_merged(scans), thinning)
-        return PointCloud(scan.points, self._normals(scan, scene, shape))
+        scans = self._thinned(scans, thinning)
+        return PointCloud(np.concatenate([scan.points for scan in scans]), self._normals(scans, scene, shape))
 
     def _misregistered(self, scan: Scan, rng: np.random.Generator) -> Scan:
         """The scan turned about its centroid, and shifted."""
@@ -114,29 +118,32 @@ class Scanner:
         turn = rotation_about(axis, np.radians(self.misrotation))
         centroid = scan.points.mean(axis=0)
         points = (scan.points - centroid) @ turn.T + centroid + shift
-        return scan._replace(points=points, turn=turn[None])
+        return scan._replace(points=points, turn=turn)
 
-    def _thinned(self, scan: Scan, rng: np.random.Generator) -> Scan:
-        if not 0 < self.max_points < len(scan.points):
-            return scan
-        chosen = np.sort(rng.permutation(len(scan.points))[: self.max_points])
-        return Scan(*(values[chosen] for values in scan))
+    def _thinned(self, scans: list[Scan], rng: np.random.Generator) -> list[Scan]:
+        """A random part of all measurements together, where there are more than ``max_points``."""
+        counts = [len(scan.points) for scan in scans]
+        if not 0 < self.max_points < sum(counts):
+            return scans
+        chosen = np.sort(rng.permutation(sum(counts))[: self.max_points])
+        first = np.cumsum([0, *counts])
+        parts = np.split(chosen, np.searchsorted(chosen, first[1:-1]))
+        thinned = [scan.at(part - start) for scan, part, start in zip(scans, parts, first[:-1], strict=True)]
+        return [scan for scan in thinned if len(scan.points)]
 
-    def _normals(self, scan: Scan, scene: Scene, shape: Shape) -> np.ndarray | None:
+    def _normals(self, scans: list[Scan], scene: Scene, shape: Shape) -> np.ndarray | None:
         if self.normals == "none":
             return None
         if self.normals == "pca":
-            normals, _, _ = estimate_normals(scan.points)
-            away = np.einsum("ni,ni->n", normals, scan.sensor - scan.points) < 0
+            normals, _, _ = estimate_normals(np.concatenate([scan.points for scan in scans]))
+            toward = np.concatenate([scan.center - scan.points for scan in scans])
+            away = np.einsum("ni,ni->n", normals, toward) < 0
             return np.where(away[:, None], -normals, normals)
-        exact = shape.surface.closest(scan.hits)[1] if shape.is_exact else scene.normals[scan.faces]
-        return np.einsum("nij,nj->ni", scan.turn, exact)
+        return np.concatenate([self._exact(scan, scene, shape) @ scan.turn.T for scan in scans])
 
-
-def _merged(scans: list[Scan]) -> Scan:
-    turns = [np.broadcast_to(scan.turn, (len(scan.points), 3, 3)) for scan in scans]
-    parts = [np.concatenate(values) for values in list(zip(*scans, strict=True))[:4]]
-    return Scan(*parts, np.concatenate(turns))
+    def _exact(self, scan: Scan, scene: Scene, shape: Shape) -> np.ndarray:
+        """The normals where the surface was hit, of a shape that has them exact, otherwise of the triangles."""
+        return shape.surface.closest(scan.hits)[1] if shape.is_exact else scene.normals[scan.faces]
 
 
 def survives_grazing(cosine: np.ndarray, lost: float, safe: float, rng: np.random.Generator) -> np.ndarray:
