@@ -1,6 +1,7 @@
 """Outlier removal returns a subset, untouched; and the methods for holes close them or leave them, as they say."""
 
 import importlib.util
+import sys
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import trimesh
 from bench.methods.classical.advancing_front import AdvancingFront, in_order, turn_pieces
 from bench.methods.classical.alpha_shape import AlphaShape, circumcircles, circumradii
 from bench.methods.classical.alpha_wrap import AlphaWrap
+from bench.methods.classical.front import advancing_front
 from bench.methods.classical.poisson import Poisson
 from bench.methods.classical.radius_outlier import RadiusOutlier
 from bench.methods.classical.statistical_outlier import StatisticalOutlier
@@ -75,7 +77,7 @@ def test_a_second_pass_finds_what_a_far_outlier_hid():
 
 def test_a_cluster_of_outliers_is_found_by_its_size():
     cluster = [2.0, 0, 0] + 0.01 * np.random.default_rng(0).standard_normal((4, 3))
-    output = RadiusOutlier().denoise(PointCloud(np.vstack([even_cloud(500).points, cluster])), Run())
+    output = RadiusOutlier(radius=4.0, least=8).denoise(PointCloud(np.vstack([even_cloud(500).points, cluster])), Run())
     assert len(output) == 500
 
 
@@ -191,6 +193,24 @@ if CGAL:
     def test_a_wrap_refuses_points_too_far_apart():
         with pytest.raises(BadInput, match="remove far outliers"):
             AlphaWrap().reconstruct(PointCloud(np.vstack([even_cloud(200).points, [[1e6, 0, 0]]])), Run())
+
+    def test_a_front_does_not_depend_on_what_the_process_did_before(tmp_path, monkeypatch):
+        # Two sheets closer than the spacing: many triangles are as plausible as others.
+        rng = np.random.default_rng(3)
+        cloud = PointCloud(rng.uniform(-1, 1, (2000, 3)) * [1, 1, 0.03])
+        faces = []
+        for folder in ("/", tmp_path, "/"):
+            monkeypatch.chdir(folder)
+            faces.append(AdvancingFront().reconstruct(cloud, Run()).faces)
+            memory = [np.zeros(size) for size in rng.integers(10, 20_000, 40)]
+            del memory[::2]
+        assert np.array_equal(faces[0], faces[1])
+        assert np.array_equal(faces[0], faces[2])
+
+    def test_a_front_that_dies_says_so(monkeypatch):
+        monkeypatch.setattr(sys, "executable", "false")
+        with pytest.raises(RuntimeError, match="advancing front ended with exit status 1"):
+            advancing_front(even_cloud(100).points, 5.0, 0.8)
 
     def test_an_advancing_front_goes_through_the_points_and_closes_holes():
         cloud = even_cloud(1000, normals=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from bench import BadInput, PointCloud, Run, register
 
+from .front import advancing_front
 from .inputs import distinct_oriented
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ class AdvancingFront:
     """
 
     radius_ratio: float = 5.0  # how much larger than its neighbour a triangle's circle may be; larger closes more
-    beta: float = 0.52  # radians that a dihedral angle may deviate from flat before plausibility drops
+    beta: float = 0.8  # radians that a dihedral angle may deviate from flat before plausibility drops
 
     def __post_init__(self) -> None:
         if not self.radius_ratio > 0:
@@ -36,16 +37,10 @@ class AdvancingFront:
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """A manifold mesh, outward; holes with plausible lids are closed, wide openings stay."""
-        from CGAL.CGAL_Advancing_front_surface_reconstruction import advancing_front_surface_reconstruction
-        from CGAL.CGAL_Polyhedron_3 import Polyhedron_3
         from trimesh import Trimesh
 
-        from .point_sets import to_mesh, to_point_set
-
         points, normals, _ = distinct_oriented(cloud, "advancing_front", at_least=4)
-        polyhedron = Polyhedron_3()
-        advancing_front_surface_reconstruction(to_point_set(points), polyhedron, self.radius_ratio, self.beta)
-        vertices, faces = to_mesh(polyhedron)
+        vertices, faces = advancing_front(points, self.radius_ratio, self.beta)
         if not len(faces):
             raise BadInput(f"advancing_front: {len(points)} points, and no triangle is plausible; expected a surface")
         return Trimesh(*in_order(vertices, turn_pieces(vertices, faces, points, normals)), process=False)

@@ -28,8 +28,8 @@ class AlphaWrap:
     fitted to the points, and spans what is missing. Needs no normals. Always closed, whatever the points.
     """
 
-    alpha: float = 5.0  # size of the ball in mean spacings: it must not fit through holes, nor skip narrow gaps
-    offset: float = 1.0  # distance of the wrap from the points, in mean spacings; thinner parts than this fuse
+    alpha: float = 3.0  # size of the ball in mean spacings: it must not fit through holes, nor skip narrow gaps
+    offset: float = 0.5  # distance of the wrap from the points, in mean spacings; thinner parts than this fuse
     fit: bool = True  # whether the wrap is drawn onto the points
     k: int = 18  # neighbours of a quadric; more smooth noise away, and detail with it
 

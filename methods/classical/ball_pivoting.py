@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class BallPivoting:
     """Ball pivoting: a ball rolls over the points, and the triples that it rests on become triangles."""
 
-    radii: tuple[float, ...] = (2.0, 3.0, 5.0)  # of the balls, in mean spacings, ascending; larger ones close holes
+    radii: tuple[float, ...] = (1.5, 3.0, 6.0)  # of the balls, in mean spacings, ascending; larger ones close holes
 
     def __post_init__(self) -> None:
         radii = list(self.radii)

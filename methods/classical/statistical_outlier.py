@@ -16,8 +16,8 @@ from .inputs import distinct_points
 class StatisticalOutlier:
     """Statistical outlier removal: points that are farther from their neighbours than most are left out."""
 
-    k: int = 20  # neighbours whose mean distance is judged
-    threshold: float = 2.0  # standard deviations above the mean distance from which a point is an outlier
+    k: int = 8  # neighbours whose mean distance is judged
+    threshold: float = 3.0  # standard deviations above the mean distance from which a point is an outlier
     passes: int = 1  # far outliers hide near ones, which a second pass finds
 
     def __post_init__(self) -> None:
