@@ -13,9 +13,13 @@ from typing import Any
 
 import numpy as np
 
+MAXRSS_PER_MB = 2**20 if sys.platform == "darwin" else 1024  # the unit of ru_maxrss
+
 
 class Meter:
     """Measures what happens inside ``with meter:``: wall and processor seconds, and the peak of resident memory.
+
+    Memory is that of the largest process: this one, or one that the method started and waited for.
 
     Inside, the process may allocate ``memory_gb`` beyond what it has; an allocation past that fails at once, even
     when it is never touched.
@@ -24,7 +28,7 @@ class Meter:
     def __init__(self, memory_gb: float, device: str):
         self.memory_gb, self.device = memory_gb, device
         self._limits = resource.getrlimit(resource.RLIMIT_DATA)
-        self._wall = self._cpu = 0.0
+        self._wall = self._cpu = self._children_begin = 0.0
         self._peak = self._before = 0.0
         self._device_peak = math.nan
 
@@ -58,6 +62,7 @@ class Meter:
 
     def _start(self) -> None:
         self._cpu_begin = cpu_seconds()
+        self._children_begin = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
         self._wall_begin = time.perf_counter()
 
     def _stop(self) -> None:
@@ -65,6 +70,8 @@ class Meter:
         self._wall += time.perf_counter() - self._wall_begin
         self._cpu += cpu_seconds() - self._cpu_begin
         self._peak = max(self._peak, resident_mb("VmHWM"))
+        if (children := resource.getrusage(resource.RUSAGE_CHILDREN)).ru_utime > self._children_begin:
+            self._peak = max(self._peak, children.ru_maxrss / MAXRSS_PER_MB)
 
     def _synchronise(self) -> None:
         """A GPU works behind our back: wait for it before reading the clock."""
@@ -96,7 +103,7 @@ def resident_mb(key: str) -> float:
         for line in status:
             if line.startswith(key + ":"):
                 return int(line.split()[1]) / 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 1024)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MAXRSS_PER_MB
 
 
 def cpu_seconds() -> float:

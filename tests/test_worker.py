@@ -38,6 +38,16 @@ def test_the_meter_sees_only_what_happens_inside():
     assert math.isnan(figures["peak_device_mb"])
 
 
+def test_the_memory_of_a_process_that_the_method_started_counts():
+    meter = Meter(4, "cpu")
+    with meter:
+        subprocess.run([sys.executable, "-c", f"x = b'1' * {600 * MB}; sum(range(10**6))"], check=True)
+    assert 600 < meter.figures()["peak_rss_mb"] < 800
+    with meter:
+        pass
+    assert meter.figures()["peak_rss_mb"] < 600
+
+
 def test_a_paused_clock_stands_still():
     meter = Meter(4, "cpu")
     with meter, meter.paused():

@@ -15,7 +15,7 @@ from .statistical_outlier import refuse_none, select
 @register("method", cite="Rusu and Cousins 2011", requires=("open3d", "scipy"))
 @dataclass(frozen=True)
 class RadiusOutlier:
-    """Radius outlier removal: points with too few others around them go, and so do clusters of up to ``least`` points."""
+    """Radius outlier removal: points with too few others around them go, and clusters of up to ``least`` points."""
 
     radius: float = 3.0  # in mean spacings
     least: int = 2  # so many other points must lie within the radius; a plane at random has about 7 within 3
