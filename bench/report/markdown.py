@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 
-from .tables import Table
+from .tables import Table, shared_notes
 from .terminal import heading
 
 
 def markdown(tables: list[Table]) -> str:
-    """One section per table."""
-    return "\n".join(map(_one, tables)) if tables else "No results.\n"
+    """One section per table; what is to be noted of all of them comes last."""
+    if not tables:
+        return "No results.\n"
+    own, shared = shared_notes(tables, "Bold: tied for first.")
+    return "\n".join([*map(_one, tables, own), _list(shared)])
 
 
 def escape(text: str) -> str:
@@ -18,7 +21,7 @@ def escape(text: str) -> str:
     return re.sub(r"([\\|*<`~])", r"\\\1", text)
 
 
-def _one(table: Table) -> str:
+def _one(table: Table, notes: tuple[str, ...]) -> str:
     costs = table.costs
     head = ["method", "rank", *map(heading, table.metrics), *(title for title, _ in costs)]
     lines = [f"### {escape(table.title)}", "", _line(map(escape, head))]
@@ -28,8 +31,11 @@ def _one(table: Table) -> str:
         lines.append(_line([escape(method), table.ranks[i], *scores, *(cells[i] for _, cells in costs)]))
     if any(m.floor for m in table.metrics):
         lines.append(_line(["*floor / reference*", "", *(m.floor for m in table.metrics), *("" for _ in costs)]))
-    notes = [f"- {escape(note)}" for note in (*table.notes, "Bold: tied for first.")]
-    return "\n".join([*lines, "", *notes, ""])
+    return "\n".join([*lines, "", *([_list(notes)] if notes else [])])
+
+
+def _list(notes: tuple[str, ...]) -> str:
+    return "".join(f"- {escape(note)}\n" for note in notes)
 
 
 def _bold(text: str, best: bool) -> str:

@@ -84,6 +84,13 @@ def tables(
     ]
 
 
+def shared_notes(tables: Sequence[Table], *more: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
+    """The notes of each table alone, and those of all (with ``more``), which need to be printed only once."""
+    first, *others = (table.notes for table in tables)
+    shared = tuple(note for note in first if all(note in notes for notes in others))
+    return [tuple(note for note in table.notes if note not in shared) for table in tables], (*shared, *more)
+
+
 def metric_order(lines: list[Line], wanted: Sequence[str] = ()) -> list[str]:
     """The metrics of a table: those wanted first, then measured distances (they have a floor), then counts.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING
 
-from .tables import GROUP, Metric, Table, label
+from .tables import GROUP, Metric, Table, label, shared_notes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,10 +17,12 @@ MOST_MESSAGE = 200  # letters of a failure's message; the rest is in the record
 
 
 def terminal(tables: list[Table], width: int = 120, color: bool = False) -> str:
-    """The tables as text, each with its notes."""
+    """The tables as text, each with its notes; what is to be noted of all of them comes last."""
     if not tables:
         return "No results.\n"
-    return "\n".join(_one(table, width, color) for table in tables)
+    own, shared = shared_notes(tables, "*: tied for first.")
+    texts = [_one(table, notes, width, color) for table, notes in zip(tables, own, strict=True)]
+    return "\n".join(texts) + _print(_dim(shared), color)
 
 
 def heading(metric: Metric) -> str:
@@ -52,13 +54,19 @@ def _width(cells: list[str]) -> int:
     return max(map(cell_len, cells)) + GAP
 
 
-def _one(table: Table, width: int, color: bool) -> str:
+def _one(table: Table, notes: tuple[str, ...], width: int, color: bool) -> str:
     from rich.text import Text
 
     parts = [Text(table.title, style="bold")]
     for i, metrics in enumerate(blocks(table, width)):
         parts += [_block(table, metrics, ranked=i == 0), Text()]
-    return _print([*parts, *(Text(note, style="dim") for note in (*table.notes, "*: tied for first."))], color)
+    return _print([*parts, *_dim(notes)], color)
+
+
+def _dim(notes: tuple[str, ...]) -> list:
+    from rich.text import Text
+
+    return [Text(note, style="dim") for note in notes]
 
 
 def _block(table: Table, metrics: list[Metric], ranked: bool) -> RichTable:
