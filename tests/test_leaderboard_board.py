@@ -8,7 +8,9 @@ import pytest
 
 from bench.errors import UsageError
 from bench.leaderboard import COLUMNS, failures, leaderboard, penalise
-from bench.selection import select
+from bench.overview import overview
+from bench.report import render
+from bench.selection import pool, select
 
 DOCUMENTED = (
     "task,dataset,sensor,method,variant,metric,better,mean,ci_low,ci_high,floor,rank_low,rank_high,solved,planned,"
@@ -356,3 +358,47 @@ def test_by_dataset_and_sensor_is_the_usual_table(spread):
 def test_by_something_else_is_refused(spread):
     with pytest.raises(UsageError, match="by 'tags'.*'tag'"):
         leaderboard(spread, by="tags")
+
+
+# --- one metric side by side ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "across,means",
+    [
+        ("tag", {"d": 3.75, "smooth": 1.5, "thin": 3.0, "sharp": 4.0, "untagged": 8.0}),
+        ("dataset", {"d": 3.75, "bumps": 1.5, "cad": 6.0}),
+        ("sensor", {"d": 3.75, "clean": 3.75, "noisy": 3.75}),
+    ],
+)
+def test_across_groups_one_metric_stands_beside_that_over_all(spread, across, means):
+    board = overview(spread, across)
+    assert list(board.columns) == list(leaderboard(spread).columns)
+    assert dict(board[board["method"] == "poisson"].set_index("metric")["mean"]) == means
+    assert len(board.groupby(["task", "dataset", "sensor"])) == 1
+    text = render(board, "markdown", rows=pool(spread, "task"), metrics=list(dict.fromkeys(board["metric"])))
+    head = text.splitlines()[2]
+    assert all(f"| {name} ↓ " in head for name in means) and head.startswith("| method | rank | d ↓ |")
+    assert text.count("###") == 1
+
+
+def test_across_takes_the_first_metric_asked_for():
+    two = rows(*(row("poisson", case, 0, {"d": 1.0, "e": value}) for case, value in (("a", 2.0), ("b", 4.0))))
+    board = overview(two, "dataset", metric="e,d")
+    assert dict(zip(board["metric"], board["mean"], strict=True)) == {"e": 3.0, "bumps": 3.0}
+
+
+def test_across_shows_who_solved_nothing_and_keeps_tasks_apart(spread):
+    failed = pd.concat([spread, spread.assign(method="rimls", status="error"), spread.assign(task="denoise")])
+    board = overview(failed, "tag")
+    lost = board[board["method"] == "rimls"]
+    assert set(lost["metric"]) == {"d", "smooth", "thin", "sharp", "untagged"}
+    assert (lost["solved"] == 0).all() and (lost["rank_low"] == 3).all()
+    assert list(dict.fromkeys(board["task"])) == ["denoise", "reconstruct"]
+    assert (board.groupby("task").size() == [10, 15]).all()
+
+
+@pytest.mark.parametrize("wrong", ["tag,sensor", "*", "task", "tags"])
+def test_across_something_else_is_refused(spread, wrong):
+    with pytest.raises(UsageError, match="across"):
+        overview(spread, wrong)

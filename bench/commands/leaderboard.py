@@ -3,6 +3,7 @@
   detailbench leaderboard                                  of the folder `results`
   detailbench leaderboard DIR [DIR ...] --task denoise --metric p2f_mean
   detailbench leaderboard DIR --by tag                     who is best on thin sheets, on sharp edges, ...
+  detailbench leaderboard DIR --across tag                 the same for one metric, side by side
   detailbench leaderboard DIR --convention mpu             a paper's columns, in its units
   detailbench leaderboard DIR --format csv > board.csv     markdown, latex and csv besides the terminal
 
@@ -18,7 +19,7 @@ import os
 import shutil
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from ..report import FORMATS
@@ -35,6 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--by", metavar="WORDS", help="one table for each of: dataset, sensor, tag (default: dataset,sensor)"
     )
+    parser.add_argument(
+        "--across", metavar="WORD", help="one metric side by side in all groups of: dataset, sensor, tag"
+    )
     parser.add_argument("--convention", metavar="NAME", help="print the columns of a paper in its units")
     parser.add_argument("--format", choices=FORMATS, default="terminal", help="how to print (default: terminal)")
     parser.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
@@ -47,11 +51,17 @@ def run(args: argparse.Namespace) -> int:
     args.convention = args.convention or conventions
     if args.convention and args.metric:
         raise UsageError(f"--metric {args.metric}: the convention {args.convention} says which metrics are shown")
+    if args.across and (args.by or args.convention):
+        other = f"--by {args.by}" if args.by else f"--convention {args.convention}"
+        raise UsageError(f"--across {args.across}: shows one metric in all groups, which does not go with {other}")
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
     rows = read_rows(args.results or ["results"], use_index=not args.no_index)
     filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag")}
-    show(rows, args.format, metric=args.metric, level=args.level, by=args.by, convention=args.convention, **filters)
+    if args.across:
+        show_across(rows, args.across, args.format, metric=args.metric, level=args.level, **filters)
+    else:
+        show(rows, args.format, metric=args.metric, level=args.level, by=args.by, convention=args.convention, **filters)
     return 0
 
 
@@ -93,7 +103,6 @@ def show(
     """Rank the rows that the filters leave, and print, in the convention of a paper if one is named."""
     from ..conventions import load_convention
     from ..leaderboard import leaderboard
-    from ..report import render
     from ..selection import matching, metrics_of, pool, select
 
     paper = load_convention(convention) if convention else None
@@ -101,8 +110,26 @@ def show(
         filters["metric"] = paper.scores(metrics_of(rows))
     board = leaderboard(rows, level=level, by=by, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), by)
+    wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
+    _print(board, format, rows=chosen, metrics=wanted, convention=paper)
+
+
+def show_across(
+    rows: pd.DataFrame, across: str, format: str = "terminal", *, level: float = 0.95, **filters: str | None
+) -> None:
+    """Rank the rows that the filters leave by one metric, and print it for all groups side by side."""
+    from ..overview import overview
+    from ..selection import pool, select
+
+    board = overview(rows, across, level=level, **filters)
+    chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), "task")
+    _print(board, format, rows=chosen, metrics=list(dict.fromkeys(board["metric"])))
+
+
+def _print(board: pd.DataFrame, format: str, **options: Any) -> None:
+    from ..report import render
+
     terminal = sys.stdout.isatty()
     width = shutil.get_terminal_size((120, 24)).columns if terminal else 160
-    wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
     color = terminal and "NO_COLOR" not in os.environ
-    print(render(board, format, rows=chosen, metrics=wanted, width=width, color=color, convention=paper).rstrip("\n"))
+    print(render(board, format, width=width, color=color, **options).rstrip("\n"))
