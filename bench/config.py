@@ -115,6 +115,24 @@ def hydra_message(error: BaseException) -> str:
     return "\n".join(line for line in lines if line.strip() and "append with" not in line and "prepend" not in line)
 
 
+def is_sweep(overrides: Sequence[str]) -> bool:
+    """Whether the experiment that the overrides name is a sweep, so that ``-m`` need not be said."""
+    from hydra.errors import HydraException
+    from hydra.types import RunMode
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    named = [override for override in overrides if override.startswith("experiment=")]
+    if not named:
+        return False
+    with hydra_ready() as loader:
+        try:
+            config = loader.load_configuration(CONFIG_NAME, named, run_mode=RunMode.RUN)
+        except (HydraException, OmegaConfBaseException):
+            return False  # what is wrong with it is said where it is used
+        return OmegaConf.select(config, "hydra.mode") == RunMode.MULTIRUN
+
+
 def enumerate_jobs(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
     """The overrides of every job that Hydra's basic sweeper would launch, in its order."""
     from hydra._internal.core_plugins.basic_sweeper import BasicSweeper

@@ -90,6 +90,17 @@ def test_plan_knows_what_is_finished_and_runs_nothing(finished):
     assert set(shell.rows()["cell"]) <= planned  # the ids are those that the run uses
 
 
+def test_an_experiment_that_is_a_sweep_takes_several_values(shell):
+    words = ("experiment=demo", "task=denoise", "method=noise,identity", "dataset=bumps", "cases=1")
+    done = shell.call("plan", *words)
+    assert done.returncode == 0, done.stderr
+    assert "2 cells, 2 cases" in done.stdout
+    done = shell.call("run", *words)
+    assert done.returncode == 0, done.stderr
+    assert "2 cells, 2/2 cases solved" in done.stderr
+    assert "Did you mean 'noise'" in shell.call("plan", *words[:2], "method=nose,identity").stderr
+
+
 def test_a_method_that_does_not_solve_the_task(shell):
     done = shell.run("method=fine", "task=reconstruct", sweep=False)
     assert done.returncode == 1

@@ -26,18 +26,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compose every job, look each cell up, print the table."""
-    from ..config import enumerate_jobs
+    from ..config import enumerate_jobs, is_sweep
     from ..overrides import check_overrides
     from ..store import Results
     from .run import results_folder, split_words
 
     plugins = load_plugins(args.plugin)
     overrides, _ = split_words(args.rest)
-    check_overrides(overrides, multirun=args.multirun)
+    multirun = args.multirun or is_sweep(overrides)
+    check_overrides(overrides, multirun=multirun)
     results = Results(results_folder(overrides))
     pace = seconds_per_case(results)
     lines, totals, refused = [], {"cells": 0, "planned": 0, "finished": 0, "seconds": 0.0, "unknown": 0}, []
-    for cell, settings in cells_of(enumerate_jobs(overrides, args.multirun), refused):
+    for cell, settings in cells_of(enumerate_jobs(overrides, multirun), refused):
         finished, state = look_up(results, cell, settings)
         to_do = cell.cases - finished
         known = pace.get((cell.task.label, cell.method.name, cell.dataset.label)) or pace.get(

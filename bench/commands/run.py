@@ -43,10 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, and say with the exit code whether every case was solved."""
+    from ..config import is_sweep
+
     listing()  # kept for this start and the next: the processes below import only what they need
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
-    total = plan_size(overrides, args.multirun)
+    multirun = args.multirun or is_sweep(overrides)
+    total = plan_size(overrides, multirun)
     results = Results(results_folder(overrides))
     results.prepare()
     session = sweep.Session.new(results.folder)
@@ -54,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     with session.open():
         interrupted = False
         try:
-            code = _launch([*flags, *overrides, *private], args.multirun, total)
+            code = _launch([*flags, *overrides, *private], multirun, total)
         except KeyboardInterrupt:
             code, interrupted = 130, True
         finally:
