@@ -44,7 +44,10 @@ def overview(
         raise UsageError(f"across {across}: expected one of {', '.join(GROUPS)}; for several see --by")
     board = leaderboard(rows, by="task", metric=metric, level=level, **filters)
     wanted = matching("metric", metric, board["metric"].unique()) if metric else ()
-    name = metric_order(board.to_dict("records"), wanted)[0]
+    names = [name for name in metric_order(board.to_dict("records"), wanted) if name]
+    if not names:
+        raise UsageError(f"across {across}: nothing was solved yet, so there is no metric to show")
+    name = names[0]
     parts = leaderboard(rows, by=chosen, metric=name, level=level, **filters)
     whole = board[board["metric"] == name]
     groups = parts["sensor" if chosen == ["sensor"] else "dataset"]

@@ -398,6 +398,11 @@ def test_across_shows_who_solved_nothing_and_keeps_tasks_apart(spread):
     assert (board.groupby("task").size() == [10, 15]).all()
 
 
+def test_across_needs_something_solved():
+    with pytest.raises(UsageError, match="nothing was solved"):
+        overview(rows(row(case="a"), row(case="b", method="apss")), "tag")
+
+
 @pytest.mark.parametrize("wrong", ["tag,sensor", "*", "task", "tags"])
 def test_across_something_else_is_refused(spread, wrong):
     with pytest.raises(UsageError, match="across"):
