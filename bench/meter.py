@@ -19,7 +19,8 @@ MAXRSS_PER_MB = 2**20 if sys.platform == "darwin" else 1024  # the unit of ru_ma
 class Meter:
     """Measures what happens inside ``with meter:``: wall and processor seconds, and the peak of resident memory.
 
-    Memory is that of the largest process: this one, or one that the method started and waited for.
+    Memory is that of the largest process: this one, or one that the method started and waited for (where there were
+    several such calls in one process, the largest of all that were started so far).
 
     Inside, the process may allocate ``memory_gb`` beyond what it has; an allocation past that fails at once, even
     when it is never touched.
