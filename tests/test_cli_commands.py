@@ -98,7 +98,6 @@ def test_an_experiment_that_is_a_sweep_takes_several_values(shell):
     done = shell.call("run", *words)
     assert done.returncode == 0, done.stderr
     assert "2 cells, 2/2 cases solved" in done.stderr
-    assert "Did you mean 'noise'" in shell.call("plan", *words[:2], "method=nose,identity").stderr
 
 
 def test_a_method_that_does_not_solve_the_task(shell):
