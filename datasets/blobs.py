@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import count
-from math import sqrt
 
 import numpy as np
 
 from bench import Shape, generator, register
 
 from .balls import BallField
+from .family import Family, spread
 from .implicit import Body, ImplicitSurface
 from .rotations import random_rotation
 
-GOLDEN = (sqrt(5) - 1) / 2
 WEIGHT = 5.0  # of each ball at its centre; alone it is the ball of 0.64 of its reach
 NECK = 1.12  # the sum of two neighbours on the way between them, at least; 1 is where they part
 
 
 @register("dataset", requires=("scipy", "skimage", "trimesh"))
 @dataclass(frozen=True)
-class Blobs:
+class Blobs(Family):
     """Metaballs (Wyvill's cubic kernels): smooth bodies; exact samples, normals and closest points.
 
     The surface is ``sum of 5 (1 - |x - c_i|^2 / R_i^2)^3 = 1``. Balls of different sizes are joined one by one to a
@@ -47,14 +44,9 @@ class Blobs:
                 f"got {self.looseness_low} and {self.looseness_high}"
             )
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
         rng = generator("blobs", split, index)
-        share = (0.5 + index * GOLDEN) % 1
+        share = spread(index)
         looseness = self.looseness_low + (self.looseness_high - self.looseness_low) * share
         balls = int(rng.integers(self.balls_low, self.balls_high + 1))
         surface = ImplicitSurface(lambda: _body(generator("blobs", split, index, "balls"), balls, looseness))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import count
-from math import ceil, pi, sqrt
+from math import ceil, pi
 from typing import Literal
 
 import numpy as np
@@ -14,10 +12,10 @@ from bench import Shape, generator, register
 
 from .balls import BallField
 from .branching import Skeleton, colonise, murray_radii, separate
+from .family import Family, expect_kind, kind_of, spread
 from .implicit import Body, ImplicitSurface
 from .rotations import random_rotation
 
-GOLDEN = (sqrt(5) - 1) / 2
 THIN = 0.03
 KINDS = ("tree", "vessel", "coral")
 REACH = 2.0  # of a kernel, in radii of its branch
@@ -29,7 +27,7 @@ SMALLEST = 1.5  # diagonal of a plant's bounding box
 
 @register("dataset", requires=("scipy", "skimage", "trimesh"))
 @dataclass(frozen=True)
-class Branches:
+class Branches(Family):
     """Branching tubes grown by space colonisation; exact samples, normals and closest points.
 
     In turn a tree with a crown, a vessel that fills a ball, and a flat coral. Radii follow Murray's law ``r^p = sum of
@@ -46,8 +44,7 @@ class Branches:
     goals: int = 300  # points that the branches grow towards: more give finer branching
 
     def __post_init__(self) -> None:
-        if self.kind != "all" and self.kind not in KINDS:
-            raise ValueError(f"kind: expected one of all, {', '.join(KINDS)}; got {self.kind!r}")
+        expect_kind("kind", self.kind, KINDS)
         if not 0.01 <= self.tip <= THICKEST_TIP:
             raise ValueError(f"tip: expected 0.01 to {THICKEST_TIP}, got {self.tip}")
         if not 1.5 <= self.exponent_low <= self.exponent_high <= 4:
@@ -58,14 +55,9 @@ class Branches:
         if not 20 <= self.goals <= 1000:
             raise ValueError(f"goals: expected 20 to 1000, got {self.goals}")
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
-        kind = self.kind if self.kind != "all" else KINDS[index % len(KINDS)]
-        exponent = self.exponent_low + (self.exponent_high - self.exponent_low) * ((0.5 + index * GOLDEN) % 1)
+        kind = kind_of(self.kind, KINDS, index)
+        exponent = self.exponent_low + (self.exponent_high - self.exponent_low) * spread(index)
         surface = ImplicitSurface(lambda: self._body(generator("branches", split, index), kind, exponent))
         return Shape(
             f"branches-{split}-{index:03d}-{kind}",

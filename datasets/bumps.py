@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import count
 from math import pi, sqrt
 
 import numpy as np
 
 from bench import Shape, generator, register
 
+from .family import Family, spread
 from .harmonics import HarmonicSum
 from .star_surface import StarSurface, icosphere
 
@@ -20,7 +19,7 @@ FLAT = 3.0  # below this exponent there is visible detail at every scale
 
 @register("dataset", requires=("scipy", "trimesh"))
 @dataclass(frozen=True)
-class Bumps:
+class Bumps(Family):
     """Smooth star-shaped bodies from spherical harmonics; exact samples, normals and closest points.
 
     The surface is ``x = r(u) u`` with ``r(u) = 1 + sum over l = 2..degree, m of a_lm Y_lm(u)``. The ``a_lm`` are normal
@@ -48,11 +47,6 @@ class Bumps:
         if not 0 <= self.subdivisions <= 9:
             raise ValueError(f"subdivisions: expected 0 to 9, got {self.subdivisions}")
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
         exponent = self._exponent(index)
         surface = StarSurface(lambda: self._radius(split, index, exponent))
@@ -72,8 +66,7 @@ class Bumps:
         )
 
     def _exponent(self, index: int) -> float:
-        golden = (sqrt(5) - 1) / 2
-        return self.exponent_low + (self.exponent_high - self.exponent_low) * ((0.5 + index * golden) % 1)
+        return self.exponent_low + (self.exponent_high - self.exponent_low) * spread(index)
 
     def _radius(self, split: str, index: int, exponent: float) -> HarmonicSum:
         rng = generator("bumps", split, index)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import count
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from bench import Shape, generator, register
 
+from .family import Family, expect_kind, kind_of
 from .parts import KINDS, Part
 from .rotations import random_rotation
 
@@ -23,7 +22,7 @@ HIGH_GENUS = 10
 
 @register("dataset", requires=("manifold3d", "trimesh"))
 @dataclass(frozen=True)
-class Cad:
+class Cad(Family):
     """Machine parts by solid booleans: plates, brackets, gears, tees, heat sinks, blocks and lattices.
 
     Closed manifold meshes of one component, in turn of each kind, every one with measures of its own. A part is turned
@@ -34,16 +33,10 @@ class Cad:
     kind: Literal["all", "plate", "bracket", "gear", "pipe_tee", "heat_sink", "block", "lattice"] = "all"  # of part
 
     def __post_init__(self) -> None:
-        if self.kind != "all" and self.kind not in KINDS:
-            raise ValueError(f"kind: expected one of all, {', '.join(KINDS)}; got {self.kind!r}")
-
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
+        expect_kind("kind", self.kind, KINDS)
 
     def _shape(self, split: str, index: int) -> Shape:
-        kind = self.kind if self.kind != "all" else list(KINDS)[index % len(KINDS)]
+        kind = kind_of(self.kind, KINDS, index)
         rng = generator("cad", split, index)
         part, rotation = KINDS[kind](rng), random_rotation(rng)
         thickness = part.thinnest / part.size

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import count
-from math import pi, sqrt
+from math import pi
 from typing import Literal
 
 import numpy as np
 
 from bench import Shape, generator, register
 
+from .family import Family, expect_kind, kind_of, spread
 from .gradient_noise import FractalNoise
 from .jets import Jet, cos, normalize, sin, stack
 from .parametric import Chart, ParametricSurface, Patch
@@ -25,7 +25,7 @@ BeforeNoise = Callable[[Jet, Jet], tuple[Jet, Jet]]  # the base's point and its 
 
 @register("dataset", requires=("igl", "scipy", "trimesh"))
 @dataclass(frozen=True)
-class Fbm:
+class Fbm(Family):
     """Spheres, tori, rounded boxes and ellipsoids, displaced along their normals by fractal noise.
 
     The surface is ``b + h(b) n`` with ``h`` the sum over octaves k of ``2^(-k hurst) noise(2^k b)`` (fractional
@@ -52,21 +52,14 @@ class Fbm:
             raise ValueError(f"hurst_low: expected 0 to hurst_high={self.hurst_high}, got {self.hurst_low}")
         if not 0 <= self.strength < 1:
             raise ValueError(f"strength: expected 0 to below 1, got {self.strength}")
-        if self.base != "all" and self.base not in BASES:
-            raise ValueError(f"base: expected one of all, {', '.join(BASES)}; got {self.base!r}")
+        expect_kind("base", self.base, BASES)
         if not 4 <= self.cells <= 512:
             raise ValueError(f"cells: expected 4 to 512, got {self.cells}")
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
         rng = generator("fbm", split, index)
-        golden = (sqrt(5) - 1) / 2
-        hurst = self.hurst_low + (self.hurst_high - self.hurst_low) * ((0.1 + index * golden) % 1)
-        base = BASES[index % len(BASES)] if self.base == "all" else self.base
+        hurst = self.hurst_low + (self.hurst_high - self.hurst_low) * spread(index, 0.1)
+        base = kind_of(self.base, BASES, index)
         rough = Rough(base, hurst, self, int(rng.integers(2**31)))
         surface = ParametricSurface(rough.parts, random_rotation(rng))
         tags = ("smooth", "multiscale") if hurst < ROUGH and self.octaves >= 3 else ("smooth",)

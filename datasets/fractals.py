@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import count
 from math import cos, hypot, pi, sin, sqrt
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -12,13 +11,12 @@ import numpy as np
 
 from bench import Shape, generator, register
 
+from .family import Family, expect_kind, kind_of, spread
 from .rotations import random_rotation
 from .solids import arrays, turned
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
-
-GOLDEN = (sqrt(5) - 1) / 2
 
 
 Arrays = tuple[np.ndarray, np.ndarray]
@@ -107,7 +105,7 @@ KINDS = {kind.__name__: kind for kind in (menger, koch, carpet, cubes)}
 
 @register("dataset", requires=("manifold3d", "trimesh"))
 @dataclass(frozen=True)
-class Fractals:
+class Fractals(Family):
     """Menger sponges (genus 5, 81, 1409), Koch prisms, Sierpinski carpets and cubes on cubes; exact polyhedra.
 
     Ratios, proportions, twist and depth differ from shape to shape, and each is turned at random.
@@ -116,19 +114,13 @@ class Fractals:
     kind: Literal["all", "menger", "koch", "carpet", "cubes"] = "all"  # of fractal
 
     def __post_init__(self) -> None:
-        if self.kind != "all" and self.kind not in KINDS:
-            raise ValueError(f"kind: expected one of all, {', '.join(KINDS)}; got {self.kind!r}")
-
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
+        expect_kind("kind", self.kind, KINDS)
 
     def _shape(self, split: str, index: int) -> Shape:
         turn = index if self.kind != "all" else index // len(KINDS)
-        kind = self.kind if self.kind != "all" else list(KINDS)[index % len(KINDS)]
+        kind = kind_of(self.kind, KINDS, index)
         rng = generator("fractals", split, index)
-        fractal = KINDS[kind](rng, (0.37 + GOLDEN * turn) % 1)
+        fractal = KINDS[kind](rng, spread(turn, 0.37))
         rotation = random_rotation(rng)
         info = {"kind": kind, "genus": fractal.genus, "symmetry": fractal.symmetry, **fractal.info}
         tags = ["sharp", "multiscale"]

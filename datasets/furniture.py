@@ -11,6 +11,7 @@ import numpy as np
 
 from bench import Shape, ShapePair, generator, register
 
+from .family import expect_kind, kind_of
 from .furniture_parts import CATEGORIES, Piece, bar_grid
 from .rotations import random_rotation
 from .solids import arrays, origins, turned
@@ -33,8 +34,7 @@ class Furniture:
     category: Literal["all", "chair", "table", "shelf"] = "all"  # of furniture
 
     def __post_init__(self) -> None:
-        if self.category != "all" and self.category not in CATEGORIES:
-            raise ValueError(f"category: expected one of all, {', '.join(CATEGORIES)}; got {self.category!r}")
+        expect_kind("category", self.category, CATEGORIES)
 
     def shapes(self, split: str) -> Iterator[Shape]:
         """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
@@ -54,7 +54,7 @@ class Furniture:
                                   (("source", source), ("target", target))), marks)  # fmt: skip
 
     def _category(self, index: int) -> str:
-        return self.category if self.category != "all" else list(CATEGORIES)[index % len(CATEGORIES)]
+        return kind_of(self.category, CATEGORIES, index)
 
 
 def _info(category: str, piece: Piece) -> dict:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import count
 from math import exp, log, pi, sqrt
 from typing import Literal, NamedTuple
 
@@ -12,12 +11,12 @@ import numpy as np
 
 from bench import Shape, generator, register
 
+from .family import Family, expect_kind, kind_of, spread
 from .rotations import random_rotation
 from .tubes import FourierCurve, TubeSurface, circle, ellipse, nearest_approach, torus_knot
 
 NEAR = 0.03  # parts of a surface that come closer than this fraction of the box's diagonal are in near contact
 THIN = 0.03
-GOLDEN = (sqrt(5) - 1) / 2
 TORUS_KNOTS = ((2, 3), (3, 2), (2, 5), (3, 4), (3, 5), (2, 7), (5, 2), (4, 3))
 
 
@@ -102,7 +101,7 @@ KINDS: dict[str, Callable[[np.random.Generator, float], Strands]] = {
 
 @register("dataset", requires=("scipy", "trimesh"))
 @dataclass(frozen=True)
-class Knots:
+class Knots(Family):
     """Tubes around torus knots, chains of rings, Borromean rings and the figure-eight knot; near contacts.
 
     All points at one distance from closed curves, one torus for each curve: exact samples, normals and closest points.
@@ -117,22 +116,16 @@ class Knots:
     gap_high: float = 0.06  # widest gap that is asked for; bends may leave more
 
     def __post_init__(self) -> None:
-        if self.kind != "all" and self.kind not in KINDS:
-            raise ValueError(f"kind: expected one of all, {', '.join(KINDS)}; got {self.kind!r}")
+        expect_kind("kind", self.kind, KINDS)
         if not 0.0005 <= self.gap_low <= self.gap_high:
             raise ValueError(f"gap_low: expected 0.0005 to gap_high={self.gap_high}, got {self.gap_low}")
         if not self.gap_high <= 0.08:
             raise ValueError(f"gap_high: expected at most 0.08, got {self.gap_high}")
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
-        kind = self.kind if self.kind != "all" else list(KINDS)[index % len(KINDS)]
+        kind = kind_of(self.kind, KINDS, index)
         rng = generator("knots", split, index)
-        gap = exp(log(self.gap_low) + log(self.gap_high / self.gap_low) * ((0.5 + index * GOLDEN) % 1))
+        gap = exp(log(self.gap_low) + log(self.gap_high / self.gap_low) * spread(index))
         strands, rotation = KINDS[kind](rng, gap), random_rotation(rng)
         turned = [curve.moved(rotation, np.zeros(3)) for curve in strands.curves]
         surface = TubeSurface(lambda: (turned, strands.radius))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import count
-from math import sqrt
 from typing import Literal
 
 from bench import Shape, generator, register
 
+from .family import Family, expect_kind, kind_of, spread
 from .parametric import ParametricSurface
 from .rotations import random_rotation
 from .sheets import LENGTH, Sheet, corrugated, egg_box, flat, folded
@@ -20,7 +18,7 @@ KINDS = ("corrugated", "folded", "flat", "egg_box")
 
 @register("dataset", requires=("igl", "scipy", "trimesh"))
 @dataclass(frozen=True)
-class Plates:
+class Plates(Family):
     """Sheets of constant thickness; exact samples, normals and closest points.
 
     A middle surface (a rectangle, a sine wave, flats with round bends between them, or an egg box) is moved by half the
@@ -40,21 +38,14 @@ class Plates:
             raise ValueError(f"ratio_low: expected 0.001 to 0.1, got {self.ratio_low}")
         if not self.ratio_low <= self.ratio_high <= 0.1:
             raise ValueError(f"ratio_high: expected ratio_low={self.ratio_low} to 0.1, got {self.ratio_high}")
-        if self.kind != "all" and self.kind not in KINDS:
-            raise ValueError(f"kind: expected one of all, {', '.join(KINDS)}; got {self.kind!r}")
+        expect_kind("kind", self.kind, KINDS)
         if not 0.004 <= self.spacing <= 0.1:
             raise ValueError(f"spacing: expected 0.004 to 0.1, got {self.spacing}")
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
         rng = generator("plates", split, index)
-        golden = (sqrt(5) - 1) / 2
-        ratio = self.ratio_high * (self.ratio_low / self.ratio_high) ** ((0.85 + index * golden) % 1)
-        kind = KINDS[index % len(KINDS)] if self.kind == "all" else self.kind
+        ratio = self.ratio_high * (self.ratio_low / self.ratio_high) ** spread(index, 0.85)
+        kind = kind_of(self.kind, KINDS, index)
         turn = index // len(KINDS) if self.kind == "all" else index
         thickness = ratio * LENGTH
         make = {"flat": flat, "corrugated": corrugated, "folded": folded, "egg_box": egg_box}[kind]

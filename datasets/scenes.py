@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import count
-from math import cos, pi, radians, sin, sqrt
+from math import cos, pi, radians, sin
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from bench import Shape, generator, register
 
+from .family import Family, expect_kind, kind_of, spread
 from .rotations import random_rotation
 from .solids import arrays, turned
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-GOLDEN = (sqrt(5) - 1) / 2
 SEGMENTS = 64
 
 
@@ -116,7 +115,7 @@ KINDS = {kind.__name__: kind for kind in (row, links, stack, nested, leaning)}
 
 @register("dataset", requires=("manifold3d", "trimesh"))
 @dataclass(frozen=True)
-class Scenes:
+class Scenes(Family):
     """Several solids with one gap between neighbours: rows, chains, stacks, nested pipes and leaning boards.
 
     Gaps are spread evenly over their logarithm between the two limits; those below 3 % of the size are tagged
@@ -133,18 +132,12 @@ class Scenes:
             raise ValueError(f"gap_low: expected 0.0001 to gap_high={self.gap_high}, got {self.gap_low}")
         if not self.gap_high <= 0.2:
             raise ValueError(f"gap_high: expected at most 0.2, got {self.gap_high}")
-        if self.kind != "all" and self.kind not in KINDS:
-            raise ValueError(f"kind: expected one of all, {', '.join(KINDS)}; got {self.kind!r}")
-
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The scenes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
+        expect_kind("kind", self.kind, KINDS)
 
     def _shape(self, split: str, index: int) -> Shape:
-        kind = self.kind if self.kind != "all" else list(KINDS)[index % len(KINDS)]
+        kind = kind_of(self.kind, KINDS, index)
         rng = generator("scenes", split, index)
-        gap = 1.5 * self.gap_low * (self.gap_high / self.gap_low) ** ((0.5 + GOLDEN * index) % 1)
+        gap = 1.5 * self.gap_low * (self.gap_high / self.gap_low) ** spread(index)
         placed, rotation = KINDS[kind](rng, gap), random_rotation(rng)
         boxes = np.array([one.box for one in placed])
         size = float(np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)))

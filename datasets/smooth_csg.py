@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
-from itertools import count
-from math import pi, sqrt
+from math import pi
 from typing import Literal
 
 import numpy as np
@@ -14,18 +13,18 @@ import numpy as np
 from bench import Shape, generator, register
 
 from . import sdf_nodes as sdf
+from .family import Family, expect_kind, kind_of, spread
 from .implicit import Body, ImplicitSurface, box_of_ball
 from .rotations import random_rotation
 from .sdf_nodes import Difference, Node, NodeField, Placed, Union
 
-GOLDEN = (sqrt(5) - 1) / 2
 UPRIGHT = np.eye(3)
 ALONG_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # turns the axis of a primitive from z to x
 
 
 @register("dataset", requires=("scipy", "skimage", "trimesh"))
 @dataclass(frozen=True)
-class SmoothCsg:
+class SmoothCsg(Family):
     """Smooth booleans of rounded primitives; exact samples, normals and closest points.
 
     In turn a machine part (plate or flange with bosses, ribs and holes), an organic body (limbs grown on one another),
@@ -40,21 +39,15 @@ class SmoothCsg:
     blend_high: float = 1.5  # and widest
 
     def __post_init__(self) -> None:
-        if self.kind != "all" and self.kind not in KINDS:
-            raise ValueError(f"kind: expected one of all, {', '.join(KINDS)}; got {self.kind!r}")
+        expect_kind("kind", self.kind, KINDS)
         if not 0.4 <= self.blend_low <= self.blend_high <= 2:
             raise ValueError(
                 f"blend_low: expected 0.4 <= blend_low <= blend_high <= 2, got {self.blend_low} and {self.blend_high}"
             )
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
-        kind = self.kind if self.kind != "all" else list(KINDS)[index % len(KINDS)]
-        blend = self.blend_low + (self.blend_high - self.blend_low) * ((0.5 + index * GOLDEN) % 1)
+        kind = kind_of(self.kind, KINDS, index)
+        blend = self.blend_low + (self.blend_high - self.blend_low) * spread(index)
         surface = ImplicitSurface(lambda: _body(generator("smooth_csg", split, index), kind, blend))
         return Shape(
             f"smooth_csg-{split}-{index:03d}-{kind}",

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import count
 from typing import Literal
 
 import numpy as np
 
 from bench import Shape, generator, register
 
+from .family import Family
 from .parametric import ParametricSurface
 from .rotations import random_rotation
 from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
@@ -24,7 +23,7 @@ TOROIDS = 4  # every fourth shape is a supertoroid
 
 @register("dataset", requires=("igl", "scipy", "trimesh"))
 @dataclass(frozen=True)
-class Superquadrics:
+class Superquadrics(Family):
     """Superellipsoids and supertoroids; exact samples, normals and closest points.
 
     The surface is ``((|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) + |z/c|^(2/e1) = 1`` (Barr 1981), parametrised by the polar
@@ -49,11 +48,6 @@ class Superquadrics:
         if self.kind not in ("all", "ellipsoid", "toroid"):
             raise ValueError(f"kind: expected all, ellipsoid or toroid, got {self.kind!r}")
         check_grid(self.rows, self.columns)
-
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
 
     def _shape(self, split: str, index: int) -> Shape:
         rng = generator("superquadrics", split, index)

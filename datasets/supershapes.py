@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import count
-from math import sqrt
 
 import numpy as np
 
 from bench import Shape, generator, register
 
+from .family import Family, spread
 from .parametric import ParametricSurface
 from .rotations import random_rotation
 from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
@@ -20,7 +18,7 @@ KINDS = ("star", "flower", "ridged", "lantern")
 
 @register("dataset", requires=("igl", "scipy", "trimesh"))
 @dataclass(frozen=True)
-class Supershapes:
+class Supershapes(Family):
     """Gielis' supershapes: the spherical product of two superformulas; exact samples, normals and closest points.
 
     Each formula is ``r(t) = (|cos(m t / 4)|^p + |sin(m t / 4)|^p)^(-1 / q)``. With p below 2 its m tips are pointed
@@ -46,15 +44,9 @@ class Supershapes:
             raise ValueError(f"depth: expected 0.05 to 1.5, got {self.depth}")
         check_grid(self.rows, self.columns)
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
         rng = generator("supershapes", split, index)
-        golden = (sqrt(5) - 1) / 2
-        lobes = self.lobes_low + int((self.lobes_high - self.lobes_low + 1) * ((0.4 + index * golden) % 1))
+        lobes = self.lobes_low + int((self.lobes_high - self.lobes_low + 1) * spread(index, 0.4))
         kind = KINDS[index % len(KINDS)]
         longitude, latitude = _formulas(kind, lobes, self.depth, rng)
         axes = (1.0, 1.0, float(rng.uniform(0.6, 1.1)))

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import count
 from math import pi, sin, sqrt
 from typing import Literal, NamedTuple
 
@@ -13,10 +11,10 @@ import numpy as np
 from bench import Shape, generator, register
 
 from .blending import smooth_max
+from .family import Family, spread
 from .implicit import Body, ImplicitSurface, box_of_ball
 from .rotations import random_rotation
 
-GOLDEN = (sqrt(5) - 1) / 2
 THIN = 0.03
 HIGH_GENUS = 10
 STEEPEST = sqrt(3)  # the largest |gradient| of all three functions, reached at their flat points
@@ -79,7 +77,7 @@ SYMMETRY = {
 
 @register("dataset", requires=("scipy", "skimage", "trimesh"))
 @dataclass(frozen=True)
-class Tpms:
+class Tpms(Family):
     """Gyroid, Schwarz P and Schwarz D in a ball, as sheets and solids; exact samples, normals and closest points.
 
     A sheet is what lies around the minimal surface ``g = 0``, with a round rim at the ball; a solid is one of its two
@@ -96,16 +94,11 @@ class Tpms:
             if getattr(self, name) not in ("all", *known):
                 raise ValueError(f"{name}: expected one of all, {', '.join(known)}; got {getattr(self, name)!r}")
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
         variants = [v for v in WINDOWS if self.kind in ("all", v[0]) and self.form in ("all", v[1])]
         kind, form = variants[index % len(variants)]
         windows = WINDOWS[kind, form]
-        window = windows[int(len(windows) * ((0.5 + index * GOLDEN) % 1))]
+        window = windows[int(len(windows) * spread(index))]
         rng = generator("tpms", split, index)
         cells, share, rotation = rng.uniform(window.fewest, window.most), rng.random(), random_rotation(rng)
         surface = ImplicitSurface(lambda: _body(kind, form, window.centre, cells, share, rotation))

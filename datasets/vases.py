@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import count
-from math import pi, sqrt
+from math import pi
 
 import numpy as np
 
 from bench import Shape, generator, register
 
+from .family import Family, spread
 from .jets import Jet, abs_power, cos, sin, smooth_step, stack
 from .parametric import Chart, ParametricSurface, Patch
 from .patch_mesh import graded_lines, pole_levels
@@ -34,7 +33,7 @@ SECTIONS = ("flutes", "polygon", "round")
 
 @register("dataset", requires=("igl", "scipy", "trimesh"))
 @dataclass(frozen=True)
-class Vases:
+class Vases(Family):
     """Hollow vessels with a real rim; exact samples, normals and closest points.
 
     A profile, a quintic spline from the middle of the foot to the lip, is turned; above the foot its section blends
@@ -58,15 +57,9 @@ class Vases:
         if not 32 <= self.columns <= 4096 or self.columns % 16:
             raise ValueError(f"columns: expected a multiple of 16 from 32 to 4096, got {self.columns}")
 
-    def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        for index in count():
-            yield self._shape(split, index)
-
     def _shape(self, split: str, index: int) -> Shape:
         rng = generator("vases", split, index)
-        golden = (sqrt(5) - 1) / 2
-        share = (0.25 + index * golden) % 1
+        share = spread(index, 0.25)
         relative = self.thickness_low * (self.thickness_high / self.thickness_low) ** share
         kind, section = list(KINDS)[index % 4], SECTIONS[(index + index // 4) % 3]
         single = (index % 4 + index // 4) % 4 == 2
