@@ -45,8 +45,10 @@ class Base:
     results: str = "results"  # folder of the results
     outputs: str = "none"  # which outputs to keep as files: none, first (case of a cell) or all
     rerun: str = "never"  # run again although a result is current: never, failed or always
-    profile: str = "quick"  # quick or paper
+    profile: str = "quick"  # quick, study or paper
     convention: Any = None  # a paper's metrics and columns; no part of a cell's identity
+    published: Any = None  # of an experiment: the numbers of the paper's table that it repeats (bench/published.py)
+    sizes: Any = None  # of an experiment: what its values are under each profile
     verbose: bool = False  # show what methods print
     limit: Limits = field(default_factory=Limits)
     plugins: list[str] = field(default_factory=list)  # set by --plugin

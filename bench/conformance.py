@@ -86,7 +86,7 @@ POOR_INPUTS = ("empty", "tiny", "nan", "duplicates")
 
 
 def method_checks(trial: _Trials) -> Iterator[Check]:
-    """A toy case per task, determinism, poor inputs, time."""
+    """A toy case per task, determinism, poor inputs where the input is a cloud, time."""
     tasks = [t for t in registry().names("task") if trial.plugin.solves(t)]
     if not tasks:
         yield Check("tasks", "fail", f"no function is named after a task ({', '.join(registry().names('task'))})")
@@ -108,6 +108,8 @@ def method_checks(trial: _Trials) -> Iterator[Check]:
             "ok" if same else "fail",
             "two processes agree to the bit" if same else "draw from run.rng, and give libraries one thread or a seed",
         )
+        if not first["cloud"]:
+            continue
         bare = trial.run("solve", task=task, input="bare")
         yield _refusable(f"{task}: cloud without normals", bare, lenient=False)
         for poor in POOR_INPUTS:
@@ -204,27 +206,45 @@ def toy_cloud(kind: str) -> PointCloud:
     return PointCloud(points, None if kind == "bare" else normals)
 
 
+def toy_case(task: Any, kind: str) -> Case | None:
+    """The toy of a task: its own, or one from the toy cloud; None for a task that has neither."""
+    if hasattr(task, "toy"):
+        return task.toy()
+    if not getattr(task, "needs_sensor", True):  # what it is made from, only its dataset knows
+        return None
+    try:
+        return Case("toy", task.input(toy_cloud(kind)), toy_shape())
+    except (AttributeError, TypeError):
+        return None
+
+
 def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
     import time
 
+    from .geometry.signed_distance import signed_distances
     from .run import Run
     from .worker import seed_globals
 
     task = registry().find("task", asked["task"]).cls()
-    try:
-        inputs = task.input(toy_cloud(asked["input"]))
-    except (AttributeError, TypeError):
-        return {"status": "no_toy", "message": "this task is not made from one cloud; try it in a run"}
+    case = toy_case(task, asked["input"])
+    if case is None:
+        return {"status": "no_toy", "message": "this task is not made from one cloud and has no toy(); try it in a run"}
     seed_globals(0)
-    run = Run(seed=0, threads=spec["threads"], seconds=spec["seconds"])
+    run = Run(
+        seed=0,
+        threads=spec["threads"],
+        seconds=spec["seconds"],
+        on_distances=lambda points: signed_distances(case.reference.mesh, points),
+    )
     channel.send("begin", index=0, stage="method")
     begin = time.perf_counter()
-    output = task.solve(plugin.cls(), asked["task"], inputs, run)
+    output = task.solve(plugin.cls(), asked["task"], dict(case.input), run)
     seconds = time.perf_counter() - begin
+    row = {"seconds": seconds, "cloud": not hasattr(task, "toy")}
     if asked["input"] == "empty" and isinstance(output, PointCloud) and not len(output):
-        return {"output": "nothing from nothing", "seconds": seconds, "digest": ""}
-    task.validate(output, inputs)
-    return {"output": repr(output).strip("<>"), "seconds": seconds, "digest": digest_of(output)}
+        return row | {"output": "nothing from nothing", "digest": ""}
+    task.validate(output, case.input)
+    return row | {"output": repr(output).strip("<>"), "digest": digest_of(output)}
 
 
 def digest_of(value: Any) -> str:

@@ -12,6 +12,7 @@ What makes it honest:
   last. A score that is NaN or infinite is a failure of that metric.
 * A method that was not run on some case looks no better for it: two methods are compared on the units (case and seed)
   that both were to solve.
+* A method that was given true distances of the reference says so in ``true_distances``, and is marked when printed.
 * Intervals are over cases, with their seeds; see :mod:`bench.statistics`.
 """
 
@@ -46,6 +47,7 @@ COLUMNS = (
     "planned",
     "seconds_median",
     "peak_rss_mb",
+    "true_distances",
 )
 GROUP = ["task", "dataset", "sensor"]  # one table each
 CONTENDER = ["method", "variant"]
@@ -97,8 +99,9 @@ def leaderboard(
         With :data:`COLUMNS`. ``mean``, ``ci_low``, ``ci_high`` and ``floor`` are in the metric's unit, over solved
         cases; ``better`` is lower, higher or reference (nearest to ``floor``, the reference's own value);
         ``rank_low`` to ``rank_high`` is the interval of the rank; ``seconds_median`` and ``peak_rss_mb`` (the
-        largest) are over solved cases. A group in which nothing was solved and no metric is known has one line
-        per method with an empty ``metric``.
+        largest) are over solved cases, and so is ``true_distances``: at how many points a method was given true
+        distances of the reference, in the case where they were most; 0 for most methods. A group in which nothing was
+        solved and no metric is known has one line per method with an empty ``metric``.
 
     Raises
     ------
@@ -126,7 +129,9 @@ def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFr
     board = cells.keys.iloc[columns.pop("row")].reset_index(drop=True).assign(**columns)
     board["better"] = np.array([*cells.better, ""], dtype=object)[board["metric"]]
     board["metric"] = np.array([*cells.metrics, ""], dtype=object)[board["metric"]]
-    return board.join(costs, on=[*GROUP, *CONTENDER])[list(COLUMNS)]
+    board = board.join(costs, on=[*GROUP, *CONTENDER])
+    board["true_distances"] = board["true_distances"].fillna(0).astype("int64")
+    return board[list(COLUMNS)]
 
 
 @dataclass
@@ -375,15 +380,20 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index ``task, dataset, sensor, method, variant``; columns ``seconds_median``, ``peak_rss_mb`` (the largest)
-        and ``parameters`` (of a learned method; missing where none).
+        Index ``task, dataset, sensor, method, variant``; columns ``seconds_median``, ``peak_rss_mb`` (the largest),
+        ``parameters`` (of a learned method; missing where none) and ``true_distances`` (the most points at which they
+        were given; missing where none were).
     """
+    # Results of version 1 do not have the column.
+    given = pd.to_numeric(rows["true_distances"]) if "true_distances" in rows else np.nan
+    rows = rows.assign(true_distances=given)
     solved = rows[(rows["status"] == "ok").to_numpy()].groupby([*GROUP, *CONTENDER], sort=True)
     return pd.DataFrame(
         {
             "seconds_median": solved["seconds"].median(),
             "peak_rss_mb": solved["peak_rss_mb"].max(),
             "parameters": solved["parameters"].max(),
+            "true_distances": solved["true_distances"].max(),
         }
     )
 

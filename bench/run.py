@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .errors import UsageError
 from .seeds import generator, seed_words
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ class Run:
         The wall-clock limit of this call; see :meth:`seconds_left`.
     parameters : int or None
         A learned method sets it to the number of its parameters; the leaderboard shows it.
+    distances_given : int
+        At how many points :meth:`true_distances` was asked so far.
     """
 
     seed: int = 0
@@ -39,8 +42,10 @@ class Run:
     threads: int = 1
     seconds: float = float("inf")
     parameters: int | None = None
+    distances_given: int = field(default=0, init=False)
     on_progress: Callable[[int, int], None] | None = field(default=None, repr=False)
     on_trace: Callable[[Any, float], None] | None = field(default=None, repr=False)
+    on_distances: Callable[[np.ndarray], np.ndarray] | None = field(default=None, repr=False)
     _started: float = field(default_factory=time.perf_counter, repr=False)
     _paused: float = field(default=0.0, repr=False)
     _rng: np.random.Generator | None = field(default=None, repr=False)
@@ -65,7 +70,7 @@ class Run:
             self.on_progress(done, total)
 
     def elapsed(self) -> float:
-        """Seconds of wall clock since the call began, without what was spent scoring traces."""
+        """Seconds of wall clock since the call began, without those off the clock: scored traces, true distances."""
         return time.perf_counter() - self._started - self._paused
 
     def seconds_left(self) -> float:
@@ -73,8 +78,60 @@ class Run:
         return self.seconds - self.elapsed()
 
     def trace(self, output: Any) -> None:
-        """Offer an intermediate result. It is scored off the clock, for plots of error against time."""
+        """Offer an intermediate result. It is scored off the clock, for plots of error against time.
+
+        Where it takes time to make one (a mesh of a network), offer a function without arguments: it is called off the
+        clock too, and only if somebody looks.
+        """
         if self.on_trace:
             begin = time.perf_counter()
             self.on_trace(output, self.elapsed())
+            self._paused += time.perf_counter() - begin
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether there is a reference that :meth:`true_distances` can be asked about."""
+        return self.on_distances is not None
+
+    def true_distances(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances to the surface that the method is to find: for supervision by the truth, and for that alone.
+
+        Some published methods are not fitted to the points of a scan but to true distances of a known surface. Such a
+        method is measured by what it makes of them; what it was given is in its row, and marked in every leaderboard,
+        because methods that only see the input answer a harder question. The time is not the method's: those papers
+        sample the distances beforehand, so the clock stands still as it does for :meth:`trace`. Ask for many points
+        at once; a call costs a few tenths of a second however few they are.
+
+        Parameters
+        ----------
+        points : (n, 3) array, finite, in the frame of the case
+
+        Returns
+        -------
+        (n,) float64 array
+            Exact distances to the reference mesh, negative inside, in the unit of the frame: see
+            :func:`bench.geometry.signed_distance.signed_distances`.
+
+        Raises
+        ------
+        UsageError
+            Without a reference, see :attr:`has_truth`: a method applied to somebody's own file has none.
+        ValueError
+            For points of another shape, or that are not finite.
+        """
+        if self.on_distances is None:
+            raise UsageError(
+                "true distances: there is no reference here to measure them to; choose a supervision by the input's "
+                "own points (one of the method's parameters: detailbench list method NAME), or run it on a dataset"
+            )
+        points = np.asarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"true_distances: expected points of shape (n, 3), got {points.shape}")
+        if not np.isfinite(points).all():
+            raise ValueError("true_distances: some of the points are NaN or infinite")
+        begin = time.perf_counter()
+        self.distances_given += len(points)
+        try:
+            return self.on_distances(points)
+        finally:
             self._paused += time.perf_counter() - begin

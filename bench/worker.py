@@ -6,6 +6,7 @@ process becomes, in the runner, the status of the case that was being worked on.
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import importlib
 import json
@@ -15,7 +16,7 @@ import random
 import sys
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -154,6 +155,7 @@ class _Session:
             seconds=self.spec["seconds"],
             on_progress=lambda done, total: self.channel.send("progress", done=done, total=total),
             on_trace=lambda output, seconds: self.traced(output, seconds, case, task, trace),
+            on_distances=(lambda points: self.distances(points, case)) if len(case.reference.mesh.faces) else None,
         )
         self.channel.send("begin", index=index, stage="method")
         try:
@@ -162,20 +164,37 @@ class _Session:
                 return task.solve(method, cell.task.name, dict(case.input), run)
         finally:
             row |= self.meter.figures() | {"parameters": run.parameters}
+            row["true_distances"] = run.distances_given or None
             if trace:
                 row["trace"] = json.dumps(plain(trace))
 
     def traced(self, output: Any, seconds: float, case: Case, task: Any, trace: list[dict[str, Any]]) -> None:
         """Score an intermediate result while the clock stands still."""
-        self.channel.send("pause")
-        with self.meter.paused():
+        with self.off_the_clock():
             try:
+                output = output() if callable(output) else output
                 task.validate(output, case.input)
                 scores = self.score(output, case, floors=False)
             except InvalidOutput as error:
                 scores = {"message": str(error)}
             trace.append({"seconds": seconds} | scores)
-        self.channel.send("resume")
+
+    def distances(self, points: np.ndarray, case: Case) -> np.ndarray:
+        """Signed distances to the reference mesh, while the clock stands still: a paper samples them beforehand."""
+        from .geometry.signed_distance import signed_distances
+
+        with self.off_the_clock():
+            return signed_distances(case.reference.mesh, points)
+
+    @contextlib.contextmanager
+    def off_the_clock(self) -> Iterator[None]:
+        """Neither the time of the call nor its limit runs; what happens in here has limit.setup_seconds."""
+        self.channel.send("pause")
+        try:
+            with self.meter.paused():
+                yield
+        finally:
+            self.channel.send("resume")
 
     def score(self, output: Any, case: Case, *, floors: bool = True) -> dict[str, Any]:
         """``score.<key>`` of every metric, ``floor.<key>`` where it has one, and which way each is better."""

@@ -14,7 +14,7 @@ from bench.selection import pool, select
 
 DOCUMENTED = (
     "task,dataset,sensor,method,variant,metric,better,mean,ci_low,ci_high,floor,rank_low,rank_high,solved,planned,"
-    "seconds_median,peak_rss_mb"
+    "seconds_median,peak_rss_mb,true_distances"
 )
 
 

@@ -129,6 +129,23 @@ def test_groups_where_all_failed_print():
     assert "0/2" in render(leaderboard(frame), "markdown") and "0/2" in render(leaderboard(frame), "latex")
 
 
+def test_a_task_without_a_sensor_says_how_large_its_details_are_and_another_how_its_clouds_are():
+    details = {"input.detail_rms": 0.021, "input.detail_max": 0.035, "input.detail_thickness": 0.035}
+    cloud = {"input.points": 100.0, "input.rms": 0.01, "input.rms_inliers": 0.01, "input.outliers": 0.0}
+    cloud |= {"input.coverage": 1.0, "input.density_variation": 0.3}
+    frame = rows(
+        row("a", "x", 0, {"d": 1.0}, task="detail_transfer", sensor="", **details),
+        row("a", "x", 0, {"d": 1.0}, **cloud),
+        row("a", "x", 0, {"d": 1.0}, task="silent"),
+    )
+    found = {table.title: table.notes[0] for table in tables(leaderboard(frame), frame)}
+    assert list(found) == ["detail_transfer · bumps", "reconstruct · bumps · samples", "silent · bumps · samples"]
+    transfer, clouds, silent = found.values()
+    assert transfer.startswith("details to transfer") and "0.021 root mean square, at most 0.035" in transfer
+    assert clouds.startswith("input, median of the cases: 100 points")
+    assert silent.startswith("rank:")
+
+
 def test_the_metrics_stand_in_the_order_asked_for(board):
     table = tables(board, metrics=[METRICS[4]])[0]
     assert [m.name for m in table.metrics][:2] == [METRICS[4], METRICS[0]]

@@ -34,7 +34,7 @@ FLOORS = (
     "overview",
     "leaderboard selection report statistics runner isolate application conformance testing templates progress catalog "
     "listing",
-    "store index worker plan config schema presets sensors conventions memo overrides provenance forkserver watch "
+    "store index worker plan config schema presets sensors conventions published memo overrides provenance forkserver watch "
     "affinity meter",
     "registry tasks run fields kept",
     "geometry shapes",
@@ -274,7 +274,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
     expected = {
         "/".join((*FOLDERS[top].split("."), *file.relative_to(ROOT / top).parts))
         for top in FOLDERS
-        for pattern in ("*.py", "*.yaml", "catalog.json", "py.typed")
+        for pattern in ("*.py", "*.yaml", "catalog.json", "py.typed", "spheres/*.safetensors")
         for file in (ROOT / top).rglob(pattern)
     }
     assert {name for name in names if name.startswith("bench/")} == expected

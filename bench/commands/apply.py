@@ -2,9 +2,12 @@
 
   detailbench apply method=poisson scan.ply mesh.ply method.depth=9
   detailbench apply method=rimls task=denoise scan.ply clean.ply
+  detailbench apply method=identity task=detail_transfer source.ply source_base.ply target_base.ply out.ply
 
 INPUT is a point cloud (PLY, XYZ, TXT, OBJ) or a mesh whose vertices are taken; OUTPUT is in the coordinates of INPUT,
 as PLY, OBJ, STL, OFF or GLB. Parameters that are lengths refer to the frame in which the input has radius 1.
+A detail transfer takes three meshes that are aligned with each other, or two where the source has no base; OUTPUT and
+that frame are the target base's.
 Where a method solves several tasks, task= says which. Further keys: seed, threads, device, limit.seconds,
 limit.memory_gb.
 """
@@ -47,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
         if args.plugin and result.get("traceback"):
             print(result["traceback"], file=sys.stderr)
         raise DetailbenchError(f"{job.method.label}: {result['status']}: {result['message']}")
-    print(f"{files[0]} ({result['input']}) -> {job.output} ({result['output']})")
+    print(f"{' '.join(files[:-1])} ({result['input']}) -> {job.output} ({result['output']})")
     print(f"{job.method.label}: {result['seconds']:.3g} s, peak {result['peak_rss_mb']:.0f} MB")
     return 0
 
@@ -73,7 +76,7 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     *inputs, output = files
     tasks = [w for w in overrides if w.startswith("task=")]
     if not tasks:
-        overrides = [*overrides, f"task={_task_for(method, output)}"]
+        overrides = [*overrides, f"task={_task_for(method, output, len(inputs))}"]
     values = OmegaConf.to_container(compose(overrides), resolve=True)
     check_root(values)
     task = Choice.of("task", values["task"])
@@ -106,12 +109,14 @@ def _memory_gb() -> float:
     return 0.9 * psutil.virtual_memory().total / 2**30
 
 
-def _task_for(method: Any, output: str) -> str:
-    """The task that a method and the kind of the output file leave no doubt about."""
+def _task_for(method: Any, output: str, inputs: int) -> str:
+    """The task that a method, the kind of the output file and the number of inputs leave no doubt about."""
     tasks = [t for t in registry().names("task") if method.solves(t)]
     suffix = Path(output).suffix.lower()
     kinds = {"mesh"} if suffix in MESH_SUFFIXES else {"cloud"} if suffix in CLOUD_SUFFIXES else {"mesh", "cloud"}
-    fitting = [t for t in tasks if getattr(registry().find("task", t).cls, "output", "cloud") in kinds]
+    classes = {t: registry().find("task", t).cls for t in tasks}
+    fitting = [t for t, c in classes.items() if getattr(c, "output", "cloud") in kinds]
+    fitting = [t for t in fitting if inputs in getattr(classes[t], "files", (1,))] or fitting
     if len(fitting) == 1:
         return fitting[0]
     if not tasks:

@@ -5,6 +5,7 @@
   detailbench leaderboard DIR --by tag                     who is best on thin sheets, on sharp edges, ...
   detailbench leaderboard DIR --across tag                 the same for one metric, side by side
   detailbench leaderboard DIR --convention mpu             a paper's columns, in its units
+  detailbench leaderboard DIR --published table_4_1        the table of an experiment, the paper's numbers beside ours
   detailbench leaderboard DIR --format csv > board.csv     markdown, latex and csv besides the terminal
 
 Means are over solved cases with 95 % bootstrap intervals over cases and seeds; rank 1-2 means that nobody is surely
@@ -40,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--across", metavar="WORD", help="one metric side by side in all groups of: dataset, sensor, tag"
     )
     parser.add_argument("--convention", metavar="NAME", help="print the columns of a paper in its units")
+    parser.add_argument("--published", metavar="NAME", help="an experiment whose paper's numbers stand beside ours")
     parser.add_argument("--format", choices=FORMATS, default="terminal", help="how to print (default: terminal)")
     parser.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
     parser.add_argument("--no-index", action="store_true", help="read every file, do not use or write the index")
@@ -49,6 +51,8 @@ def run(args: argparse.Namespace) -> int:
     """Print the board."""
     args.results, conventions = _split_words(args.results)
     args.convention = args.convention or conventions
+    if args.published and (args.convention or args.across):
+        raise UsageError(f"--published {args.published}: says itself which columns are shown")
     if args.convention and args.metric:
         raise UsageError(f"--metric {args.metric}: the convention {args.convention} says which metrics are shown")
     if args.across and (args.by or args.convention):
@@ -61,7 +65,16 @@ def run(args: argparse.Namespace) -> int:
     if args.across:
         show_across(rows, args.across, args.format, metric=args.metric, level=args.level, **filters)
     else:
-        show(rows, args.format, metric=args.metric, level=args.level, by=args.by, convention=args.convention, **filters)
+        show(
+            rows,
+            args.format,
+            metric=args.metric,
+            level=args.level,
+            by=args.by,
+            convention=args.convention,
+            published=args.published,
+            **filters,
+        )
     return 0
 
 
@@ -98,20 +111,28 @@ def show(
     level: float = 0.95,
     by: str | None = None,
     convention: str | None = None,
+    published: str | None = None,
     **filters: str | None,
 ) -> None:
-    """Rank the rows that the filters leave, and print, in the convention of a paper if one is named."""
+    """Rank the rows that the filters leave, and print, in the convention of a paper if one is named.
+
+    ``published`` is an experiment whose file gives a paper's numbers; its convention and its groups are taken.
+    """
     from ..conventions import load_convention
     from ..leaderboard import leaderboard
+    from ..published import load_published
     from ..selection import matching, metrics_of, pool, select
 
+    table = load_published(published) if published else None
+    if table:
+        convention, by = table.convention, by or table.by
     paper = load_convention(convention) if convention else None
     if paper:
         filters["metric"] = paper.scores(metrics_of(rows))
     board = leaderboard(rows, level=level, by=by, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), by)
     wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
-    _print(board, format, rows=chosen, metrics=wanted, convention=paper)
+    _print(board, format, rows=chosen, metrics=wanted, convention=paper, published=table)
 
 
 def show_across(

@@ -9,7 +9,7 @@
 Everything after the options is a Hydra override. The keys: task, dataset, sensor, method, metric (plugins, with their
 parameters behind a dot), seed, cases, split, threads, device, results, outputs=none|first|all,
 rerun=never|failed|always, convention (a paper's metrics, printed as its columns), limit.seconds, limit.memory_gb,
-limit.setup_seconds, profile=quick|paper, experiment, verbose.
+limit.setup_seconds, profile=quick|study|paper, experiment, verbose.
 
 A finished case is never run twice: start the same command again after an interruption, or with more methods, and it
 goes on from there. `detailbench plan ...` with the same words says what would be run.
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return 130
-    return _report(args, results, done, cells, code, conventions_of(overrides))
+    return _report(args, results, done, cells, code, overrides)
 
 
 def _launch(overrides: list[str], multirun: bool, total: int | None) -> int:
@@ -91,9 +91,9 @@ def _report(
     done: list[dict[str, Any]],
     cells: list[dict[str, Any]],
     code: int,
-    conventions: list[str],
+    overrides: list[str],
 ) -> int:
-    """Notes, the leaderboard of this run in each of the conventions that it names, and the exit code."""
+    """Notes, the leaderboard of this run (beside a paper's table, or in the conventions named), and the exit code."""
     for entry in done:
         if entry["kind"] == "not_solved":
             print(f"not planned: {entry['message']}", file=sys.stderr)
@@ -106,8 +106,12 @@ def _report(
         from .leaderboard import show
 
         rows = results.rows()
-        for convention in conventions or [None]:
-            show(rows[rows["cell"].isin({c["cell"] for c in cells})], convention=convention)
+        rows = rows[rows["cell"].isin({c["cell"] for c in cells})]
+        tables = published_by(overrides)
+        for experiment in tables:
+            show(rows, published=experiment)
+        for convention in [] if tables else conventions_of(overrides) or [None]:
+            show(rows, convention=convention)
     solved, planned = sum(c["solved"] for c in cells), sum(c["planned"] for c in cells)
     cached = sum(c["cached"] for c in cells)
     print(
@@ -154,6 +158,14 @@ def results_folder(overrides: list[str]) -> str:
             if not equals or not folder or "," in folder:
                 raise UsageError(f"{word}: expected one folder, results=DIR")
     return folder
+
+
+def published_by(overrides: list[str]) -> list[str]:
+    """The experiments among the overrides that repeat a paper's table."""
+    from ..published import has_published
+
+    named = [word.partition("=")[2] for word in overrides if word.startswith("experiment=")]
+    return [name for name in named if has_published(name)]
 
 
 def conventions_of(overrides: list[str]) -> list[str]:

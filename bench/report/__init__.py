@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ..conventions import Convention
+    from ..published import Published
 
 FORMATS = ("terminal", "markdown", "latex", "csv")
 
@@ -29,6 +30,7 @@ def render(
     width: int = 120,
     color: bool = False,
     convention: Convention | None = None,
+    published: Published | None = None,
 ) -> str:
     """A leaderboard as text.
 
@@ -49,6 +51,8 @@ def render(
         Whether to use the terminal's bold and dim letters.
     convention : Convention, optional
         Print a paper's columns, in its units and under its titles, instead of the scores.
+    published : Published, optional
+        Print the numbers of a paper's table beside ours.
 
     Raises
     ------
@@ -66,12 +70,12 @@ def render(
     if format == "terminal":
         from .terminal import failure_list, terminal
 
-        text = terminal(tables(board, rows, metrics, convention), width, color)
+        text = terminal(tables(board, rows, metrics, convention, published), width, color)
         return text + (failure_list(board, rows, width, color) if rows is not None else "")
     if format == "markdown":
         from .markdown import markdown
 
-        return markdown(tables(board, rows, metrics, convention))
+        return markdown(tables(board, rows, metrics, convention, published))
     from .latex import latex
 
-    return latex(tables(board, rows, metrics, convention))
+    return latex(tables(board, rows, metrics, convention, published))

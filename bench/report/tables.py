@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ..conventions import Convention
+    from ..published import Published
 
 GROUP = ["task", "dataset", "sensor"]
 Line = dict[str, Any]  # one row of a board
 FAILED = "†"  # behind a mean that leaves failed cases out
+GIVEN = "‡"  # behind a method that was given the truth
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,8 @@ class Table:
 
     @property
     def title(self) -> str:
-        """``reconstruct · bumps · samples``."""
-        return " · ".join((self.task, self.dataset, self.sensor))
+        """``reconstruct · bumps · samples``; a task without a sensor has two parts."""
+        return " · ".join(filter(None, (self.task, self.dataset, self.sensor)))
 
     @property
     def costs(self) -> list[tuple[str, tuple[str, ...]]]:
@@ -73,13 +75,17 @@ def tables(
     rows: pd.DataFrame | None = None,
     metrics: Sequence[str] = (),
     convention: Convention | None = None,
+    published: Published | None = None,
 ) -> list[Table]:
-    """The tables of a board, in its order; of a board in a convention, with its digits and its notes."""
+    """The tables of a board, in its order; of a board in a convention, with its digits and its notes.
+
+    A paper's own numbers, ``published``, stand in a column beside ours.
+    """
     parameters, states = _parameters(rows), _states(rows)
     level = board.attrs.get("level", 0.95)
     lines = board.to_dict("records")
     return [
-        _table(label, list(part), parameters, metrics, level, convention, states.get(label))
+        _table(label, list(part), parameters, metrics, level, convention, states.get(label), published)
         for label, part in itertools.groupby(lines, key=lambda line: (line["task"], line["dataset"], line["sensor"]))
     ]
 
@@ -119,6 +125,7 @@ def _table(
     level: float,
     convention: Convention | None,
     state: str | None,
+    published: Published | None,
 ) -> Table:
     names = metric_order(lines, wanted)
     by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
@@ -131,12 +138,16 @@ def _table(
     most = {_label(line): line for line in sorted(lines, key=lambda line: line["solved"])}
     counts = [parameters.get((*group, most[m]["method"], most[m]["variant"]), math.nan) for m in methods]
     digits = convention.digits if convention else {}
-    columns = tuple(_metric(name, by_metric[name], [most[m] for m in methods], digits.get(name)) for name in names)
+    lines_shown = [most[m] for m in methods]
+    columns: list[Metric] = []
+    for name in names:
+        columns.append(_metric(name, by_metric[name], lines_shown, digits.get(name)))
+        columns.extend(_published(columns[-1], lines_shown, published, digits.get(name)))
     return Table(
         *group,
-        methods=tuple(methods),
+        methods=tuple(m + (f" {GIVEN}" if _is_given(most[m]) else "") for m in methods),
         ranks=tuple(_rank(first.get(m)) for m in methods),
-        metrics=columns,
+        metrics=tuple(columns),
         solved=tuple(f"{most[m]['solved']}/{most[m]['planned']}" for m in methods),
         seconds=tuple(_seconds(most[m]["seconds_median"]) for m in methods),
         memory=tuple(_megabytes(most[m]["peak_rss_mb"]) for m in methods),
@@ -145,6 +156,7 @@ def _table(
             *([state] if state else []),
             *_notes(lines, columns, level),
             *(convention.notes(names) if convention else ()),
+            *([f"{published.short}: {published.source}."] if published else []),
         ),
     )
 
@@ -160,6 +172,17 @@ def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int
     )
 
 
+def _published(ours: Metric, methods: list[Line], published: Published | None, digits: int | None) -> list[Metric]:
+    """The paper's column beside ours, where it has a number for one of the methods."""
+    if published is None:
+        return []
+    values = [published.value(ours.name, m["method"], m["variant"], m["sensor"]) for m in methods]
+    if all(value is None for value in values):
+        return []
+    cells = tuple(Cell("" if value is None else plain(value, 0, digits)) for value in values)
+    return [Metric(f"{ours.name}, {published.short}", ours.better, 0, cells, "")]
+
+
 def _cell(line: Line | None, most: Line, exponent: int, digits: int | None) -> Cell:
     if line is None:
         return Cell("")
@@ -171,7 +194,7 @@ def _cell(line: Line | None, most: Line, exponent: int, digits: int | None) -> C
     return Cell(text, line["rank_low"] == 1 and math.isfinite(line["mean"]), mark)
 
 
-def _notes(lines: list[Line], columns: tuple[Metric, ...], level: float) -> tuple[str, ...]:
+def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[str, ...]:
     notes = []
     if columns:
         notes.append(f"rank: by {columns[0].name}, {level:.0%} interval; methods whose intervals overlap may be equal.")
@@ -185,6 +208,11 @@ def _notes(lines: list[Line], columns: tuple[Metric, ...], level: float) -> tupl
             f"{FAILED} the mean leaves failed cases out; for the rank, a failed case is worse than every solved result "
             "on that case."
         )
+    if any(map(_is_given, lines)):
+        notes.append(
+            f"{GIVEN} trained on true distances of the reference, which the other methods are not given: no answer to "
+            "the same question."
+        )
     planned = {(line["metric"], line["planned"]) for line in lines}
     if len(planned) > len({line["metric"] for line in lines}):
         notes.append("Methods were run on different cases; ranks compare each two on what both were run on.")
@@ -193,20 +221,29 @@ def _notes(lines: list[Line], columns: tuple[Metric, ...], level: float) -> tupl
     return tuple(notes)
 
 
+def _is_given(line: Line) -> bool:
+    """Whether the method asked for true distances of the reference."""
+    return line.get("true_distances", 0) > 0
+
+
 def _states(rows: pd.DataFrame | None) -> dict[tuple[str, str, str], str]:
-    """What the inputs of each table really were like, in words: see :mod:`bench.geometry.conditions`."""
-    if rows is None or "input.rms" not in rows:
+    """What the inputs of each table really were like, in words: see the ``describe`` of the tasks."""
+    if rows is None:
         return {}
     columns = [column for column in rows.columns if column.startswith("input.")]
-    return {
-        label: _state(part[columns].median())
-        for label, part in rows.groupby(GROUP)
-        if part[columns].notna().any(axis=None)
-    }
+    states = {label: _state(part[columns].median()) for label, part in rows.groupby(GROUP)} if columns else {}
+    return {label: state for label, state in states.items() if state}
 
 
 def _state(medians: pd.Series) -> str:
     value = {name.removeprefix("input."): float(number) for name, number in medians.items()}
+    if math.isfinite(value.get("detail_rms", math.nan)):
+        return (
+            f"details to transfer, median of the cases, in radii of the target: {value['detail_rms']:.2g} root mean "
+            f"square, at most {value['detail_max']:.2g}."
+        )
+    if not math.isfinite(value.get("rms", math.nan)):
+        return ""
     return (
         f"input, median of the cases: {value['points']:,.0f} points; {value['rms_inliers']:.2g} from the surface (root "
         f"mean square) but for {value['outliers']:.1%} outliers, which are beyond 0.05; {value['coverage']:.1%} of it "

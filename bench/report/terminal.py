@@ -113,7 +113,7 @@ def failure_list(board: pd.DataFrame, rows: pd.DataFrame, width: int = 120, colo
             continue
         message = " ".join(str(f.message or "").split())
         message = message if len(message) <= MOST_MESSAGE else message[: MOST_MESSAGE - 1] + "…"
-        where = " · ".join((f.task, f.dataset, f.sensor))
+        where = " · ".join(filter(None, (f.task, f.dataset, f.sensor)))
         lines.append(
             Text(f"  {label(f.method, f.variant)}: {f.count} {f.status} ({where}){': ' + message if message else ''}")
         )

@@ -28,6 +28,14 @@ class Empty:
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """A mesh without vertices and faces."""
-        from trimesh import Trimesh
+        return _no_mesh()
 
-        return Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64), process=False)
+    def detail_transfer(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, run: Run) -> Trimesh:
+        """A mesh without vertices and faces."""
+        return _no_mesh()
+
+
+def _no_mesh() -> Trimesh:
+    from trimesh import Trimesh
+
+    return Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64), process=False)

@@ -42,3 +42,7 @@ class Identity:
         check_points(cloud.points, "identity", at_least=3)
         normals = with_normals(cloud).normals
         return triangles_around(cloud.points, normals, self.size * mean_spacing(cloud.points))
+
+    def detail_transfer(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, run: Run) -> Trimesh:
+        """The target's base without any details."""
+        return target_base.copy()

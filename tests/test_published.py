@@ -1,0 +1,81 @@
+"""A paper's own numbers beside ours."""
+
+import pandas as pd
+import pytest
+
+from bench import published
+from bench.errors import UsageError
+from bench.presets import names
+from bench.published import Line, Published, all_parameters, load_published
+from bench.report import render
+
+TABLES = [name for name in names("experiment") if published.has_published(name)]
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_every_table_names_columns_of_its_convention_and_methods_that_exist(name):
+    """A number under a title that no column has would never be printed."""
+    from bench.conventions import load_convention
+    from bench.registry import registry
+    from bench.schema import defaults
+
+    table = load_published(name)
+    titles = set(load_convention(table.convention).digits)
+    assert table.lines
+    for line in table.lines:
+        assert set(line.values) <= titles
+        assert set(line.parameters) <= set(defaults(registry().find("method", line.method)))
+
+
+def test_a_line_is_found_by_its_parameters_given_or_default():
+    """siren has omega 30 and three layers unless its variant says otherwise."""
+    table = Published(
+        "a paper",
+        "paper",
+        "idf",
+        (Line({"CD": 2.0}, "siren", {"omega": 60.0}), Line({"CD": 3.0}, "siren", {"hidden_layers": 3})),
+    )
+    assert table.value("CD", "siren", "omega=60,seconds=45", "clean") == 2.0
+    assert table.value("CD", "siren", "seconds=45", "clean") == 3.0
+    assert table.value("CD", "siren", "hidden_layers=7", "clean") is None
+    assert table.value("other", "siren", "", "clean") is None
+    assert all_parameters("siren", "omega=60")["omega"] == "60"
+
+
+def test_a_line_may_be_of_one_sensor():
+    """Rows of a table that differ in the input."""
+    line = Line({"CD": 1.0}, "poisson", {}, sensor="idf_40k_002")
+    assert line.is_of("poisson", {}, "idf_40k_002") and not line.is_of("poisson", {}, "clean")
+
+
+def test_the_numbers_stand_beside_ours():
+    """In a column of their own, empty where the paper has none."""
+    from bench.conventions import load_convention
+
+    common = {
+        "task": "reconstruct",
+        "dataset": "d",
+        "sensor": "s",
+        "better": "lower",
+        "ci_low": 0.001,
+        "ci_high": 0.003,
+    }
+    common |= {"metric": "chamfer_l1_sum", "mean": 0.002, "floor": 0.001, "solved": 1, "planned": 1}
+    common |= {"seconds_median": 1.0, "peak_rss_mb": 1.0, "true_distances": 0, "variant": ""}
+    board = pd.DataFrame(
+        [common | {"method": m, "rank_low": i, "rank_high": i} for i, m in enumerate(("siren", "poisson"), 1)]
+    )
+    table = Published("somebody's table", "paper", "idf", (Line({"CD (1e-3)": 9.85}, "siren"),))
+    text = render(board, "markdown", convention=load_convention("idf"), published=table)
+    head, _, siren, poisson, *_ = [line for line in text.splitlines() if line.startswith("|")]
+    column = [cell.strip() for cell in head.split("|")].index(next(c.strip() for c in head.split("|") if "paper" in c))
+    assert siren.split("|")[column].strip() == "9.85" and poisson.split("|")[column].strip() == ""
+    assert "paper: somebody's table." in text
+
+
+def test_an_experiment_without_a_table_is_refused():
+    """And the message names those that have one."""
+    with pytest.raises(UsageError, match="repeats no paper's table; these do: .*table_4_1"):
+        load_published("demo")
+    with pytest.raises(UsageError, match="table_4_1"):
+        load_published("table_4_11")
