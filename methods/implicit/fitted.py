@@ -1,0 +1,141 @@
+"""The base of all methods that fit one field to one shape, and march over it."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bench import BadInput, Frame, PointCloud, Run
+from bench.geometry.check import check_points
+from bench.geometry.normals import with_normals
+
+if TYPE_CHECKING:
+    import torch
+    from trimesh import Trimesh
+
+    from .field import Field
+    from .fitting import Sampling
+
+LEAST_POINTS = 10
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Fits a field in the frame in which the farthest point is at radius 1, and extracts its zero level.
+
+    A method of this family has :meth:`field`, and says with the defaults of its parameters how it is trained.
+    """
+
+    steps: int = 1500  # of training, at most
+    seconds: float = 0.0  # wall clock of the training, at most; 0 for as long as the run's limit allows
+    batch: int = 2048  # surface points of a step; as many of the space are added
+    learning_rate: float = 1e-4  # of Adam
+    resolution: int = 256  # samples of the marching cubes along the shortest axis, 16 to 1024
+    traces: int = 0  # offer so many intermediate results, for error against time
+    save: str = ""  # write the fitted field to this .safetensors file
+    load: str = ""  # begin with the field in this file; with steps=0 it is extracted as it is
+
+    def __post_init__(self) -> None:
+        if self.steps < (0 if self.load else 1):
+            raise ValueError(f"steps: expected at least 1 (or 0 with load), got {self.steps}")
+        if not self.seconds >= 0:
+            raise ValueError(f"seconds: expected at least 0, got {self.seconds}")
+        if self.batch < 1:
+            raise ValueError(f"batch: expected at least 1, got {self.batch}")
+        if not self.learning_rate > 0:
+            raise ValueError(f"learning_rate: expected more than 0, got {self.learning_rate}")
+        if not 16 <= self.resolution <= 1024:
+            raise ValueError(f"resolution: expected 16 to 1024, got {self.resolution}")
+        if self.traces < 0:
+            raise ValueError(f"traces: expected at least 0, got {self.traces}")
+
+    # -- what a method adds ----------------------------------------------------------------------------------------
+
+    def field(self, generator: torch.Generator) -> Field:
+        """The field before the training, on the CPU, with weights drawn from ``generator``."""
+        raise NotImplementedError
+
+    def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
+        """What it is trained on: oriented points, unless a method says otherwise."""
+        from .sampling import Sampler
+
+        return Sampler(points, normals, self.batch, run.torch_generator())
+
+    def training(self) -> dict[str, Any]:
+        """Settings of :class:`~.fitting.Training` that are not those of Adam and the parameters above."""
+        return {}
+
+    # -- what they share -------------------------------------------------------------------------------------------
+
+    def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
+        """The zero level of a field that was fitted to the points and their normals (estimated if there are none)."""
+        field, frame = self.fit_to(cloud, run)
+        return self.extract(field, frame, self.resolution)
+
+    def fit_to(self, cloud: PointCloud, run: Run) -> tuple[Field, Frame]:
+        """The fitted field, and the frame that it lives in."""
+        import torch
+
+        from . import field as files
+        from .fitting import Training, fit
+
+        torch.set_num_threads(run.threads)
+        points, normals, frame = oriented(cloud, type(self).__name__.lower())
+        field = self.field(torch.Generator().manual_seed(int(run.rng.integers(2**62)))).to(run.device)
+        run.parameters = field.count()
+        if self.load:
+            files.load(field, self.load)
+        if self.steps:
+            sampler = self.sampler(points, normals, frame, run)
+            left = run.seconds_left() - self._reserve(field)
+            training = Training(
+                steps=self.steps,
+                seconds=min(self.seconds or math.inf, max(left, 0.1)),
+                learning_rate=self.learning_rate,
+                traces=self.traces + 1 if self.traces else 0,  # the last one would be the result
+                **self.training(),
+            )
+            coarse = max(16, self.resolution // 2)
+            fit(field, sampler, run, training, lambda: run.trace(lambda: self.extract(field, frame, coarse)))
+        if self.save:
+            files.save(field, self.save, method=type(self).__name__, frame=repr(frame))
+        return field, frame
+
+    def extract(self, field: Field, frame: Frame, resolution: int) -> Trimesh:
+        """The zero level of a field, in the coordinates of the input."""
+        from .meshing import extract
+
+        mesh = extract(field.values, resolution=resolution)
+        mesh.vertices = frame.invert(mesh.vertices)
+        return mesh
+
+    def _reserve(self, field: Field) -> float:
+        """Seconds that extracting the surface will take, generously, by the speed of the field."""
+        probe = np.zeros((8192, 3))
+        field.values(probe)
+        begin = time.perf_counter()
+        field.values(probe)
+        per_point = (time.perf_counter() - begin) / len(probe)
+        return 2 + 1.5 * per_point * (16 * self.resolution**2 + 65**3)
+
+
+def oriented(cloud: PointCloud, method: str) -> tuple[np.ndarray, np.ndarray, Frame]:
+    """Points in the frame in which the farthest is at radius 1, their normals, given or estimated, and that frame.
+
+    Raises
+    ------
+    BadInput
+        If there are too few points, or none that differ, or values that are not finite.
+    """
+    check_points(cloud.points, method, at_least=LEAST_POINTS)
+    frame = Frame.of(cloud.points)
+    differing = len(np.unique(cloud.points, axis=0))
+    if differing < LEAST_POINTS:
+        raise BadInput(f"{method}: only {differing} of {len(cloud)} points differ; expected at least {LEAST_POINTS}")
+    normals = with_normals(cloud).normals
+    assert normals is not None
+    return frame.apply(cloud.points), normals, frame

@@ -1,0 +1,164 @@
+"""The one training loop: draws, steps, stops in time, and keeps the best state."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+
+from bench import InvalidOutput, Run
+
+from .field import Field
+from .sampling import Batch
+
+
+class Sampling(Protocol):
+    """Whatever draws batches."""
+
+    def draw(self) -> Batch:
+        """The next one."""
+        ...
+
+
+@dataclass(frozen=True)
+class Training:
+    """How a field is fitted."""
+
+    steps: int  # at most
+    seconds: float = math.inf  # of wall clock, at most
+    learning_rate: float = 1e-4
+    betas: tuple[float, float] = (0.1, 0.9)
+    chunk: int = 2048  # points that go forwards and backwards at once
+    clip: float = 0.0  # largest norm of the gradient; 0 for none
+    checkpoints: int = 20  # how often the state is compared with the best one, over the whole training
+    traces: int = 0  # how often an intermediate result is offered
+
+
+class Progress:
+    """The progress t of a training, from 0 to 1, over its steps; and, where they would take too long, over its time.
+
+    As long as the steps fit into the time left, t does not depend on the clock, and the training is repeatable to the
+    bit. When the speed so far says that they will not fit, each step covers a larger part of the schedule, so that a
+    schedule always runs to its end.
+    """
+
+    WARM_UP = 5  # steps that say nothing of the speed: buffers and threads are being made
+
+    def __init__(self, steps: int, seconds_left: Callable[[], float]):
+        self._steps, self._left = steps, seconds_left
+        self._done, self._per_step, self._last = 0, 0.0, time.perf_counter()
+        self.t = 0.0
+
+    def step(self, paused: float = 0.0) -> None:
+        """One step is done; ``paused`` seconds of it were not training."""
+        now = time.perf_counter()
+        seconds, self._last = now - self._last - paused, now
+        self._done += 1
+        if self._done > self.WARM_UP:
+            self._per_step += (seconds - self._per_step) / min(20, self._done - self.WARM_UP)
+        left = self._left()
+        part = 1 / self._steps
+        if self._per_step > 0 and left < math.inf:
+            part = max(part, (1 - self.t) * self._per_step / max(left, 1e-9))
+        self.t = min(1.0, self.t + part) if left > 0 else 1.0
+        if self._steps <= self._done:
+            self.t = 1.0
+
+
+class Diverged(InvalidOutput):
+    """The training met values that are not finite."""
+
+
+def fit(
+    field: Field,
+    sampler: Sampling,
+    run: Run,
+    training: Training,
+    offer: Callable[[], None] = lambda: None,
+) -> int:
+    """Fit a field; afterwards it holds its best state. Returns the number of steps.
+
+    The best state is that with the least loss, as it counts at the end (t = 1), on one batch that is never trained on.
+
+    Parameters
+    ----------
+    offer : called ``training.traces`` times, with the field as it is then
+
+    Raises
+    ------
+    Diverged
+        If the loss is NaN or infinite.
+    """
+    optimizer = field.optimizer(training)
+    begin = run.elapsed()
+    progress = Progress(training.steps, lambda: training.seconds - (run.elapsed() - begin))
+    held_out = sampler.draw()
+    best = _Best(field, held_out, training.chunk)
+    steps = 0
+    while progress.t < 1:
+        loss = _step(field, sampler.draw(), optimizer, progress.t, training)
+        if not math.isfinite(loss):
+            raise Diverged(
+                f"the training diverged: the loss is {loss} after {steps} of {training.steps} steps; "
+                f"try a smaller learning_rate (it is {training.learning_rate:g})"
+            )
+        before, steps = progress.t, steps + 1
+        progress.step()
+        run.progress(round(1000 * progress.t), 1000)
+        if _passed(before, progress.t, training.checkpoints):
+            best.look()
+        if progress.t < 1 and _passed(before, progress.t, training.traces):
+            offer()
+            progress._last = time.perf_counter()
+    best.restore()
+    return steps
+
+
+def _passed(before: float, now: float, marks: int) -> bool:
+    return math.floor(before * marks) < math.floor(now * marks)
+
+
+def _step(field: Field, batch: Batch, optimizer: torch.optim.Optimizer, t: float, training: Training) -> float:
+    """One step of the optimizer; the loss before it."""
+    for group, factor in zip(optimizer.param_groups, field.rates(t), strict=True):
+        group["lr"] = training.learning_rate * factor
+        for parameter in group["params"]:
+            parameter.requires_grad_(factor > 0)
+    optimizer.zero_grad(set_to_none=True)
+    loss = 0.0
+    for chunk in batch.chunks(training.chunk):
+        part = field.loss(chunk, t)
+        if part.requires_grad:
+            part.backward()
+        loss = loss + part.detach()
+    if training.clip > 0:
+        torch.nn.utils.clip_grad_norm_(field.parameters(), training.clip)
+    optimizer.step()
+    return float(loss)
+
+
+class _Best:
+    """The best state so far."""
+
+    def __init__(self, field: Field, batch: Batch, chunk: int):
+        self._field, self._batch, self._chunk = field, batch, chunk
+        self._loss, self._state = math.inf, None
+
+    def look(self) -> None:
+        """Keep the state of now if it is better."""
+        with torch.no_grad():
+            loss = float(sum(self._field.loss(part, 1.0) for part in self._batch.chunks(self._chunk)))
+        if loss < self._loss:
+            self._loss = loss
+            self._state = {name: tensor.detach().clone() for name, tensor in self._field.state_dict().items()}
+
+    def restore(self) -> None:
+        """Back to the best state."""
+        if self._state is not None:
+            self._field.load_state_dict(self._state)
+        for parameter in self._field.parameters():
+            parameter.requires_grad_(True)

@@ -1,0 +1,63 @@
+"""IDF: a smooth base, and a displacement along its normals that carries the detail."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from bench import register
+
+from .fitted import Fitted
+
+if TYPE_CHECKING:
+    import torch
+
+    from .field import Field
+
+
+@register("method", cite="Wang et al. 2022", requires=("torch", "trimesh", "igl", "skimage"))
+@dataclass(frozen=True)
+class Idf(Fitted):
+    """Implicit displacement fields: two sine networks of low and high frequency (thesis 4.1, Eq. 4.3 and 4.4)."""
+
+    omega: float = 15.0  # frequency of the base, omega_B
+    omega_detail: float = 60.0  # frequency of the displacement, omega_D
+    hidden_layers: int = 3  # sine layers behind the first, of both networks
+    width: int = 256  # of each layer
+    alpha: float = 0.05  # largest displacement, relative to the radius
+    nu: float = 0.02  # distance to the base at which the displacement is halved (released: 0.05)
+    bounded: bool = True  # bound the displacement by alpha tanh; without it, alpha times the network's output
+    attenuate: bool = True  # let the displacement fade away from the base, by chi
+    schedule: Literal["thesis", "released", "none"] = "released"  # how the weights pass from the base to the whole
+    surface: float = 400.0  # weight of |f| on the points, lambda_1 (released: 200)
+    space: float = 50.0  # weight of exp(-100 |f|) elsewhere, lambda_3
+    eikonal: float = 5.0  # weight of the gradient's length, lambda_0
+    normal: float = 40.0  # weight of the normals, lambda_2
+    sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("alpha", "nu", "omega", "omega_detail"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
+
+    def field(self, generator: torch.Generator) -> Field:
+        """Both networks, the base a sphere to begin with."""
+        from .displaced_field import DisplacedField
+        from .losses import OrientedLoss
+        from .sine_network import SineNetwork
+        from .sphere import begin_as_sphere
+
+        form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
+        base, displacement = SineNetwork(self.omega, **form), SineNetwork(self.omega_detail, **form)
+        if self.sphere:
+            begin_as_sphere(base, self.sphere)
+        return DisplacedField(
+            OrientedLoss(self.surface, self.space, self.eikonal, self.normal),
+            base,
+            displacement,
+            alpha=self.alpha,
+            nu=self.nu if self.attenuate else 0.0,
+            bounded=self.bounded,
+            schedule=self.schedule,
+        )

@@ -1,0 +1,48 @@
+"""SIREN: one sine network, fitted to oriented points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from bench import register
+
+from .fitted import Fitted
+
+if TYPE_CHECKING:
+    import torch
+
+    from .field import Field
+
+
+@register("method", cite="Sitzmann et al. 2020", requires=("torch", "trimesh", "igl", "skimage"))
+@dataclass(frozen=True)
+class Siren(Fitted):
+    """A sine network that vanishes on the points, has their normals, and a gradient of length 1 (Eq. 4.4)."""
+
+    learning_rate: float = 1e-4  # of Adam
+    omega: float = 30.0  # frequency of the sine layers: the thesis tries 30 and 60
+    hidden_layers: int = 3  # sine layers behind the first: 3 or 7 in the thesis
+    width: int = 256  # of each layer
+    surface: float = 400.0  # weight of |f| on the points, lambda_1
+    space: float = 50.0  # weight of exp(-100 |f|) elsewhere, lambda_3
+    eikonal: float = 5.0  # weight of the gradient's length, lambda_0
+    normal: float = 40.0  # weight of the normals, lambda_2
+    sphere: float = 0.5  # radius of the sphere that the network begins as; 0 to begin at random
+    clip: float = 0.0  # largest norm of the gradient; 0 for none
+
+    def field(self, generator: torch.Generator) -> Field:
+        """The network, a sphere to begin with."""
+        from .losses import OrientedLoss
+        from .sine_field import SineField
+        from .sphere import begin_as_sphere
+
+        loss = OrientedLoss(self.surface, self.space, self.eikonal, self.normal)
+        field = SineField(loss, self.omega, hidden_layers=self.hidden_layers, width=self.width, generator=generator)
+        if self.sphere:
+            begin_as_sphere(field.network, self.sphere)
+        return field
+
+    def training(self) -> dict[str, Any]:
+        """Gradients are clipped where that is asked for."""
+        return {"clip": self.clip}

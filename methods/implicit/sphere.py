@@ -1,0 +1,108 @@
+"""Networks that begin as a sphere: "optional for our training but critical for baseline SIRENs" (thesis 4.1.2).
+
+Random sine networks have zero levels all over the box, and Eq. 4.4 does not tell inside from outside; one that begins
+as a sphere has one surface, outside positive. The thesis trains it beforehand; so do we, once: the forms that its
+tables use are shipped, half precision, beside this file (``python -m bench.methods.implicit.sphere`` makes them anew),
+any other is made when it is first needed and kept in the user's cache.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+
+import torch
+
+from .sine_network import SineNetwork
+
+SHIPPED = Path(__file__).parent / "spheres"
+STEPS, BATCH, RATE = 800, 1024, 5e-4
+# omega, layers behind the first, width: IDF's base and SIREN-3, SIREN-7, and the base of a transfer
+FORMS = ((15.0, 3, 256), (30.0, 3, 256), (60.0, 3, 256), (30.0, 7, 256), (60.0, 7, 256), (5.0, 3, 96))
+RADIUS = 0.5
+
+
+def begin_as_sphere(network: SineNetwork, radius: float = RADIUS) -> None:
+    """Replace a network's weights by those of the signed distance |x| - radius.
+
+    The weights depend on the network's form and on the radius alone, not on those that it has. A shipped or cached
+    sphere is scaled and kept in float16: what a beginning is rounded to does not matter, but it must be the same
+    whether it was made now or kept.
+    """
+    name = f"omega{network.omega:g}-layers{len(network.weights) - 2}-width{len(network.weights[0])}-radius{radius:g}"
+    for folder in (SHIPPED, _cache()):
+        if _load(network, folder / f"{name}.safetensors"):
+            return
+    made = make(network.omega, len(network.weights) - 2, len(network.weights[0]), radius)
+    _keep(made, _cache() / f"{name}.safetensors")
+    _assign(network, made)
+
+
+def make(omega: float, hidden_layers: int, width: int, radius: float) -> dict[str, torch.Tensor]:
+    """Weights, in float16, of a network fitted to |x| - radius: value, direction and length of the gradient.
+
+    The loss is that of the released recipe, mean |f - (|x| - r)| + mean(1 - cos(grad f, x)) + mean ||grad f| - 1|, on
+    uniform points of the box.
+    """
+    generator = torch.Generator().manual_seed(0)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # so that every machine of a kind makes the same one
+    try:
+        network = SineNetwork(omega, hidden_layers=hidden_layers, width=width, generator=generator, mixed=False)
+        optimizer = torch.optim.Adam(network.parameters(), lr=RATE)
+        for step in range(STEPS):
+            optimizer.param_groups[0]["lr"] = RATE * (1 - step / STEPS)
+            x = torch.rand(BATCH, 3, generator=generator) * 2 - 1
+            f, gradient = network.value_and_gradient(x)
+            distance = torch.linalg.vector_norm(x, dim=1)
+            loss = (f - (distance - radius)).abs().mean()
+            loss = loss + (1 - torch.cosine_similarity(gradient, x)).mean()
+            loss = loss + (torch.linalg.vector_norm(gradient, dim=1) - 1).abs().mean()
+            optimizer.zero_grad(set_to_none=True)
+            loss.backward()
+            optimizer.step()
+    finally:
+        torch.set_num_threads(threads)
+    return {name: tensor.detach().half() for name, tensor in network.state_dict().items()}
+
+
+def _assign(network: SineNetwork, weights: dict[str, torch.Tensor]) -> None:
+    network.load_state_dict({name: tensor.float() for name, tensor in weights.items()})
+
+
+def _load(network: SineNetwork, path: Path) -> bool:
+    from safetensors import SafetensorError
+    from safetensors.torch import load_file
+
+    if not path.is_file():
+        return False
+    try:
+        _assign(network, load_file(str(path)))
+    except (OSError, SafetensorError, RuntimeError, KeyError):
+        return False  # damaged: it is made again
+    return True
+
+
+def _cache() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "detailbench" / f"spheres-torch{torch.__version__}"
+
+
+def _keep(weights: dict[str, torch.Tensor], path: Path) -> None:
+    """Write a sphere; where that is not possible it is made again next time."""
+    from safetensors.torch import save_file
+
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+            save_file(weights, str(Path(folder) / path.name), {"format": "pt"})
+            os.replace(Path(folder) / path.name, path)
+
+
+if __name__ == "__main__":
+    SHIPPED.mkdir(exist_ok=True)
+    for form in FORMS:
+        weights = make(*form, RADIUS)
+        _keep(weights, SHIPPED / "omega{:g}-layers{}-width{}-radius{:g}.safetensors".format(*form, RADIUS))

@@ -1,0 +1,473 @@
+"""Sine networks, implicit displacement fields, their losses, schedules and the training loop."""
+
+from __future__ import annotations
+
+import math
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from bench import BadInput, PointCloud, Run
+from bench.methods.implicit import field as files
+from bench.methods.implicit.displaced_field import DisplacedField, attenuation
+from bench.methods.implicit.field import Field
+from bench.methods.implicit.fitting import Diverged, Progress, Training, fit
+from bench.methods.implicit.idf import Idf
+from bench.methods.implicit.losses import STEEPNESS, OrientedLoss
+from bench.methods.implicit.sampling import Batch, DistanceSampler, Sampler
+from bench.methods.implicit.schedules import stage
+from bench.methods.implicit.sine_network import SineNetwork
+from bench.methods.implicit.siren import Siren
+
+
+def draw(seed: int = 0) -> torch.Generator:
+    """A torch generator."""
+    return torch.Generator().manual_seed(seed)
+
+
+def small_network(omega: float = 5.0, seed: int = 0, width: int = 24) -> SineNetwork:
+    """A sine network in double precision: what is tested is the formula, not rounding."""
+    return SineNetwork(omega, hidden_layers=2, width=width, generator=draw(seed), mixed=False).double()
+
+
+def small_field(**changes) -> DisplacedField:
+    """A displaced field in double precision whose displacement is not small."""
+    settings = {"alpha": 0.1, "nu": 0.3, "schedule": "released"} | changes
+    return DisplacedField(OrientedLoss(), small_network(3.0), small_network(8.0, 1), **settings)
+
+
+def points(count: int, seed: int = 0) -> torch.Tensor:
+    """Points of the box."""
+    return torch.rand(count, 3, generator=draw(seed), dtype=torch.double) * 2 - 1
+
+
+# -- the sine network --------------------------------------------------------------------------------------------------
+
+
+def test_parameter_counts_are_those_of_the_thesis():
+    """Three layers behind the first: 198,657; seven: 461,825; two networks: 397,314."""
+    assert Siren(sphere=0).field(draw()).count() == 198_657
+    assert Siren(sphere=0, hidden_layers=7).field(draw()).count() == 461_825
+    assert Idf(sphere=0).field(draw()).count() == 397_314
+
+
+def test_sine_network_is_its_formula():
+    """Value by a loop over the layers of the formula."""
+    network, x = small_network(), points(7)
+    h = x
+    for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
+        h = torch.sin(network.omega * (h @ weight.T + bias))
+    expected = (h @ network.weights[-1].T + network.biases[-1])[:, 0]
+    torch.testing.assert_close(network(x), expected)
+    torch.testing.assert_close(network.value_and_gradient(x)[0], expected)
+
+
+def test_gradient_and_its_derivatives_are_those_of_automatic_differentiation():
+    """Gradient by x, and of a loss over value and gradient by x and by every weight, against double backward."""
+    network, x = small_network(), points(40).requires_grad_()
+    f, g = network.value_and_gradient(x)
+    f_auto = network(x)
+    (g_auto,) = torch.autograd.grad(f_auto.sum(), x, create_graph=True)
+    torch.testing.assert_close(g, g_auto)
+
+    def loss(f, g):
+        return f.abs().mean() + ((g.norm(dim=1) - 1).abs() * torch.arange(len(f))).mean()
+
+    wanted = [x, *network.parameters()]
+    mine = torch.autograd.grad(loss(f, g), wanted)
+    theirs = torch.autograd.grad(loss(f_auto, g_auto), wanted)
+    for ours, auto in zip(mine, theirs, strict=True):
+        torch.testing.assert_close(ours, auto)
+
+
+def test_frozen_weights_get_no_gradient_but_points_do():
+    """A frozen base hands the gradient on to where it was evaluated."""
+    network, x = small_network().requires_grad_(False), points(5).requires_grad_()
+    f, g = network.value_and_gradient(x)
+    (f.sum() + g.square().sum()).backward()
+    assert x.grad is not None and x.grad.abs().max() > 0
+    assert all(p.grad is None for p in network.parameters())
+
+
+def test_reduced_precision_reaches_the_backward_pass_alone():
+    """Values and gradients are those of full precision to the bit; what the weights get differs by rounding at most."""
+    full, mixed = (SineNetwork(15, generator=draw(), mixed=m) for m in (False, True))
+    x = points(512).float()
+    results = []
+    for network in (full, mixed):
+        f, g = network.value_and_gradient(x)
+        (f.abs().mean() + (g.norm(dim=1) - 1).abs().mean()).backward()
+        results.append((f.detach(), g.detach(), [p.grad for p in network.parameters()]))
+    assert torch.equal(results[0][0], results[1][0]) and torch.equal(results[0][1], results[1][1])
+    for ours, reduced in zip(results[0][2], results[1][2], strict=True):
+        assert (ours - reduced).norm() <= 2e-2 * ours.norm()
+    assert torch.get_float32_matmul_precision() == "highest"
+
+
+@pytest.mark.parametrize("omega", [15.0, 60.0])
+def test_initial_weights_have_the_published_ranges(omega):
+    """First layer U(+-1/3), others U(+-sqrt(6/256)/omega), biases U(+-1/sqrt(fan in)): range and variance."""
+    network = SineNetwork(omega, generator=draw())
+    bounds = [1 / 3, *[math.sqrt(6 / 256) / omega] * 4]
+    for weight, bound in zip(network.weights, bounds, strict=True):
+        assert weight.abs().max() <= bound
+        assert weight.abs().max() > 0.95 * bound
+        if weight.numel() > 1000:
+            assert weight.var().item() == pytest.approx(bound**2 / 3, rel=0.05)
+    for bias, fan_in in zip(network.biases, [3, *[256] * 4], strict=True):
+        assert bias.abs().max() <= 1 / math.sqrt(fan_in)
+    # Measured on the released code with omega = 15: mean -0.08, deviation 0.05, |grad| about 0.34.
+    f, g = network.value_and_gradient(points(4000).float())
+    assert f.std() < 0.2 and 0.1 < g.norm(dim=1).mean() < 1
+
+
+# -- the displaced field -----------------------------------------------------------------------------------------------
+
+
+def test_displaced_gradient_is_that_of_the_frozen_normal_form():
+    """Central differences of f^ with n and chi held as they are at x; and f^ itself by its formula."""
+    field, x = small_field(negligible=0.0), points(20)
+    with torch.no_grad():
+        f_hat, gradient = field.value_and_gradient(x)
+        f, g = field.base.value_and_gradient(x)
+        n, chi = g / g.norm(dim=1, keepdim=True), 1 / (1 + (f / 0.3) ** 4)
+
+        def frozen(y):
+            d = 0.1 * torch.tanh(field.displacement(y)) * chi
+            return field.base(y + d[:, None] * n)
+
+        torch.testing.assert_close(f_hat, frozen(x))
+        torch.testing.assert_close(field(x), f_hat)
+        h = 1e-5
+        for axis in range(3):
+            step = torch.zeros(3, dtype=torch.double)
+            step[axis] = h
+            torch.testing.assert_close(
+                gradient[:, axis], (frozen(x + step) - frozen(x - step)) / (2 * h), atol=1e-7, rtol=1e-6
+            )
+
+
+def test_displacement_is_bounded_and_attenuated():
+    """|d| < alpha chi everywhere; chi is 1 at the base, 1/2 at nu, and falls with the fourth power."""
+    field = small_field(negligible=0.0)
+    with torch.no_grad():
+        field.displacement.weights[-1] *= 1e3  # as large as it may get
+        f, d = field.parts(points(2000))
+    chi = attenuation(f, 0.3)
+    assert (d.abs() <= 0.1 * chi).all() and d.abs().max() > 0.09
+    values = attenuation(torch.tensor([0.0, 0.3, -0.3, 3.0], dtype=torch.double), 0.3)
+    torch.testing.assert_close(values, torch.tensor([1, 0.5, 0.5, 1 / 10001], dtype=torch.double))
+
+
+@pytest.mark.parametrize(("bounded", "nu"), [(False, 0.3), (True, 0.0), (False, 0.0)])
+def test_components_can_be_switched_off(bounded, nu):
+    """Without tanh, d is linear in the network's output; without nu nothing is attenuated."""
+    field, x = small_field(bounded=bounded, nu=nu), points(50)
+    with torch.no_grad():
+        f, d = field.parts(x)
+        raw = field.displacement(x)
+    expected = 0.1 * (torch.tanh(raw) if bounded else raw) * (1 / (1 + (f / nu) ** 4) if nu else 1)
+    torch.testing.assert_close(d, expected)
+
+
+@pytest.mark.parametrize("t", [0.0, 0.35, 0.9])
+def test_skipping_points_changes_gradients_only_where_chi_is_negligible(t):
+    """The loss's gradients with and without the skip differ by no more than what the skipped points could move."""
+    gradients = []
+    x = points(400)
+    for negligible in (1e-3, 0.0):
+        field = small_field(nu=0.02, negligible=negligible)
+        batch = Batch(x, 100, torch.nn.functional.normalize(points(100, 3), dim=1), None, 400)
+        for group, rate in zip(field.groups(), field.rates(t), strict=True):
+            for parameter in group:
+                parameter.requires_grad_(rate > 0)
+        field.loss(batch, t).backward()
+        gradients.append([p.grad for p in field.parameters() if p.grad is not None])
+    assert len(gradients[0]) == len(gradients[1]) > 0
+    for skipped, whole in zip(*gradients, strict=True):
+        assert (skipped - whole).norm() <= 0.02 * whole.norm() + 1e-9
+
+
+def test_a_frozen_base_is_not_moved():
+    """In the released schedule's second half the base keeps its weights to the bit, the displacement learns."""
+    field = small_field()
+    before = {name: p.detach().clone() for name, p in field.named_parameters()}
+    sampler = SimpleNamespace(draw=lambda: Batch(points(40), 20, points(20, 1), None, 40))
+    from bench.methods.implicit.fitting import _step
+
+    groups = [{"params": p, "lr": 0.0} for p in field.groups()]
+    _step(field, sampler.draw(), torch.optim.Adam(groups, lr=1e-3), 0.7, Training(steps=1, learning_rate=1e-3))
+    moved = {name: not torch.equal(before[name], p) for name, p in field.named_parameters()}
+    assert not any(hit for name, hit in moved.items() if name.startswith("base"))
+    assert any(hit for name, hit in moved.items() if name.startswith("displacement"))
+
+
+# -- losses and schedules ----------------------------------------------------------------------------------------------
+
+
+def test_loss_is_the_sum_of_its_terms_over_all_points():
+    """Eq. 4.4 by a loop over the points."""
+    loss = OrientedLoss(surface=7, space=5, eikonal=3, normal=2)
+    f, g, normals = points(6)[:, 0], points(6, 1), torch.nn.functional.normalize(points(4, 2), dim=1)
+    batch = Batch(points(6), 4, normals, None, 12)  # half of a step of 12
+    total = 0.0
+    for i in range(6):
+        total += 3 * abs(g[i].norm() - 1)
+        if i < 4:
+            total += 7 * abs(f[i]) + 2 * (1 - g[i] @ normals[i] / g[i].norm())
+        else:
+            total += 5 * torch.exp(-STEEPNESS * abs(f[i]))
+    torch.testing.assert_close(loss(f, g, batch), total / 12)
+
+
+@pytest.mark.parametrize(
+    ("t", "base_loss", "loss", "base_rate", "rate"),
+    [
+        (0.0, 1, 0, 1, 0),
+        (0.2, 1, 0, 1, 0),
+        (0.35, 0.5, 0.5, 0.5, 0.5),
+        (0.5, 0, 1, 0, 1),
+        (0.75, 0, 1, 0, 0.55),
+        (1, 0, 1, 0, 0.1),
+    ],
+)
+def test_released_schedule(t, base_loss, loss, base_rate, rate):
+    """Base alone, half and half in the middle of the blend, base frozen, and the displacement's rate down to a tenth."""
+    now = stage(t, "released")
+    assert (now.base_loss, now.loss, now.base_rate) == pytest.approx((base_loss, loss, base_rate))
+    assert now.rate == pytest.approx(rate)
+
+
+def test_thesis_schedule():
+    """kappa = (1 + cos(pi (t - 0.2)/0.8))/2, for weights and rates, which fall to a tenth over the last fifth."""
+    for t in (0.2, 0.35, 0.5, 0.8, 1.0):
+        kappa = 0.5 * (1 + math.cos(math.pi * (t - 0.2) / 0.8))
+        now = stage(t, "thesis")
+        assert (now.base_loss, now.loss) == pytest.approx((kappa, 1 - kappa))
+    assert stage(0.6, "thesis").rate == pytest.approx(0.5)
+    assert stage(1.0, "thesis").rate == pytest.approx(0.1)
+    assert stage(0.1, "thesis").rate == 0
+
+
+def test_chunks_are_the_batch():
+    """Parts cover a batch once, surface points first, and their losses add up to the whole's."""
+    sampler = Sampler(np.eye(3), np.eye(3), 50, draw())
+    batch = sampler.draw()
+    parts = list(batch.chunks(24))
+    assert len(parts) > 3 and sum(len(p.x) for p in parts) == 100 and sum(p.on for p in parts) == 50
+    torch.testing.assert_close(torch.cat([p.normals for p in parts]), batch.normals)
+    network = SineNetwork(5, hidden_layers=1, width=8, generator=draw())
+    loss = OrientedLoss()
+    whole = loss(*network.value_and_gradient(batch.x), batch)
+    torch.testing.assert_close(sum(loss(*network.value_and_gradient(p.x), p) for p in parts), whole)
+
+
+def test_batches_are_half_surface_half_space():
+    """Surface points come from the cloud with their normals, the others fill the box evenly."""
+    rng = np.random.default_rng(0)
+    cloud, normals = rng.normal(size=(2, 500, 3)).astype(np.float32)
+    batch = Sampler(cloud, normals, 4000, draw()).draw()
+    where = {tuple(p): i for i, p in enumerate(cloud)}
+    rows = [where[tuple(p)] for p in batch.x[:4000].numpy()]
+    np.testing.assert_array_equal(batch.normals.numpy(), normals[rows])
+    space = batch.x[4000:].numpy()
+    assert np.abs(space).max() <= 1
+    counts = np.histogramdd(space, bins=2, range=[(-1, 1)] * 3)[0]
+    assert counts.min() > 400 and counts.max() < 600
+
+
+def test_distances_belong_to_their_points():
+    """Every point of a batch comes with the distance that the function gave it; two fifths lie on the surface."""
+    rng = np.random.default_rng(0)
+    cloud = rng.normal(size=(300, 3))
+    cloud /= np.linalg.norm(cloud, axis=1, keepdims=True)
+    sampler = DistanceSampler(cloud, cloud, 1000, draw(), lambda p: np.linalg.norm(p, axis=1) - 1, count=5000)
+    batch = sampler.draw()
+    assert (batch.on, len(batch.x), batch.total) == (800, 2000, 2000)
+    np.testing.assert_allclose(batch.distances, batch.x.norm(dim=1) - 1, atol=1e-6)
+    np.testing.assert_allclose(batch.normals, batch.x[:800], atol=1e-6)
+
+
+# -- the training loop -------------------------------------------------------------------------------------------------
+
+
+class Parabola(Field):
+    """One number that is drawn to 3; its loss can be spoilt."""
+
+    def __init__(self, spoilt_from: float = 2.0):
+        super().__init__()
+        self.number = torch.nn.Parameter(torch.zeros(1))
+        self.spoilt_from = spoilt_from
+
+    def loss(self, batch: Batch, t: float) -> torch.Tensor:
+        """Not a number from some t on."""
+        return ((self.number - 3) ** 2).sum() * (math.nan if t >= self.spoilt_from and torch.is_grad_enabled() else 1)
+
+
+NOTHING = SimpleNamespace(draw=lambda: Batch(torch.zeros(2, 3), 1, torch.zeros(1, 3), None, 2))
+
+
+def test_training_goes_to_its_minimum_and_says_how_far_it_is():
+    """The steps are counted, and progress grows to its end."""
+    said = []
+    run = Run(on_progress=lambda done, total: said.append(done / total))
+    field = Parabola()
+    assert fit(field, NOTHING, run, Training(steps=200, learning_rate=0.1, betas=(0.9, 0.999))) == 200
+    assert field.number.item() == pytest.approx(3, abs=0.05)
+    assert said == sorted(said) and said[-1] == 1
+
+
+def test_the_best_state_is_kept():
+    """A training that leaves its optimum returns to it."""
+
+    class Worse(Parabola):
+        def rates(self, t):
+            return [1.0 if t < 0.5 else -1.0]  # away from the minimum
+
+        def loss(self, batch, t):
+            return super().loss(batch, t)
+
+    field = Worse()
+    for parameter in field.parameters():
+        parameter.requires_grad_(True)
+    offered = []
+    fit(field, NOTHING, Run(), Training(steps=400, learning_rate=0.05, checkpoints=40), lambda: offered.append(1))
+    assert field.number.item() == pytest.approx(3, abs=0.2)
+
+
+def test_a_loss_that_is_not_finite_is_a_clear_error():
+    """It says after how many steps, and what to try."""
+    with pytest.raises(Diverged, match=r"diverged: the loss is nan after 50 of 100 steps.*learning_rate"):
+        fit(Parabola(spoilt_from=0.5), NOTHING, Run(), Training(steps=100, learning_rate=1e-3))
+
+
+def test_progress_follows_steps_as_long_as_they_fit():
+    """With time to spare t is a function of the steps alone."""
+    progress = Progress(10, lambda: 1e6)
+    for i in range(10):
+        assert progress.t == pytest.approx(i / 10)
+        progress.step()
+    assert progress.t == 1
+
+
+def test_a_schedule_runs_to_its_end_in_the_time_there_is():
+    """A million steps in a fifth of a second: every part of the schedule is met, and it ends in time."""
+    seen = []
+
+    class Slow(Parabola):
+        def loss(self, batch, t):
+            time.sleep(0.002)
+            seen.append(t)
+            return super().loss(batch, t)
+
+    run = Run()
+    fit(Slow(), NOTHING, run, Training(steps=10**6, seconds=0.4, learning_rate=1e-3, checkpoints=0))
+    assert run.elapsed() < 2
+    assert np.diff(sorted(seen)).max() < 0.25 and max(seen) > 0.9
+
+
+def test_intermediate_results_are_offered():
+    """As often as was asked for, and before the end."""
+    offered = []
+    fit(Parabola(), NOTHING, Run(), Training(steps=100, learning_rate=1e-3, traces=5), lambda: offered.append(1))
+    assert len(offered) == 4
+
+
+# -- whole fits --------------------------------------------------------------------------------------------------------
+
+
+def ball(count: int = 4000, radius: float = 1.0) -> PointCloud:
+    """Points of a sphere with normals."""
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(count, 3))
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return PointCloud(radius * x + [5, 0, 0], x)
+
+
+def torus(count: int = 8000) -> PointCloud:
+    """Points of a torus of radii 0.7 and 0.3."""
+    rng = np.random.default_rng(0)
+    u, v = rng.uniform(0, 2 * np.pi, (2, count))
+    ring = np.stack([np.cos(u), np.sin(u), 0 * u], axis=1)
+    n = ring * np.cos(v)[:, None] + np.array([0, 0, 1]) * np.sin(v)[:, None]
+    return PointCloud(0.7 * ring + 0.3 * n, n)
+
+
+SMALL = {"width": 48, "hidden_layers": 2, "batch": 256, "resolution": 48, "learning_rate": 2e-3, "sphere": 0.0}
+
+
+def test_a_torus_is_fitted_by_both():
+    """Every vertex within 0.02 of the torus, closed, with its one handle."""
+    for method in (Siren(steps=250, omega=8, **SMALL), Idf(steps=250, omega=6, omega_detail=15, **SMALL)):
+        run = Run(seed=1)
+        mesh = method.reconstruct(torus(), run)
+        x, y, z = mesh.vertices.T
+        distance = np.hypot(np.hypot(x, y) - 0.7, z) - 0.3
+        assert np.abs(distance).max() < 0.03, type(method)
+        assert mesh.is_watertight and mesh.euler_number == 0 and mesh.volume > 0
+        assert run.parameters == method.field(draw()).count()
+
+
+def test_a_sphere_anywhere_of_any_size():
+    """The result is in the coordinates of the input."""
+    mesh = Siren(steps=150, omega=5, **SMALL).reconstruct(ball(radius=20.0), Run(seed=1))
+    distance = np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) - 20
+    assert np.abs(distance).max() < 0.3
+
+
+def test_the_same_seed_gives_the_same_mesh_and_another_seed_another():
+    """To the bit."""
+    method = Idf(steps=20, **SMALL)
+    first, again, other = (method.reconstruct(ball(), Run(seed=s)) for s in (1, 1, 2))
+    np.testing.assert_array_equal(first.vertices, again.vertices)
+    assert first.vertices.shape != other.vertices.shape or not np.array_equal(first.vertices, other.vertices)
+
+
+def test_a_saved_field_is_the_same_field(tmp_path):
+    """Through a safetensors file, to the bit; another network's file is refused by name."""
+    method = Idf(steps=20, save=str(tmp_path / "ball.safetensors"), **SMALL)
+    mesh = method.reconstruct(ball(), Run(seed=1))
+    again = Idf(steps=0, load=method.save, **SMALL).reconstruct(ball(), Run(seed=3))
+    np.testing.assert_array_equal(mesh.vertices, again.vertices)
+    with pytest.raises(BadInput, match=r"ball.safetensors: belongs to another network"):
+        Siren(steps=0, load=method.save, **SMALL).reconstruct(ball(), Run())
+    (tmp_path / "torn.safetensors").write_bytes(b"not what it says")
+    with pytest.raises(BadInput, match=r"torn.safetensors: expected a safetensors file"):
+        files.load(method.field(draw()), tmp_path / "torn.safetensors")
+
+
+def test_a_short_limit_still_gives_a_surface():
+    """A run of few seconds stops in time, with what it has."""
+    run = Run(seed=1, seconds=6.0)
+    mesh = Idf(steps=10**6, omega=6, omega_detail=15, **SMALL).reconstruct(ball(), run)
+    assert run.elapsed() < 6
+    distance = np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) - 1
+    assert np.abs(distance).mean() < 0.05
+
+
+def test_intermediate_results_come_as_meshes_that_improve():
+    """Traces are scored in order; the mean distance falls."""
+    traced = []
+    run = Run(seed=1, on_trace=lambda output, seconds: traced.append((seconds, output())))
+    Siren(steps=150, omega=5, traces=3, **SMALL).reconstruct(ball(), run)
+    errors = [np.abs(np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) - 1).mean() for _, mesh in traced]
+    assert len(errors) == 3 and errors[-1] < errors[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [({"steps": 0}, "steps"), ({"alpha": 0.0}, "alpha"), ({"resolution": 8}, "resolution"), ({"batch": 0}, "batch")],
+)
+def test_wrong_parameters_are_refused(change, message):
+    """By name."""
+    with pytest.raises(ValueError, match=message):
+        Idf(**change)
+
+
+def test_too_few_points_are_refused():
+    """With the method's name."""
+    with pytest.raises(BadInput, match="idf"):
+        Idf().reconstruct(PointCloud(np.eye(3), np.eye(3)), Run())
