@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from .fitting import Sampling
 
 LEAST_POINTS = 10
+MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
+REACH = 1.03  # half a side of the box that is marched: a fitted surface may leave the points' by a little
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ class Fitted:
             files.load(field, self.load)
         if self.steps:
             sampler = self.sampler(points, normals, frame, run)
-            left = run.seconds_left() - self._reserve(field)
+            left = run.seconds_left() - self._reserve(field, np.ptp(points, axis=0))
             training = Training(
                 steps=self.steps,
                 seconds=min(self.seconds or math.inf, max(left, 0.1)),
@@ -109,18 +111,21 @@ class Fitted:
         """The zero level of a field, in the coordinates of the input."""
         from .meshing import extract
 
-        mesh = extract(field.values, resolution=resolution)
+        mesh = extract(field.values, resolution=resolution, domain=(-REACH, REACH))
         mesh.vertices = frame.invert(mesh.vertices)
         return mesh
 
-    def _reserve(self, field: Field) -> float:
-        """Seconds that extracting the surface will take, generously, by the speed of the field."""
+    def _reserve(self, field: Field, extents: np.ndarray) -> float:
+        """Seconds that extracting a surface of these extents (3,) will take, generously, by the speed of the field."""
         probe = np.zeros((8192, 3))
         field.values(probe)
         begin = time.perf_counter()
         field.values(probe)
-        per_point = (time.perf_counter() - begin) / len(probe)
-        return 2 + 1.5 * per_point * (16 * self.resolution**2 + 65**3)
+        per_point = (time.perf_counter() - begin) / len(probe) + MESHING
+        a, b, c = extents
+        shortest = max(min(extents), max(extents) / 5)  # no side gets more than five times the shortest's samples
+        area = 2 * (a * b + b * c + c * a) / shortest**2
+        return 2 + 1.5 * per_point * (9 * area * self.resolution**2 + 2 * 65**3)
 
 
 def oriented(cloud: PointCloud, method: str) -> tuple[np.ndarray, np.ndarray, Frame]:
