@@ -21,7 +21,7 @@ from .schema import NAME_KEY, build, config_class, parameters
 from .seeds import generator
 from .shapes import Case, PointCloud, Shape
 
-LIMIT = Limits(seconds=60, memory_gb=4, setup_seconds=120)
+LIMIT = Limits(seconds=120, memory_gb=4, setup_seconds=120)
 POINTS = 2000  # of the toy cloud
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .fitting import Sampling
 
 LEAST_POINTS = 10
+COARSEST = 32  # to which a resolution is lowered where the time is short
 MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
 REACH = 1.03  # half a side of the box that is marched: a fitted surface may leave the points' by a little
 
@@ -32,10 +33,11 @@ class Fitted:
     A method of this family has :meth:`field`, and says with the defaults of its parameters how it is trained.
     """
 
-    steps: int = 1500  # of training, at most
+    steps: int = 500  # of training, at most
     seconds: float = 0.0  # wall clock of the training, at most; 0 for as long as the run's limit allows
-    batch: int = 2048  # surface points of a step; as many of the space are added
+    batch: int = 1024  # surface points of a step; as many of the space are added
     learning_rate: float = 1e-4  # of Adam
+    betas: tuple[float, float] = (0.9, 0.999)  # of Adam: how much of the past its two averages keep
     resolution: int = 256  # samples of the marching cubes along the shortest axis, 16 to 1024
     traces: int = 0  # offer so many intermediate results, for error against time
     save: str = ""  # write the fitted field to this .safetensors file
@@ -50,6 +52,8 @@ class Fitted:
             raise ValueError(f"batch: expected at least 1, got {self.batch}")
         if not self.learning_rate > 0:
             raise ValueError(f"learning_rate: expected more than 0, got {self.learning_rate}")
+        if len(self.betas) != 2 or not all(0 <= beta < 1 for beta in self.betas):
+            raise ValueError(f"betas: expected two numbers from 0 to below 1, got {self.betas}")
         if not 16 <= self.resolution <= 1024:
             raise ValueError(f"resolution: expected 16 to 1024, got {self.resolution}")
         if self.traces < 0:
@@ -68,7 +72,7 @@ class Fitted:
         return Sampler(points, normals, self.batch, run.torch_generator())
 
     def training(self) -> dict[str, Any]:
-        """Settings of :class:`~.fitting.Training` that are not those of Adam and the parameters above."""
+        """Settings of :class:`~.fitting.Training` that are none of the parameters above."""
         return {}
 
     # -- what they share -------------------------------------------------------------------------------------------
@@ -76,7 +80,10 @@ class Fitted:
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The zero level of a field that was fitted to the points and their normals (estimated if there are none)."""
         field, frame = self.fit_to(cloud, run)
-        return self.extract(field, frame, self.resolution)
+        resolution, extents = self.resolution, np.ptp(frame.apply(cloud.points), axis=0)
+        while resolution > COARSEST and self._reserve(field, extents, resolution) > run.seconds_left():
+            resolution //= 2  # a coarser surface in time rather than none
+        return self.extract(field, frame, resolution)
 
     def fit_to(self, cloud: PointCloud, run: Run) -> tuple[Field, Frame]:
         """The fitted field, and the frame that it lives in."""
@@ -93,13 +100,13 @@ class Fitted:
             files.load(field, self.load)
         if self.steps:
             sampler = self.sampler(points, normals, frame, run)
-            left = run.seconds_left() - self._reserve(field, np.ptp(points, axis=0))
+            left = run.seconds_left() - self._reserve(field, np.ptp(points, axis=0), self.resolution)
             training = Training(
                 steps=self.steps,
                 seconds=min(self.seconds or math.inf, max(left, 0.1)),
                 learning_rate=self.learning_rate,
                 traces=self.traces + 1 if self.traces else 0,  # the last one would be the result
-                **self.training(),
+                **({"betas": self.betas} | self.training()),
             )
             coarse = max(16, self.resolution // 2)
             fit(field, sampler, run, training, lambda: run.trace(lambda: self.extract(field, frame, coarse)))
@@ -115,7 +122,7 @@ class Fitted:
         mesh.vertices = frame.invert(mesh.vertices)
         return mesh
 
-    def _reserve(self, field: Field, extents: np.ndarray) -> float:
+    def _reserve(self, field: Field, extents: np.ndarray, resolution: int) -> float:
         """Seconds that extracting a surface of these extents (3,) will take, generously, by the speed of the field."""
         probe = np.zeros((8192, 3))
         field.values(probe)
@@ -125,7 +132,7 @@ class Fitted:
         a, b, c = extents
         shortest = max(min(extents), max(extents) / 5)  # no side gets more than five times the shortest's samples
         area = 2 * (a * b + b * c + c * a) / shortest**2
-        return 2 + 1.5 * per_point * (9 * area * self.resolution**2 + 2 * 65**3)
+        return 2 + 1.5 * per_point * (9 * area * resolution**2 + 2 * 65**3)
 
 
 def oriented(cloud: PointCloud, method: str) -> tuple[np.ndarray, np.ndarray, Frame]:

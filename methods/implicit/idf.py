@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 class Idf(Fitted):
     """Implicit displacement fields: two sine networks of low and high frequency (thesis 4.1, Eq. 4.3 and 4.4)."""
 
+    steps: int = 300  # of training, at most
+    betas: tuple[float, float] = (0.1, 0.9)  # of Adam, as released: the thesis does not name them
     omega: float = 15.0  # frequency of the base, omega_B
     omega_detail: float = 60.0  # frequency of the displacement, omega_D
     hidden_layers: int = 3  # sine layers behind the first, of both networks

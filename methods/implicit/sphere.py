@@ -18,7 +18,8 @@ import torch
 from .sine_network import SineNetwork
 
 SHIPPED = Path(__file__).parent / "spheres"
-STEPS, BATCH, RATE = 800, 1024, 5e-4
+BATCH = 2048
+STEPS_PER_OMEGA, RATE_TIMES_OMEGA = 50, 3e-3  # the higher the frequency, the smaller the weights, and so the steps
 # omega, layers behind the first, width: IDF's base and SIREN-3, SIREN-7, and the base of a transfer
 FORMS = ((15.0, 3, 256), (30.0, 3, 256), (60.0, 3, 256), (30.0, 7, 256), (60.0, 7, 256), (5.0, 3, 96))
 RADIUS = 0.5
@@ -51,9 +52,10 @@ def make(omega: float, hidden_layers: int, width: int, radius: float) -> dict[st
     torch.set_num_threads(1)  # so that every machine of a kind makes the same one
     try:
         network = SineNetwork(omega, hidden_layers=hidden_layers, width=width, generator=generator, mixed=False)
-        optimizer = torch.optim.Adam(network.parameters(), lr=RATE)
-        for step in range(STEPS):
-            optimizer.param_groups[0]["lr"] = RATE * (1 - step / STEPS)
+        optimizer = torch.optim.Adam(network.parameters())
+        steps, rate = max(500, round(STEPS_PER_OMEGA * omega)), RATE_TIMES_OMEGA / omega
+        for step in range(steps):
+            optimizer.param_groups[0]["lr"] = rate * (1 - step / steps)
             x = torch.rand(BATCH, 3, generator=generator) * 2 - 1
             f, gradient = network.value_and_gradient(x)
             distance = torch.linalg.vector_norm(x, dim=1)

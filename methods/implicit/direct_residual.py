@@ -1,0 +1,56 @@
+"""Direct residual: the sum of a smooth and a detailed network, without a direction for the detail."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from bench import register
+
+from .supervised import Supervised
+
+if TYPE_CHECKING:
+    import torch
+
+    from .field import Field
+
+
+@register("method", cite="Wang et al. 2022", requires=("torch", "trimesh", "igl", "skimage"))
+@dataclass(frozen=True)
+class DirectResidual(Supervised):
+    """The sum of two sine networks of low and high frequency, fitted to true distances (thesis 4.1.2).
+
+    f^(x) = N_B(x) + N_D(x), with the networks of IDF: 397,314 parameters. The released class differs from the thesis's
+    formula by one default, a factor alpha = 0.05 before N_D; its tanh and its attenuation chi are off by default. Here
+    alpha is 1, and all three are parameters. How the thesis weighs and schedules the fit is not said: both networks
+    learn at one rate from the beginning. IDF's sphere is where the base begins.
+    """
+
+    omega: float = 15.0  # frequency of the base, omega_B
+    omega_detail: float = 60.0  # frequency of the residual, omega_D
+    hidden_layers: int = 3  # sine layers behind the first, of both networks
+    width: int = 256  # of each layer
+    alpha: float = 1.0  # factor of the residual (released class: 0.05)
+    bounded: bool = False  # bound the residual by alpha tanh (released class: False)
+    attenuate: bool = False  # let the residual fade away from the base, by chi (released class: False)
+    nu: float = 0.02  # with attenuate: distance to the base at which the residual is halved
+    sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("alpha", "nu", "omega", "omega_detail"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
+
+    def field(self, generator: torch.Generator) -> Field:
+        """Both networks, the base a sphere to begin with."""
+        from .residual_field import ResidualField
+        from .sine_network import SineNetwork
+        from .sphere import begin_as_sphere
+
+        form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
+        base, residual = SineNetwork(self.omega, **form), SineNetwork(self.omega_detail, **form)
+        if self.sphere:
+            begin_as_sphere(base, self.sphere)
+        nu = self.nu if self.attenuate else 0.0
+        return ResidualField(self.oriented_loss(), base, residual, alpha=self.alpha, nu=nu, bounded=self.bounded)

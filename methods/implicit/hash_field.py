@@ -1,0 +1,148 @@
+"""A sphere, and what a small network makes of the features of a hash grid."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from .field import Field
+from .hash_grid import HashGrid
+from .losses import OrientedLoss
+from .sampling import Batch, Sampler
+from .schedules import late_decay
+from .spectral_poisson import evenly, indicator, interpolate, to_lattice
+
+GUIDANCE = 400.0  # weight of the guessed distances
+
+
+class HashField(Field):
+    """The field.
+
+        f = s(x) + W_2 h(W_1 phi(x) + b_1) + b_2,   s(x) = sqrt(|x|^2 + e^2) - sqrt(r^2 + e^2)
+
+    with h = log(1 + exp(10 z)) / 10 (softplus), in one or several layers. Features begin near 0, so f begins as the
+    sphere, outside positive; e = 0.1 rounds the tip that |x| has at the origin, where the surface may pass.
+
+    Parameters
+    ----------
+    grid : HashGrid
+    loss : OrientedLoss
+    width, hidden_layers : int
+    radius : float, of the sphere
+    network_rate : float
+        The learning rate of the network, relative to that of the features: all points move with it.
+    guided : float
+        Part of the training in which the distances of the batches, which are guesses, count too.
+    """
+
+    SHARPNESS, ROUNDING = 10.0, 0.1
+
+    def __init__(
+        self,
+        grid: HashGrid,
+        loss: OrientedLoss,
+        *,
+        width: int = 64,
+        hidden_layers: int = 1,
+        radius: float = 0.5,
+        network_rate: float = 0.3,
+        guided: float = 0.0,
+        generator: torch.Generator | None = None,
+    ):
+        super().__init__()
+        self.grid, self._loss, self._network_rate, self._guided = grid, loss, network_rate, guided
+        self._level_of_sphere = math.hypot(radius, self.ROUNDING)
+        self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
+        sizes = [len(grid.table) * len(grid.cells), *[width] * hidden_layers, 1]
+        for fan_in, fan_out in zip(sizes, sizes[1:], strict=False):
+            bound = math.sqrt((1 if fan_out == 1 else 6) / fan_in)  # He's, for the layers with an h
+            self.weights.append(nn.Parameter(torch.empty(fan_out, fan_in).uniform_(-bound, bound, generator=generator)))
+            self.biases.append(nn.Parameter(torch.zeros(fan_out, 1)))
+        # h(0) is not 0: the last bias takes it away, or the sphere would have another radius.
+        with torch.no_grad():
+            h = torch.zeros(sizes[0], 1)
+            for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+                h = F.softplus(torch.addmm(bias, weight, h), self.SHARPNESS)
+            self.biases[-1] -= self.weights[-1] @ h
+
+    def forward(self, x: Tensor) -> Tensor:
+        """The value at (n, 3) points."""
+        h = self.grid(x)
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            h = F.softplus(torch.addmm(bias, weight, h), self.SHARPNESS)
+        return torch.addmm(self.biases[-1], self.weights[-1], h)[0] + self._sphere(x)[0]
+
+    def value_and_gradient(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Value (n,) and gradient by x (n, 3); both differentiable by the parameters."""
+        features, slopes = self.grid.with_derivatives(x)
+        h, by_z = features, []
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            z = torch.addmm(bias, weight, h)
+            h = F.softplus(z, self.SHARPNESS)
+            by_z.append(torch.sigmoid(self.SHARPNESS * z))
+        f = torch.addmm(self.biases[-1], self.weights[-1], h)[0]
+        u = self.weights[-1].t()  # the derivative of f by the outputs of a layer
+        for weight, slope in zip(self.weights[-2::-1], by_z[::-1], strict=True):
+            u = weight.t() @ (u * slope)
+        gradient = (slopes * u).sum(1).t()
+        sphere, outward = self._sphere(x)
+        return f + sphere, gradient + outward
+
+    def _sphere(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        length = (x.square().sum(1) + self.ROUNDING**2).sqrt()
+        return length - self._level_of_sphere, x / length[:, None]
+
+    def loss(self, batch: Batch, t: float) -> Tensor:
+        """Eq. 4.4; at first with guessed distances in the place of its term for the space."""
+        f, gradient = self.value_and_gradient(batch.x)
+        if t >= self._guided or batch.distances is None:
+            return self._loss(f, gradient, batch)
+        guess = (f - batch.distances)[batch.on :].abs().nansum() / batch.total
+        return replace(self._loss, space=0.0)(f, gradient, batch) + GUIDANCE * guess
+
+    def groups(self) -> list[list[nn.Parameter]]:
+        """The features, then the network."""
+        return [[self.grid.table], [*self.weights, *self.biases]]
+
+    def rates(self, t: float) -> list[float]:
+        """Falling to a hundredth after the first third: what is left of the error then is the noise of the steps."""
+        factor = late_decay(t, begin=0.3, final=0.01)
+        return [factor, self._network_rate * factor]
+
+
+class GuidedSampler(Sampler):
+    """Oriented points, and uniform points of space with guesses of their distances.
+
+    The distance is that to the nearest point, the sign that of a coarse Poisson indicator of the points; it is NaN
+    where that is not clear. Eq. 4.4 only tells inside from outside at the surface, and features do not carry it far:
+    walls that the initial sphere leaves in space cost little, and stay.
+    """
+
+    LATTICE, UNCLEAR = 64, 0.1
+
+    def __init__(
+        self, points: np.ndarray, normals: np.ndarray, batch: int, generator: torch.Generator, *, count: int = 1 << 16
+    ):
+        super().__init__(points, normals, batch, generator)
+        from scipy.spatial import cKDTree
+
+        self._space = torch.rand(count, 3, generator=generator, device=generator.device) * 2 - 1
+        weighted = self._normals * evenly(self._points)[:, None]
+        chi = indicator(self._points, weighted, self.LATTICE, sigma=2.0)
+        chi = interpolate(chi, to_lattice(self._space, self.LATTICE))
+        distances = torch.as_tensor(cKDTree(points).query(self._space.cpu().numpy())[0]).to(chi)
+        self._distances = torch.where(chi.abs() > self.UNCLEAR, distances * chi.sign(), torch.nan)
+
+    def draw(self) -> Batch:
+        """The next batch."""
+        device = self._generator.device
+        rows = torch.randint(len(self._points), (self._batch,), generator=self._generator, device=device)
+        space = torch.randint(len(self._space), (self._batch,), generator=self._generator, device=device)
+        x = torch.cat([self._points[rows], self._space[space]])
+        on = torch.zeros(self._batch, device=device)
+        return Batch(x, self._batch, self._normals[rows], torch.cat([on, self._distances[space]]), len(x))

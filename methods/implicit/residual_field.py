@@ -1,0 +1,64 @@
+"""The direct residual: the sum of two sine networks."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from .displaced_field import attenuation
+from .field import Field
+from .losses import OrientedLoss, squared_error
+from .sampling import Batch
+from .schedules import late_decay
+from .sine_network import SineNetwork
+
+
+class ResidualField(Field):
+    """f^(x) = N_B(x) + alpha chi(N_B(x)) N_D(x), with tanh of N_D where ``bounded``.
+
+    As in :class:`~.displaced_field.DisplacedField`, the f inside chi is a constant to the training, and the gradient
+    of f^ is that with chi held. With ``nu = 0`` (the thesis's form) there is no chi.
+    """
+
+    def __init__(
+        self,
+        loss: OrientedLoss,
+        base: SineNetwork,
+        residual: SineNetwork,
+        *,
+        alpha: float = 1.0,
+        nu: float = 0.0,
+        bounded: bool = False,
+    ):
+        super().__init__()
+        self.base, self.residual = base, residual
+        self._loss = loss
+        self.alpha, self.nu, self.bounded = alpha, nu, bounded
+
+    def rates(self, t: float) -> list[float]:
+        """One group: both networks learn from the beginning."""
+        return [late_decay(t)]
+
+    def loss(self, batch: Batch, t: float) -> Tensor:
+        """The squared error of distances, or Eq. 4.4."""
+        if batch.distances is not None:
+            return squared_error(self(batch.x), batch)
+        return self._loss(*self.value_and_gradient(batch.x), batch)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """f^ at (n, 3) points."""
+        f, d = self.base(x), self.residual(x)
+        return f + self._strength(f) * (torch.tanh(d) if self.bounded else d)
+
+    def value_and_gradient(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """f^ (n,) and its gradient (n, 3), chi held."""
+        f, g = self.base.value_and_gradient(x)
+        d, by_x = self.residual.value_and_gradient(x)
+        if self.bounded:
+            d = torch.tanh(d)
+            by_x = by_x * (1 - d**2)[:, None]
+        strength = self._strength(f)
+        return f + strength * d, g + strength[:, None] * by_x
+
+    def _strength(self, f: Tensor) -> Tensor:
+        return self.alpha * (attenuation(f.detach(), self.nu) if self.nu else torch.ones_like(f))

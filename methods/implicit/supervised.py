@@ -1,0 +1,68 @@
+"""The base of the methods that the thesis trains on true distances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from bench import Frame, Run, UsageError
+
+from .fitted import Fitted
+
+if TYPE_CHECKING:
+    from .fitting import Sampling
+    from .losses import OrientedLoss
+
+
+@dataclass(frozen=True)
+class Supervised(Fitted):
+    """Fits true distances to the reference, as the thesis says, or, where there are none, oriented points by Eq. 4.4.
+
+    A field of such a method looks at its batches: those with distances get the squared error, others Eq. 4.4. Adam's
+    own betas serve these methods better than IDF's (0.1, 0.9); no others are published for them.
+    """
+
+    supervision: Literal["distances", "oriented"] = "distances"  # true distances (thesis), or the points and Eq. 4.4
+    samples: int = 500_000  # points whose true distances are sampled beforehand
+    surface: float = 400.0  # oriented: weight of |f| on the points, lambda_1
+    space: float = 50.0  # oriented: weight of exp(-100 |f|) elsewhere, lambda_3
+    eikonal: float = 5.0  # oriented: weight of the gradient's length, lambda_0
+    normal: float = 40.0  # oriented: weight of the normals, lambda_2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.supervision not in ("distances", "oriented"):
+            raise ValueError(f"supervision: expected distances or oriented, got {self.supervision!r}")
+        if self.samples < 5:
+            raise ValueError(f"samples: expected at least 5, got {self.samples}")
+
+    def oriented_loss(self) -> OrientedLoss:
+        """Eq. 4.4 with the weights above."""
+        from .losses import OrientedLoss
+
+        return OrientedLoss(self.surface, self.space, self.eikonal, self.normal)
+
+    def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
+        """NGLOD's mixture of points with true distances, in the unit of the field's frame; or oriented points.
+
+        Raises
+        ------
+        UsageError
+            If true distances are wanted and there is no reference to measure them to.
+        """
+        from .sampling import DistanceSampler
+
+        if self.supervision == "oriented":
+            return super().sampler(points, normals, frame, run)
+        if not run.has_truth:
+            raise UsageError(
+                f"{type(self).__name__.lower()}: trained on true distances to a reference, and there is none here; "
+                "say method.supervision=oriented to fit the points and normals of the input instead"
+            )
+
+        def distances(x: np.ndarray) -> np.ndarray:
+            return run.true_distances(frame.invert(x)) / frame.radius
+
+        return DistanceSampler(points, normals, self.batch, run.torch_generator(), distances, count=self.samples)
