@@ -9,8 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-
-from bench import BadInput, PointCloud, Run
 from bench.methods.implicit import field as files
 from bench.methods.implicit.displaced_field import DisplacedField, attenuation
 from bench.methods.implicit.field import Field
@@ -21,6 +19,8 @@ from bench.methods.implicit.sampling import Batch, DistanceSampler, Sampler
 from bench.methods.implicit.schedules import stage
 from bench.methods.implicit.sine_network import SineNetwork
 from bench.methods.implicit.siren import Siren
+
+from bench import BadInput, PointCloud, Run
 
 
 def draw(seed: int = 0) -> torch.Generator:
@@ -235,7 +235,7 @@ def test_loss_is_the_sum_of_its_terms_over_all_points():
     ],
 )
 def test_released_schedule(t, base_loss, loss, base_rate, rate):
-    """Base alone, half and half in the middle of the blend, base frozen, and the displacement's rate down to a tenth."""
+    """Base alone, half and half amid the blend, base frozen, and the displacement's rate down to a tenth."""
     now = stage(t, "released")
     assert (now.base_loss, now.loss, now.base_rate) == pytest.approx((base_loss, loss, base_rate))
     assert now.rate == pytest.approx(rate)
