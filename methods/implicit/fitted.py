@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .fitting import Sampling
 
 LEAST_POINTS = 10
+ENDLESS = 10**9  # steps: the clock ends the training
 COARSEST = 32  # to which a resolution is lowered where the time is short
 MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
 REACH = 1.03  # half a side of the box that is marched: a fitted surface may leave the points' by a little
@@ -34,7 +35,7 @@ class Fitted:
     """
 
     steps: int = 500  # of training, at most
-    seconds: float = 0.0  # wall clock of the training, at most; 0 for as long as the run's limit allows
+    seconds: float = 0.0  # train for so long by the clock, with as many steps as that allows; 0 to count steps
     batch: int = 1024  # surface points of a step; as many of the space are added
     learning_rate: float = 1e-4  # of Adam
     betas: tuple[float, float] = (0.9, 0.999)  # of Adam: how much of the past its two averages keep
@@ -102,7 +103,7 @@ class Fitted:
             sampler = self.sampler(points, normals, frame, run)
             left = run.seconds_left() - self._reserve(field, np.ptp(points, axis=0), self.resolution)
             training = Training(
-                steps=self.steps,
+                steps=ENDLESS if self.seconds else self.steps,
                 seconds=min(self.seconds or math.inf, max(left, 0.1)),
                 learning_rate=self.learning_rate,
                 traces=self.traces + 1 if self.traces else 0,  # the last one would be the result
