@@ -251,7 +251,7 @@ def failure(error: BaseException, stage: str) -> dict[str, str]:
         status, message = "invalid", text
     elif isinstance(error, MemoryError) or _is_out_of_memory(error):
         status, message = "oom", f"{message} (past the memory limit)"
-    elif isinstance(error, ImportError) and stage in ("method", "plan"):
+    elif isinstance(error, ImportError) and stage in ("method", "plan") and not _is_ours(error):
         missing = error if isinstance(error, MissingLibrary) else missing_library(error)
         status, message = "skipped", str(missing)
     elif isinstance(error, (BadInput, UsageError)):
@@ -260,6 +260,11 @@ def failure(error: BaseException, stage: str) -> dict[str, str]:
         message = f"called sys.exit({error.code!r})"
     trace = "" if status in ("invalid", "skipped") else "".join(traceback.format_exception(error))
     return {"status": status, "message": message + notes, "traceback": trace}
+
+
+def _is_ours(error: ImportError) -> bool:
+    """Whether what cannot be imported is a module of this package: a mistake in it, no library to install."""
+    return (error.name or "").partition(".")[0] == __package__
 
 
 def _is_out_of_memory(error: BaseException) -> bool:

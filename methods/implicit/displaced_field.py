@@ -16,6 +16,7 @@ from .sine_network import SineNetwork
 
 # Where chi is below this, a point is not displaced: at alpha = 0.05 that is less than 5e-5.
 NEGLIGIBLE = 1e-3
+PROBE = 16  # one of so many points tells how many are near the base
 
 
 def attenuation(f: Tensor, nu: float) -> Tensor:
@@ -98,9 +99,7 @@ class DisplacedField(Field):
 
     def _near(self, batch: Batch) -> Tensor:
         """Which points of the space can be displaced."""
-        if not self.nu:
-            return torch.ones(len(batch.x) - batch.on, dtype=torch.bool, device=batch.x.device)
-        return attenuation(self.base(batch.x[batch.on :]), self.nu) >= self.negligible
+        return self._may_move(self.base(batch.x[batch.on :]))
 
     # -- the field -------------------------------------------------------------------------------------------------
 
@@ -133,21 +132,33 @@ class DisplacedField(Field):
         return f.index_copy(0, rows, f_hat), gradient.index_copy(0, rows, g_hat)
 
     @torch.no_grad()
-    def parts(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """The base's value f and the displacement d = chi alpha tanh(N_D) along its normal, each (n,)."""
-        f = self.base(x)
-        d = self.displacement(x)
-        d = self.alpha * (torch.tanh(d) if self.bounded else d)
-        return f, d * attenuation(f, self.nu) if self.nu else d
-
-    @torch.no_grad()
     def forward(self, x: Tensor) -> Tensor:
         """f^ at (n, 3) points, each network where it is needed."""
-        f = self.base(x)
-        rows = torch.nonzero(attenuation(f, self.nu) >= self.negligible)[:, 0] if self.nu else torch.arange(len(x))
+        if not self.nu or self._may_move(self.base(x[::PROBE])).float().mean() > 0.7:
+            f, gradient = self.base.value_and_gradient(x)  # one pass less than value first, gradient then
+            rows = torch.nonzero(self._may_move(f))[:, 0]
+            gradient = gradient[rows]
+        else:
+            f = self.base(x)
+            rows = torch.nonzero(self._may_move(f))[:, 0]
+            _, gradient = self.base.value_and_gradient(x[rows])
         if not len(rows):
             return f
         near = x[rows]
-        _, gradient = self.base.value_and_gradient(near)
-        _, d = self.parts(near)
+        d = self._displacement(near, f[rows])
         return f.index_copy(0, rows, self.base(near + d[:, None] * F.normalize(gradient, dim=1)))
+
+    @torch.no_grad()
+    def parts(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """The base's value f and the displacement d = chi alpha tanh(N_D) along its normal, each (n,)."""
+        f = self.base(x)
+        return f, self._displacement(x, f)
+
+    def _displacement(self, x: Tensor, f: Tensor) -> Tensor:
+        d = self.displacement(x)
+        d = self.alpha * (torch.tanh(d) if self.bounded else d)
+        return d * attenuation(f, self.nu) if self.nu else d
+
+    def _may_move(self, f: Tensor) -> Tensor:
+        """Whether points at which the base has the values f are displaced at all."""
+        return attenuation(f, self.nu) >= self.negligible if self.nu else torch.ones_like(f, dtype=torch.bool)
