@@ -19,7 +19,7 @@ TAG = "multiscale"
 @register("dataset", requires=("igl", "scipy", "trimesh"))
 @dataclass(frozen=True)
 class Multiscale:
-    """The shapes tagged ``multiscale`` of `bumps`, `fbm`, `reliefs` and `fractals`, one of each family in turn.
+    """Shapes with detail on several scales: those tagged so of `bumps`, `fbm`, `reliefs` and `fractals`, in turn.
 
     What a method does with fine detail on a coarse shape, in one dataset: smooth and rough, carved and stacked. The
     shapes are those of their families, under their ids.

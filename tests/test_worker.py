@@ -103,6 +103,7 @@ def test_processor_seconds_count_children():
         (MissingLibrary("CGAL", "pip install x"), "method", "skipped", "install it with: pip install x"),
         (ModuleNotFoundError("No module named 'foo'", name="foo.bar"), "method", "skipped", "pip install foo"),
         (ModuleNotFoundError("No module named 'foo'", name="foo"), "score", "error", "No module named 'foo'"),
+        (ModuleNotFoundError("No module named 'bench.x'", name="bench.x"), "method", "error", "No module named"),
         (BadInput("a.ply: is empty"), "case", "error", "a.ply: is empty"),
     ],
 )
