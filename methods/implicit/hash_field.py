@@ -1,4 +1,4 @@
-"""A sphere, and what a small network makes of the features of a hash grid."""
+"""The field of a hash grid, and a sampler that tells it early which side is inside."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GUIDANCE = 400.0  # weight of the guessed distances
 
 
 class HashField(Field):
-    """The field.
+    """A sphere, and on top of it a network of the features of a hash grid.
 
         f = s(x) + W_2 h(W_1 phi(x) + b_1) + b_2,   s(x) = sqrt(|x|^2 + e^2) - sqrt(r^2 + e^2)
 
@@ -37,7 +37,8 @@ class HashField(Field):
     network_rate : float
         The learning rate of the network, relative to that of the features: all points move with it.
     guided : float
-        Part of the training in which the distances of the batches, which are guesses, count too.
+        Part of the training in which the distances of the batches, which are guesses, take the place of the term for
+        the space.
     """
 
     SHARPNESS, ROUNDING = 10.0, 0.1
@@ -102,7 +103,8 @@ class HashField(Field):
         f, gradient = self.value_and_gradient(batch.x)
         if t >= self._guided or batch.distances is None:
             return self._loss(f, gradient, batch)
-        guess = (f - batch.distances)[batch.on :].abs().nansum() / batch.total
+        guessed = batch.distances.where(~batch.distances.isnan(), f.detach())  # what is not known costs nothing
+        guess = (f - guessed)[batch.on :].abs().sum() / batch.total
         return replace(self._loss, space=0.0)(f, gradient, batch) + GUIDANCE * guess
 
     def groups(self) -> list[list[nn.Parameter]]:
@@ -123,19 +125,23 @@ class GuidedSampler(Sampler):
     walls that the initial sphere leaves in space cost little, and stay.
     """
 
-    LATTICE, UNCLEAR = 64, 0.1
+    LATTICE, UNCLEAR = 64, 0.1  # nodes along an axis; the indicator is +-1/2 away from the surface
+    ENOUGH, TOLERANCE = 20_000, 0.05  # points of the input; relative error of distances to them
 
     def __init__(
         self, points: np.ndarray, normals: np.ndarray, batch: int, generator: torch.Generator, *, count: int = 1 << 16
     ):
-        super().__init__(points, normals, batch, generator)
         from scipy.spatial import cKDTree
 
-        self._space = torch.rand(count, 3, generator=generator, device=generator.device) * 2 - 1
-        weighted = self._normals * evenly(self._points)[:, None]
-        chi = indicator(self._points, weighted, self.LATTICE, sigma=2.0)
+        super().__init__(points, normals, batch, generator)
+        device = generator.device
+        some = torch.randperm(len(points), generator=generator, device=device)[: self.ENOUGH]
+        known = self._points[some]
+        chi = indicator(known, self._normals[some] * evenly(known)[:, None], self.LATTICE, sigma=2.0)
+        self._space = torch.rand(count, 3, generator=generator, device=device) * 2 - 1
         chi = interpolate(chi, to_lattice(self._space, self.LATTICE))
-        distances = torch.as_tensor(cKDTree(points).query(self._space.cpu().numpy())[0]).to(chi)
+        distances = cKDTree(known.cpu().numpy()).query(self._space.cpu().numpy(), eps=self.TOLERANCE)[0]
+        distances = torch.as_tensor(distances).to(chi)
         self._distances = torch.where(chi.abs() > self.UNCLEAR, distances * chi.sign(), torch.nan)
 
     def draw(self) -> Batch:

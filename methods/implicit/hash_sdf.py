@@ -80,10 +80,10 @@ class HashSdf(Fitted):
         )
 
     def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
-        """Oriented points; those of the space with a guess of their distance."""
+        """Oriented points; those of the space with a guess of their distance, unless the field is already fitted."""
         from .hash_field import GuidedSampler
 
-        if not self.guided:
+        if self.load or not self.guided:
             return super().sampler(points, normals, frame, run)
         return GuidedSampler(points, normals, self.batch, run.torch_generator())
 

@@ -1,0 +1,74 @@
+"""HotSpot: a signed distance from points without normals, kept honest by the heat equation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bench import Frame, PointCloud, Run, register
+
+from .fitted import Fitted
+
+if TYPE_CHECKING:
+    import torch
+
+    from .field import Field
+
+
+@register("method", cite="Wang et al. 2025", requires=("torch", "trimesh", "igl", "skimage"))
+@dataclass(frozen=True)
+class Hotspot(Fitted):
+    """A sine network that is zero at the points, whose exp(-lambda |f|) is the heat around them; uses no normals.
+
+    Away from the surface h = exp(-lambda |f|) shall solve the screened Poisson equation laplace h = lambda^2 h, of
+    which it is a solution as lambda grows if and only if |f| is the distance; an eikonal term alone also allows other
+    f. It minimises the integral of (|grad h|^2 + lambda^2 h^2) / 2, so walls that no points ask for melt. Terms are as
+    in the paper, the integral by uniform samples; weights, and how lambda grows, were chosen here, for two processor
+    cores. Sides are told apart by the sphere that the network begins as, positive outside, not by the input.
+    """
+
+    batch: int = 1024  # surface points of a step; as many of the space are added
+    learning_rate: float = 1e-4  # of Adam
+    omega: float = 30.0  # frequency of the sine layers
+    hidden_layers: int = 3  # sine layers behind the first
+    width: int = 256  # of each layer
+    surface: float = 175.0  # weight of |f| on the points
+    eikonal: float = 5.0  # weight of the gradient's length
+    heat: float = 30.0  # weight of the heat; higher melts more
+    absorption: float = 40.0  # lambda at the end, in 1 / radius: how sharply heat stays at the points
+    absorption_begin: float = 8.0  # lambda at the beginning; it grows by equal factors
+    sphere: float = 0.5  # radius of the sphere that the network begins as
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("omega", "absorption", "absorption_begin", "sphere"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        for name in ("hidden_layers", "width"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        for name in ("surface", "eikonal", "heat"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
+
+    def field(self, generator: torch.Generator) -> Field:
+        """The network, a sphere to begin with."""
+        from .heat_field import HeatField
+        from .sine_network import SineNetwork
+        from .sphere import begin_as_sphere
+
+        network = SineNetwork(self.omega, hidden_layers=self.hidden_layers, width=self.width, generator=generator)
+        begin_as_sphere(network, self.sphere)
+        weights = {"surface": self.surface, "eikonal": self.eikonal, "heat": self.heat}
+        return HeatField(network, absorption=(self.absorption_begin, self.absorption), **weights)
+
+    def fit_to(self, cloud: PointCloud, run: Run) -> tuple[Field, Frame]:
+        """The field that is fitted to the points alone."""
+        # All normals the same: none are estimated, and none of the input are seen.
+        return super().fit_to(PointCloud(cloud.points, np.broadcast_to([0.0, 0.0, 1.0], cloud.points.shape)), run)
+
+    def training(self) -> dict[str, Any]:
+        """The usual betas of Adam."""
+        return {"betas": (0.9, 0.999)}

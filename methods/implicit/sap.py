@@ -1,0 +1,154 @@
+"""Shape as Points: oriented points whose Poisson surface is fitted to the input."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from bench import PointCloud, Run, register
+
+from .fitted import oriented
+
+if TYPE_CHECKING:
+    from torch import Tensor
+    from trimesh import Trimesh
+
+
+@register("method", cite="Peng et al. 2021", requires=("torch", "trimesh", "igl", "skimage", "scipy"))
+@dataclass(frozen=True)
+class Sap:
+    """Shape as Points by optimisation: points and normals are moved until their Poisson surface fits the input.
+
+    Each step solves Poisson's equation by Fourier transforms, takes the vertices of the surface, and sends their
+    Chamfer distance to the input back into the points and normals. It begins as the paper's optimisation does, with a
+    sphere of points, on coarse lattices that become finer (``begin=sphere``), or, by default, with the input itself and
+    its normals, given or estimated: then the first surface is right but for its detail, and only the finest lattice is
+    used. With ``steps=0`` it is one Poisson reconstruction.
+    """
+
+    steps: int = 60  # of the optimisation, at most; 0 for the Poisson surface of the beginning
+    seconds: float = 0.0  # wall clock of the optimisation, at most; 0 for as long as the run's limit allows
+    resolution: int = 128  # nodes of the finest lattice along each axis, 16 to 512
+    coarsest: int = 32  # nodes of the first lattice of begin=sphere; each has twice as many as the one before
+    begin: Literal["normals", "sphere"] = "normals"  # the input and its normals, or a sphere of points
+    points: int = 20_000  # of the sphere; from every level to the next they are sampled anew
+    batch: int = 20_000  # points of the input whose distance to the surface counts; its distance to all counts always
+    learning_rate: float = 2e-4  # of Adam, in sides of the lattice's cube (paper: 2e-3 from a sphere)
+    fall: float = 0.7  # factor of the learning rate from a level to the next
+    sigma: float = 2.0  # smoothing: a Gaussian of standard deviation sigma / pi nodes (paper: 2; from 256 on, 3)
+    sphere: float = 0.5  # radius of the sphere
+    traces: int = 0  # offer so many intermediate results, for error against time
+
+    def __post_init__(self) -> None:
+        if self.steps < (1 if self.begin == "sphere" else 0):
+            raise ValueError(f"steps: expected at least 0 (1 from a sphere), got {self.steps}")
+        if self.begin not in ("normals", "sphere"):
+            raise ValueError(f"begin: expected normals or sphere, got {self.begin!r}")
+        if not 16 <= self.resolution <= 512:
+            raise ValueError(f"resolution: expected 16 to 512, got {self.resolution}")
+        if self.begin == "sphere" and not 8 <= self.coarsest <= self.resolution:
+            raise ValueError(f"coarsest: expected 8 to {self.resolution} (resolution), got {self.coarsest}")
+        for name in ("points", "batch"):
+            if getattr(self, name) < 10:
+                raise ValueError(f"{name}: expected at least 10, got {getattr(self, name)}")
+        for name in ("learning_rate", "fall", "sigma", "sphere"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        for name in ("seconds", "traces"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
+
+    def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
+        """The Poisson surface of the fitted points."""
+        import torch
+
+        from . import lattice_surface
+        from .spectral_poisson import evenly, indicator
+
+        torch.set_num_threads(run.threads)
+        points, normals, frame = oriented(cloud, "sap")
+
+        def tensor(values: np.ndarray) -> Tensor:
+            return torch.as_tensor(np.asarray(values, dtype=np.float32), device=run.device)
+
+        def surface(x: Tensor, n: Tensor, resolution: int) -> Trimesh:
+            with torch.no_grad():
+                return lattice_surface.mesh(indicator(x, n, resolution, self.sigma))
+
+        def in_input(mesh: Trimesh) -> Trimesh:
+            mesh.vertices = frame.invert(mesh.vertices)
+            return mesh
+
+        if self.begin == "sphere":
+            n = run.rng.standard_normal((self.points, 3))
+            n = tensor(n / np.linalg.norm(n, axis=1, keepdims=True))
+            x = self.sphere * n
+        else:
+            x, n = tensor(points), tensor(normals)
+            n = n * evenly(x)[:, None]
+        run.parameters = x.numel() + n.numel()
+        if self.steps:
+            x, n = self._fit(x, n, points, run, surface, in_input)
+        return in_input(surface(x, n, self.resolution))
+
+    def levels(self) -> list[int]:
+        """The lattices, one after the other."""
+        if self.begin == "normals":
+            return [self.resolution]
+        count = max(0, round(math.log2(self.resolution / self.coarsest)))
+        return [max(self.coarsest, self.resolution >> (count - level)) for level in range(count + 1)]
+
+    def _fit(
+        self, x: Tensor, n: Tensor, target: np.ndarray, run: Run, surface: Callable, in_input: Callable
+    ) -> tuple[Tensor, Tensor]:
+        """Points and normals with the least loss on the finest lattice."""
+        import torch
+
+        from .chamfer_loss import ChamferLoss
+        from .fitting import Progress
+        from .lattice_surface import pull, vertices
+        from .spectral_poisson import SIDE, from_lattice, indicator
+
+        loss, levels = ChamferLoss(target, self.batch, run.rng), self.levels()
+        begin = run.elapsed()
+        limit = min(self.seconds or math.inf, max(0.1, 0.9 * run.seconds_left() - 2))
+        progress = Progress(self.steps, lambda: limit - (run.elapsed() - begin))
+        level, paused = -1, 0.0
+        while progress.t < 1:
+            if (now := min(len(levels) - 1, int(progress.t * len(levels)))) != level:
+                if level >= 0:
+                    x, n = self._sampled(surface(x, n, levels[level]), x, run)
+                level, r, best = now, levels[now], (math.inf, x, n)
+                x, n = x.detach().clone().requires_grad_(), n.detach().clone().requires_grad_()
+                rate = self.learning_rate * self.fall**level
+                optimizer = torch.optim.Adam([{"params": [x], "lr": rate * SIDE}, {"params": [n], "lr": rate}])
+            places, gradient, values = vertices(indicator(x, n, r, self.sigma))
+            value, by_place = loss(from_lattice(places, r))
+            if value < best[0]:
+                best = (value, x.detach().clone(), n.detach().clone())
+            optimizer.zero_grad(set_to_none=True)
+            pull(values, gradient, by_place * (SIDE / r)).backward()
+            optimizer.step()
+            before = progress.t
+            progress.step(paused)
+            run.progress(round(1000 * progress.t), 1000)
+            paused = time.perf_counter()
+            if progress.t < 1 and int(before * (self.traces + 1)) < int(progress.t * (self.traces + 1)):
+                run.trace(lambda x=x, n=n, r=r: in_input(surface(x, n, r)))
+            paused = time.perf_counter() - paused
+        return best[1:]
+
+    def _sampled(self, mesh: Trimesh, like: Tensor, run: Run) -> tuple[Tensor, Tensor]:
+        """As many points of a surface, with its normals."""
+        import torch
+
+        from bench.geometry.mesh_surface import MeshSurface
+
+        found = MeshSurface(mesh).sample(len(like), run.rng)
+        points, normals = (torch.as_tensor(part).to(like) for part in found)
+        return points, normals

@@ -1,0 +1,54 @@
+"""One run that consists of several trainings in a row."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from bench import Run
+
+from .field import Field
+
+
+class Stages:
+    """A run as each of its trainings sees it: the time and the progress are shares of the whole.
+
+    Parameters
+    ----------
+    run : Run
+    seconds : float
+        Of all trainings together, at most; 0 for as long as the run's limit allows.
+    shares : sequence of numbers that add up to 1
+        Time that a training leaves goes to those that follow.
+    """
+
+    def __init__(self, run: Run, seconds: float, shares: Sequence[float]):
+        self._run, self._shares, self._stage = run, tuple(shares), -1
+        self._end = run.elapsed() + (seconds or math.inf)
+
+    def next(self, reserve: float = 0.0) -> float:
+        """Begin the next training; the seconds that it may take, with ``reserve`` kept of the run's limit."""
+        self._stage += 1
+        left = min(self._end - self.elapsed(), self._run.seconds_left() - reserve)
+        return max(0.1, left * self._shares[self._stage] / sum(self._shares[self._stage :]))
+
+    def elapsed(self) -> float:
+        """The run's clock."""
+        return self._run.elapsed()
+
+    def progress(self, done: int, total: int) -> None:
+        """So much of this training is done."""
+        part = sum(self._shares[: self._stage]) + self._shares[self._stage] * done / total
+        self._run.progress(round(1000 * part), 1000)
+
+
+def seconds_to_extract(field: Field, resolution: int) -> float:
+    """How long the surface of a field will take, generously, by the field's speed."""
+    probe = np.zeros((8192, 3))
+    field.values(probe)
+    begin = time.perf_counter()
+    field.values(probe)
+    return 2 + 1.5 * (time.perf_counter() - begin) / len(probe) * (16 * resolution**2 + 65**3)

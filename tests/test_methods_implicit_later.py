@@ -1,0 +1,418 @@
+"""Methods from after the thesis: the hash grid, HotSpot, Shape as Points."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+import torch
+from bench.methods.implicit.chamfer_loss import ChamferLoss
+from bench.methods.implicit.hash_field import GuidedSampler
+from bench.methods.implicit.hash_grid import PRIMES, HashGrid
+from bench.methods.implicit.hash_sdf import HashSdf
+from bench.methods.implicit.heat_field import HeatField, heat
+from bench.methods.implicit.hotspot import Hotspot
+from bench.methods.implicit.lattice_surface import pull, vertices
+from bench.methods.implicit.sampling import Sampler
+from bench.methods.implicit.sap import Sap
+from bench.methods.implicit.sine_network import SineNetwork
+from bench.methods.implicit.spectral_poisson import (
+    SIDE,
+    evenly,
+    from_lattice,
+    indicator,
+    interpolate,
+    solve,
+    spread,
+    to_lattice,
+)
+
+from bench import BadInput, PointCloud, Run
+from bench.geometry.mesh_surface import MeshSurface
+
+RADIUS, CENTER = 0.7, np.array([3.0, -1.0, 2.0])
+
+
+def draw(seed: int = 0) -> torch.Generator:
+    """A torch generator."""
+    return torch.Generator().manual_seed(seed)
+
+
+def directions(count: int, seed: int = 0) -> np.ndarray:
+    """Unit vectors, uniform."""
+    n = np.random.default_rng(seed).standard_normal((count, 3))
+    return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
+def ball(count: int = 2000, normals: bool = True) -> PointCloud:
+    """Points of a sphere that is neither at the origin nor of radius 1."""
+    n = directions(count)
+    return PointCloud(CENTER + RADIUS * n, n if normals else None)
+
+
+def deviation(mesh) -> float:
+    """The mean distance of a mesh to the sphere, relative to the radius; the mesh must be closed and outward."""
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * RADIUS**3, rel=0.05)
+    points, _ = MeshSurface(mesh).sample(2000, np.random.default_rng(0))
+    return float(np.abs(np.linalg.norm(points - CENTER, axis=1) - RADIUS).mean() / RADIUS)
+
+
+def same(a, b) -> bool:
+    """The same bits."""
+    return np.array_equal(a.vertices, b.vertices) and np.array_equal(a.faces, b.faces)
+
+
+# -- the hash grid -----------------------------------------------------------------------------------------------------
+
+
+def small_grid(levels: int = 4, table: int = 128) -> HashGrid:
+    """Two dense levels (27 and 125 nodes) and two hashed ones, in double precision, with features of size 1."""
+    grid = HashGrid(levels, table, 2, 16, generator=draw()).double()
+    with torch.no_grad():
+        grid.table.normal_(generator=draw(1))
+    return grid
+
+
+def inside(count: int, seed: int = 0) -> torch.Tensor:
+    """Points of the box."""
+    return torch.rand(count, 3, generator=draw(seed), dtype=torch.double) * 2 - 1
+
+
+def row_of(grid: HashGrid, level: int, node: tuple[int, int, int]) -> int:
+    """The row of a node, from the definition."""
+    first, n, rows = sum(grid.rows[:level]), grid.cells[level] + 1, grid.rows[level]
+    x, y, z = node
+    if rows == n**3:
+        return first + x + n * y + n * n * z
+    return first + ((x * PRIMES[0]) ^ (y * PRIMES[1]) ^ (z * PRIMES[2])) % rows
+
+
+def test_levels_are_dense_where_they_fit():
+    """Geometric growth; no two nodes share a row in a dense level, all rows are in reach in a hashed one."""
+    grid = small_grid()
+    assert grid.cells == [2, 4, 8, 16]
+    assert grid.rows == [27, 125, 128, 128]
+    lattice = torch.tensor(list(itertools.product(range(17), repeat=3)), dtype=torch.double) / 8 - 1
+    found = grid._locate(lattice)[0]
+    for level, count in enumerate(grid.rows):
+        rows = found[..., level, :].unique()
+        first = sum(grid.rows[:level])
+        assert rows.tolist() == list(range(first, first + count))
+    assert HashGrid(12, 2**15, 8, 256).cells[::11] == [8, 256]
+
+
+def test_interpolation_is_a_loop_over_the_corners():
+    """Value at points, against nested loops."""
+    grid, x = small_grid(), inside(20)
+    expected = torch.zeros(2, 4, len(x), dtype=torch.double)
+    for level, (k, point) in itertools.product(range(4), enumerate(x.tolist())):
+        place = [(c + 1) / 2 * grid.cells[level] for c in point]
+        for corner in itertools.product((0, 1), repeat=3):
+            node = tuple(int(c) + up for c, up in zip(place, corner, strict=True))
+            weight = math.prod(c - int(c) if up else 1 - c + int(c) for c, up in zip(place, corner, strict=True))
+            expected[:, level, k] += weight * grid.table[:, row_of(grid, level, node)].detach()
+    torch.testing.assert_close(grid(x), expected.flatten(0, 1))
+    torch.testing.assert_close(grid.with_derivatives(x)[0], expected.flatten(0, 1))
+    torch.testing.assert_close(grid(x * 10), grid((x * 10).clamp(-1, 1)))  # outside: the nearest point's
+
+
+def test_derivatives_are_those_of_the_interpolation():
+    """By x against differences; by the table against the linear map that interpolation is."""
+    grid, x = small_grid(), inside(50)
+    values, slopes = grid.with_derivatives(x)
+    for axis, step in enumerate(1e-6 * torch.eye(3, dtype=torch.double)):
+        torch.testing.assert_close(slopes[axis], (grid(x + step) - grid(x - step)) / 2e-6, rtol=1e-5, atol=1e-6)
+    of_values, of_slopes = torch.randn_like(values), torch.randn_like(slopes)
+
+    def number() -> torch.Tensor:
+        values, slopes = grid.with_derivatives(x)
+        return (values * of_values).sum() + (slopes * of_slopes).sum()
+
+    number().backward()
+    direction = torch.randn_like(grid.table)
+    with torch.no_grad():
+        before = number()
+        grid.table += direction
+        change = number() - before
+    torch.testing.assert_close((grid.table.grad * direction).sum(), change)
+
+
+@pytest.mark.parametrize("layers", [1, 2])
+def test_hash_field_gradient(layers):
+    """Value and gradient against differences; their derivatives by all parameters against differences."""
+    method = HashSdf(levels=3, coarsest=2, finest=8, log2_table=7, width=8, hidden_layers=layers)
+    field = method.field(draw()).double()
+    with torch.no_grad():
+        field.grid.table.normal_(generator=draw(1))
+    x = inside(30)
+    f, gradient = field.value_and_gradient(x)
+    with torch.no_grad():
+        torch.testing.assert_close(f.detach(), field(x))
+        for axis, step in enumerate(1e-6 * torch.eye(3, dtype=torch.double)):
+            expected = (field(x + step) - field(x - step)) / 2e-6
+            torch.testing.assert_close(gradient[:, axis].detach(), expected, rtol=1e-5, atol=1e-6)
+
+    def number() -> torch.Tensor:
+        f, gradient = field.value_and_gradient(x)
+        return f.square().sum() + (gradient.norm(dim=1) - 1).square().sum()
+
+    number().backward()
+    for parameter in field.parameters():
+        direction = torch.randn(parameter.shape, generator=draw(2), dtype=torch.double)
+        with torch.no_grad():
+            parameter += 1e-6 * direction
+            change = number()
+            parameter -= 2e-6 * direction
+            change = (change - number()) / 2e-6
+            parameter += 1e-6 * direction
+        torch.testing.assert_close((parameter.grad * direction).sum(), change, rtol=1e-4, atol=1e-6)
+
+
+def test_hash_parameters_are_counted():
+    """Rows times features, and the layers of the network."""
+    method = HashSdf(levels=5, coarsest=4, finest=64, log2_table=10, features=2, width=16, hidden_layers=2)
+    cells = [4, 8, 16, 32, 64]
+    rows = sum(min((n + 1) ** 3, 1024) for n in cells)
+    assert method.field(draw()).count() == 2 * rows + (10 * 16 + 16) + (16 * 16 + 16) + (16 + 1)
+    assert HashSdf().field(draw()).count() == 540_029
+
+
+def test_hash_begins_as_a_sphere():
+    """Of the radius that was asked for, outside positive, with normals."""
+    field = HashSdf(sphere=0.4).field(draw())
+    n = torch.as_tensor(directions(100), dtype=torch.float32)
+    f, gradient = field.value_and_gradient(0.4 * n)
+    assert f.abs().max() < 1e-3
+    assert torch.cosine_similarity(gradient, n).min() > 0.99
+    assert field(0.9 * n).min() > 0.4
+    assert field(0.1 * n).max() < -0.2
+
+
+def test_guesses_of_distances_have_the_right_sign():
+    """Of a sphere whose points are four times as dense on one side: distance to it, or unknown near it."""
+    n = directions(8000)
+    n = n[(n[:, 2] > 0) | (np.arange(len(n)) % 4 == 0)]
+    guided = GuidedSampler(0.6 * n, n, 64, draw(), count=4000)
+    truth = guided._space.norm(dim=1) - 0.6
+    known = ~guided._distances.isnan()
+    assert known.float().mean() > 0.9
+    assert (guided._distances - truth)[known].abs().max() < 0.05
+    batch = guided.draw()
+    assert batch.on == 64
+    assert len(batch.x) == len(batch.distances) == batch.total == 128
+    assert (batch.distances[:64] == 0).all()
+
+
+def quick_hash(**changes) -> HashSdf:
+    """Small, for tests."""
+    settings = {
+        "steps": 120,
+        "batch": 256,
+        "levels": 4,
+        "coarsest": 4,
+        "finest": 24,
+        "log2_table": 12,
+        "resolution": 32,
+    }
+    return HashSdf(**settings | changes)
+
+
+def test_hash_fits_a_sphere_the_same_each_time():
+    """To half a per cent of the radius, and to the bit."""
+    first = quick_hash().reconstruct(ball(), Run(seed=1))
+    assert deviation(first) < 0.005
+    assert same(first, quick_hash().reconstruct(ball(), Run(seed=1)))
+
+
+# -- HotSpot -----------------------------------------------------------------------------------------------------------
+
+
+def test_heat_is_the_energy_of_the_screened_poisson_equation():
+    """(|grad h|^2 + lambda^2 h^2) / (2 lambda^2) of h = exp(-lambda |f|), by automatic differentiation."""
+    network = SineNetwork(5.0, hidden_layers=1, width=16, generator=draw(), mixed=False).double()
+    x = inside(40).requires_grad_()
+    h = torch.exp(-7 * network(x).abs())
+    (slope,) = torch.autograd.grad(h.sum(), x)
+    expected = (slope.square().sum(1) + 49 * h.square()) / (2 * 49)
+    torch.testing.assert_close(heat(*network.value_and_gradient(x), 7.0), expected)
+
+
+def test_hotspot_loss_is_its_formula():
+    """Three terms over all points of the step; the absorption grows by equal factors; chunks add up."""
+    network = SineNetwork(5.0, hidden_layers=1, width=16, generator=draw())
+    field = HeatField(network, surface=3.0, eikonal=0.5, heat=2.0, absorption=(4.0, 36.0))
+    assert [field.absorption(t) for t in (0, 0.5, 1)] == pytest.approx([4, 12, 36])
+    n = directions(200)
+    batch = Sampler(0.5 * n, n, 50, draw()).draw()
+    f, gradient = network.value_and_gradient(batch.x)
+    length = gradient.norm(dim=1)
+    warm = torch.exp(-24 * f[50:].abs()) * (length[50:] ** 2 + 1) / 2
+    expected = (3 * f[:50].abs().sum() + 0.5 * (length - 1).abs().sum() + 2 * warm.sum()) / 100
+    torch.testing.assert_close(field.loss(batch, 0.5), expected)
+    torch.testing.assert_close(sum(field.loss(part, 0.5) for part in batch.chunks(30)), expected)
+
+
+def quick_hotspot(**changes) -> Hotspot:
+    """Small, for tests, and of a form whose sphere is shipped."""
+    settings = {"steps": 80, "batch": 256, "width": 96, "omega": 5.0, "learning_rate": 1e-3, "resolution": 32}
+    return Hotspot(**settings | changes)
+
+
+def test_hotspot_fits_a_sphere_without_normals():
+    """To two per cent of the radius; normals, also wrong ones, change nothing; outside is positive."""
+    bare = quick_hotspot().reconstruct(ball(normals=False), Run(seed=1))
+    assert deviation(bare) < 0.02
+    cloud = ball()
+    wrong = PointCloud(cloud.points, -cloud.normals)
+    assert same(bare, quick_hotspot().reconstruct(wrong, Run(seed=1)))
+
+
+# -- Shape as Points ---------------------------------------------------------------------------------------------------
+
+
+def test_poisson_of_a_known_function():
+    """The gradient of a sum of waves has that sum as its solution, where it is not smoothed."""
+    r = 16
+    u = torch.arange(r, dtype=torch.double) / r * 2 * math.pi
+    x, y, z = torch.meshgrid(u, u, u, indexing="ij")
+    f = torch.cos(x + 2 * y) + 0.3 * torch.sin(3 * z - x)
+    by_x = -torch.sin(x + 2 * y) - 0.3 * torch.cos(3 * z - x)
+    by_y = -2 * torch.sin(x + 2 * y)
+    by_z = 0.9 * torch.cos(3 * z - x)
+    v = 2 * math.pi * torch.stack([by_x, by_y, by_z])
+    torch.testing.assert_close(solve(v, 0.0), f)
+    smoothed = [math.exp(-2 * (1.5 / r) ** 2 * k) for k in (5, 10)]
+    expected = smoothed[0] * torch.cos(x + 2 * y) + smoothed[1] * 0.3 * torch.sin(3 * z - x)
+    torch.testing.assert_close(solve(v, 1.5), expected)
+
+
+def test_spreading_is_the_transpose_of_interpolation():
+    """<spread(v), c> = <v, interpolate(c)>; linear functions are interpolated exactly; sums are kept."""
+    places = torch.rand(50, 3, generator=draw(), dtype=torch.double) * 7
+    values = torch.randn(50, 2, generator=draw(), dtype=torch.double)
+    lattice = torch.randn(8, 8, 8, generator=draw(), dtype=torch.double)
+    shared = spread(places, values, 8)
+    for channel in range(2):
+        expected = (values[:, channel] * interpolate(lattice, places)).sum()
+        torch.testing.assert_close((shared[channel] * lattice).sum(), expected)
+    torch.testing.assert_close(shared.sum((1, 2, 3)), values.sum(0))
+    i, j, k = torch.meshgrid(*[torch.arange(8, dtype=torch.double)] * 3, indexing="ij")
+    torch.testing.assert_close(interpolate(i + 2 * j - k, places), places @ places.new_tensor([1, 2, -1]))
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_indicator_of_a_sphere(uneven):
+    """Half a unit outside, minus half inside; three cells from the surface, to a few hundredths."""
+    n = directions(30_000)
+    if uneven:
+        n = n[(n[:, 0] > 0) | (np.arange(len(n)) % 4 == 0)]
+    n = torch.as_tensor(n, dtype=torch.float32)
+    points = 0.5 * n + 0.1
+    chi = indicator(points, n * evenly(points)[:, None], 48, sigma=2.0)
+    axis = from_lattice(torch.arange(48), 48)
+    torch.testing.assert_close(to_lattice(axis, 48), torch.arange(48.0))
+    x = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1)
+    distance = (x - 0.1).norm(dim=-1) - 0.5
+    far = distance.abs() > 3 * SIDE / 48
+    error = (chi - distance.sign() / 2)[far].abs()
+    assert error.mean() < 0.02
+    assert error.quantile(0.99) < 0.1
+
+
+def test_vertices_follow_the_surface():
+    """Of f = |x - c| - r: on the sphere; a change of chi moves them as the implicit function says."""
+    r = 24
+    axis = torch.arange(r, dtype=torch.double)
+    x = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1) - 11.3
+    chi = (x.norm(dim=-1) - 7).requires_grad_()
+    places, gradient, values = vertices(chi)
+    p = places - 11.3
+    assert (p.norm(dim=1) - 7).abs().max() < 0.02
+    assert torch.cosine_similarity(gradient, p).min() > 0.99
+    assert values.abs().max() < 1e-9
+    # The mean of |p|^2 over the vertices falls by 2 |p| for each unit that chi is raised: the radius falls with it.
+    pull(values, gradient, 2 * p / len(p)).backward()
+    assert float(chi.grad.sum()) == pytest.approx(-2 * 7, rel=0.01)
+
+
+def test_chamfer_loss_and_its_derivative():
+    """Against all pairs, and against differences."""
+    rng = np.random.default_rng(0)
+    target, v = rng.standard_normal((40, 3)), torch.as_tensor(rng.standard_normal((30, 3)))
+    loss = ChamferLoss(target, 100, rng)
+    value, derivative = loss(v)
+    pairs = np.linalg.norm(v.numpy()[:, None] - target, axis=2) ** 2
+    assert value == pytest.approx(pairs.min(1).mean() + pairs.min(0).mean())
+    direction = torch.as_tensor(rng.standard_normal((30, 3)))
+    change = (loss(v + 1e-6 * direction)[0] - loss(v - 1e-6 * direction)[0]) / 2e-6
+    assert float((derivative * direction).sum()) == pytest.approx(change, rel=1e-4)
+
+
+@pytest.mark.parametrize("normals", [True, False])
+def test_one_poisson_reconstruction(normals):
+    """Without steps the surface of given or of estimated normals."""
+    mesh = Sap(steps=0, resolution=48).reconstruct(ball(normals=normals), Run())
+    assert deviation(mesh) < 0.01
+
+
+def test_sap_improves_what_it_begins_with():
+    """From the input with wrong normals, to the bit; and from a sphere of another size, coarse to fine."""
+    cloud = ball(3000)
+    bent = cloud.normals + 0.7 * directions(3000, 1)
+    bent = PointCloud(cloud.points, bent / np.linalg.norm(bent, axis=1, keepdims=True))
+    settings = {"resolution": 32, "learning_rate": 2e-3}
+    before = Sap(steps=0, **settings).reconstruct(bent, Run(seed=1))
+    after = Sap(steps=15, **settings).reconstruct(bent, Run(seed=1))
+    assert deviation(after) < 0.8 * deviation(before)
+    assert same(after, Sap(steps=15, **settings).reconstruct(bent, Run(seed=1)))
+    grown = Sap(steps=40, begin="sphere", points=2000, coarsest=16, resolution=32, learning_rate=1e-2)
+    assert grown.levels() == [16, 32]
+    assert deviation(grown.reconstruct(ball(3000), Run(seed=1))) < 0.02
+
+
+def test_sap_offers_traces_and_stops_in_time():
+    """Traces in the coordinates of the input; a limit ends the optimisation."""
+    seen = []
+    run = Run(seed=1, on_trace=lambda mesh, seconds: seen.append(mesh()))
+    Sap(steps=6, resolution=24, traces=2).reconstruct(ball(500), run)
+    assert len(seen) == 2
+    assert all(deviation(mesh) < 0.05 for mesh in seen)
+    mesh = Sap(steps=10**6, resolution=24, seconds=0.5).reconstruct(ball(500), Run(seed=1))
+    assert deviation(mesh) < 0.05
+
+
+# -- errors ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: HashSdf(levels=0), "levels: expected at least 1, got 0"),
+        (lambda: HashSdf(coarsest=64, finest=32), r"finest: expected 64 \(coarsest\)"),
+        (lambda: HashSdf(log2_table=30), "log2_table: expected 4 to 24"),
+        (lambda: HashSdf(guided=2.0), "guided: expected 0 to 1"),
+        (lambda: HashGrid(2, 100, 2, 4), "table: expected a power of two, got 100"),
+        (lambda: Hotspot(absorption=0.0), "absorption: expected more than 0"),
+        (lambda: Hotspot(heat=-1.0), "heat: expected at least 0"),
+        (lambda: Sap(resolution=8), "resolution: expected 16 to 512"),
+        (lambda: Sap(resolution=16, begin="sphere"), r"coarsest: expected 8 to 16 \(resolution\), got 32"),
+        (lambda: Sap(steps=0, begin="sphere"), "steps: expected at least 0"),
+        (lambda: Sap(begin="cube"), "begin: expected normals or sphere, got 'cube'"),
+    ],
+)
+def test_wrong_parameters_are_told(make, message):
+    """By name, with what was expected."""
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("method", [HashSdf(), Hotspot(), Sap()], ids=lambda method: type(method).__name__)
+def test_poor_input_is_told(method):
+    """Too few points, and points that coincide."""
+    name = type(method).__name__.lower()
+    for points in (np.zeros((3, 3)), np.repeat(directions(3), 20, axis=0), np.full((50, 3), np.nan)):
+        with pytest.raises(BadInput, match=name):
+            method.reconstruct(PointCloud(points, np.ones_like(points)), Run())
