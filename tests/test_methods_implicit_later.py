@@ -241,7 +241,7 @@ def test_heat_is_the_energy_of_the_screened_poisson_equation():
 
 
 def test_hotspot_loss_is_its_formula():
-    """Three terms over all points of the step; the absorption grows by equal factors; chunks add up."""
+    """Four terms over all points of the step; the absorption grows by equal factors; chunks add up."""
     network = SineNetwork(5.0, hidden_layers=1, width=16, generator=draw())
     field = HeatField(network, surface=3.0, eikonal=0.5, heat=2.0, absorption=(4.0, 36.0))
     assert [field.absorption(t) for t in (0, 0.5, 1)] == pytest.approx([4, 12, 36])
@@ -250,7 +250,11 @@ def test_hotspot_loss_is_its_formula():
     f, gradient = network.value_and_gradient(batch.x)
     length = gradient.norm(dim=1)
     warm = torch.exp(-24 * f[50:].abs()) * (length[50:] ** 2 + 1) / 2
-    expected = (3 * f[:50].abs().sum() + 0.5 * (length - 1).abs().sum() + 2 * warm.sum()) / 100
+    beyond = f[50:][batch.x[50:].norm(dim=1) > 1]
+    assert (beyond < 0).any()
+    expected = (
+        3 * (f[:50].abs().sum() - beyond[beyond < 0].sum()) + 0.5 * (length - 1).abs().sum() + 2 * warm.sum()
+    ) / 100
     torch.testing.assert_close(field.loss(batch, 0.5), expected)
     torch.testing.assert_close(sum(field.loss(part, 0.5) for part in batch.chunks(30)), expected)
 

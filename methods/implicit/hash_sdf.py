@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bench import Frame, Run, register
 
@@ -31,6 +31,7 @@ class HashSdf(Fitted):
     steps: int = 2000  # of training, at most
     batch: int = 1024  # surface points of a step; as many of the space are added
     learning_rate: float = 1e-2  # of Adam, for the features
+    betas: tuple[float, float] = (0.9, 0.99)  # of Adam, with a short memory: a row is met in few of the steps
     network_rate: float = 0.3  # of the network, relative to that of the features
     levels: int = 12  # of the grid (published: 16)
     coarsest: int = 8  # cells of the first level along each axis (published: 16)
@@ -86,7 +87,3 @@ class HashSdf(Fitted):
         if self.load or not self.guided:
             return super().sampler(points, normals, frame, run)
         return GuidedSampler(points, normals, self.batch, run.torch_generator())
-
-    def training(self) -> dict[str, Any]:
-        """Adam with a memory: a row is met in few of the steps."""
-        return {"betas": (0.9, 0.99)}

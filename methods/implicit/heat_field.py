@@ -19,7 +19,8 @@ class HeatField(Field):
     network : SineNetwork
     surface, eikonal, heat : float
         Weights of |f| on the points, of ||grad f| - 1| everywhere, and of the heat in space; each is summed over the
-        points that it concerns, and divided by all of them, as in Eq. 4.4.
+        points that it concerns, and divided by all of them, as in Eq. 4.4. The first is also that of -f where f is
+        negative beyond radius 1: no point of the surface is there, so that is outside.
     absorption : pair of float
         lambda at the beginning and at the end.
     """
@@ -41,10 +42,12 @@ class HeatField(Field):
         return begin * (end / begin) ** t
 
     def loss(self, batch: Batch, t: float) -> Tensor:
-        """The three terms, at progress t."""
+        """The terms, at progress t."""
         f, gradient = self.network.value_and_gradient(batch.x)
         on = batch.on
         loss = self._surface * f[:on].abs().sum()
+        beyond = batch.x[on:].square().sum(1) > 1
+        loss = loss + self._surface * (f[on:] * beyond).neg().relu().sum()
         loss = loss + self._eikonal * (torch.linalg.vector_norm(gradient, dim=1) - 1).abs().sum()
         loss = loss + self._heat * heat(f[on:], gradient[on:], self.absorption(t)).sum()
         return loss / batch.total

@@ -22,15 +22,16 @@ if TYPE_CHECKING:
 class Hotspot(Fitted):
     """A sine network that is zero at the points, whose exp(-lambda |f|) is the heat around them; uses no normals.
 
-    Away from the surface h = exp(-lambda |f|) shall solve the screened Poisson equation laplace h = lambda^2 h, of
-    which it is a solution as lambda grows if and only if |f| is the distance; an eikonal term alone also allows other
-    f. It minimises the integral of (|grad h|^2 + lambda^2 h^2) / 2, so walls that no points ask for melt. Terms are as
-    in the paper, the integral by uniform samples; weights, and how lambda grows, were chosen here, for two processor
-    cores. Sides are told apart by the sphere that the network begins as, positive outside, not by the input.
+    Away from the surface h = exp(-lambda |f|) shall solve the screened Poisson equation laplace h = lambda^2 h: with
+    growing lambda, only distances do, while an eikonal term alone also allows other f. What is minimised is the
+    integral of (|grad h|^2 + lambda^2 h^2) / 2, so walls that no points ask for melt. The terms are the paper's, the
+    integral by uniform samples, with sine layers; the weights, and how lambda grows, were chosen here, for two
+    processor cores. Inside and outside come from the sphere that the network begins as, and from the radius beyond
+    which there are no points, where f shall be positive (our addition: without, some fits end inside out).
     """
 
     batch: int = 1024  # surface points of a step; as many of the space are added
-    learning_rate: float = 1e-4  # of Adam
+    learning_rate: float = 2e-4  # of Adam
     omega: float = 30.0  # frequency of the sine layers
     hidden_layers: int = 3  # sine layers behind the first
     width: int = 256  # of each layer

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal
 from bench import Run, register
 from bench.geometry.check import check_mesh
 
+from .fitted import ENDLESS
+
 if TYPE_CHECKING:
     import torch
     from trimesh import Trimesh
@@ -69,7 +71,7 @@ class IdfTransfer:
 
     steps: int = 400  # of the displacement's training (released: 24,000)
     base_steps: int = 700  # of the training of each base (released: 12,000)
-    seconds: float = 0.0  # wall clock of all training, at most; 0 for as long as the run's limit allows
+    seconds: float = 0.0  # train for so long by the clock, all networks together; 0 to count steps
     batch: int = 512  # surface points of a step; as many beside the surface are added (released: 2,048)
     learning_rate: float = 5e-4  # of Adam, of the displacement (released: 1e-4)
     base_rate: float = 1e-3  # of Adam, of the bases (released: 1e-4)
@@ -148,7 +150,7 @@ class IdfTransfer:
 
         sampler = NearSampler(*detailed, self.batch, draws, spread=field.nu)
         training = Training(
-            steps=self.steps,
+            steps=ENDLESS if self.seconds else self.steps,
             seconds=stages.next(reserve=seconds_to_extract(field, self.resolution)),
             learning_rate=self.learning_rate,
             betas=BETAS,
@@ -172,7 +174,12 @@ class IdfTransfer:
         if self.sphere:
             begin_as_sphere(field.network, self.sphere)
         field = field.to(draws.device)
-        training = Training(steps=self.base_steps, seconds=stages.next(), learning_rate=self.base_rate, betas=BETAS)
+        training = Training(
+            steps=ENDLESS if self.seconds else self.base_steps,
+            seconds=stages.next(),
+            learning_rate=self.base_rate,
+            betas=BETAS,
+        )
         fit(field, Sampler(*known, self.batch, draws), stages, training)
         return field.network.requires_grad_(False)
 

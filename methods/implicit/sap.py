@@ -38,7 +38,7 @@ class Sap:
     begin: Literal["normals", "sphere"] = "normals"  # the input and its normals, or a sphere of points
     points: int = 20_000  # of the sphere; from every level to the next they are sampled anew
     batch: int = 20_000  # points of the input whose distance to the surface counts; its distance to all counts always
-    learning_rate: float = 2e-4  # of Adam, in sides of the lattice's cube (paper: 2e-3 from a sphere)
+    learning_rate: float = 0.0  # of Adam, in sides of the lattice's cube; 0 for 1e-3, or 1e-2 from a sphere
     fall: float = 0.7  # factor of the learning rate from a level to the next
     sigma: float = 2.0  # smoothing: a Gaussian of standard deviation sigma / pi nodes (paper: 2; from 256 on, 3)
     sphere: float = 0.5  # radius of the sphere
@@ -56,10 +56,10 @@ class Sap:
         for name in ("points", "batch"):
             if getattr(self, name) < 10:
                 raise ValueError(f"{name}: expected at least 10, got {getattr(self, name)}")
-        for name in ("learning_rate", "fall", "sigma", "sphere"):
+        for name in ("fall", "sigma", "sphere"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
-        for name in ("seconds", "traces"):
+        for name in ("learning_rate", "seconds", "traces"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
 
@@ -115,6 +115,7 @@ class Sap:
         from .spectral_poisson import SIDE, from_lattice, indicator
 
         loss, levels = ChamferLoss(target, self.batch, run.rng), self.levels()
+        base = self.learning_rate or (1e-2 if self.begin == "sphere" else 1e-3)
         begin = run.elapsed()
         limit = min(self.seconds or math.inf, max(0.1, 0.9 * run.seconds_left() - 2))
         progress = Progress(self.steps, lambda: limit - (run.elapsed() - begin))
@@ -125,7 +126,7 @@ class Sap:
                     x, n = self._sampled(surface(x, n, levels[level]), x, run)
                 level, r, best = now, levels[now], (math.inf, x, n)
                 x, n = x.detach().clone().requires_grad_(), n.detach().clone().requires_grad_()
-                rate = self.learning_rate * self.fall**level
+                rate = base * self.fall**level
                 optimizer = torch.optim.Adam([{"params": [x], "lr": rate * SIDE}, {"params": [n], "lr": rate}])
             places, gradient, values = vertices(indicator(x, n, r, self.sigma))
             value, by_place = loss(from_lattice(places, r))
