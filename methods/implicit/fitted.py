@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -23,8 +22,7 @@ if TYPE_CHECKING:
 LEAST_POINTS = 10
 ENDLESS = 10**9  # steps: the clock ends the training
 COARSEST = 32  # to which a resolution is lowered where the time is short
-MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
-REACH = 1.03  # half a side of the box that is marched: a fitted surface may leave the points' by a little
+REACH = 1.05  # half a side of the box that is marched: a fitted surface may leave the points' by a little
 
 
 @dataclass(frozen=True)
@@ -80,9 +78,11 @@ class Fitted:
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The zero level of a field that was fitted to the points and their normals (estimated if there are none)."""
+        from .stages import seconds_to_extract
+
         field, frame = self.fit_to(cloud, run)
-        resolution, extents = self.resolution, np.ptp(frame.apply(cloud.points), axis=0)
-        while resolution > COARSEST and self._reserve(field, extents, resolution) > run.seconds_left():
+        resolution, points = self.resolution, frame.apply(cloud.points)
+        while resolution > COARSEST and seconds_to_extract(field, points, resolution) > run.seconds_left():
             resolution //= 2  # a coarser surface in time rather than none
         return self.extract(field, frame, resolution)
 
@@ -92,6 +92,7 @@ class Fitted:
 
         from . import field as files
         from .fitting import Training, fit
+        from .stages import seconds_to_extract
 
         torch.set_num_threads(run.threads)
         points, normals, frame = oriented(cloud, type(self).__name__.lower())
@@ -101,7 +102,7 @@ class Fitted:
             files.load(field, self.load)
         if self.steps:
             sampler = self.sampler(points, normals, frame, run)
-            left = run.seconds_left() - self._reserve(field, np.ptp(points, axis=0), self.resolution)
+            left = run.seconds_left() - seconds_to_extract(field, points, self.resolution)
             training = Training(
                 steps=ENDLESS if self.seconds else self.steps,
                 seconds=min(self.seconds or math.inf, max(left, 0.1)),
@@ -122,18 +123,6 @@ class Fitted:
         mesh = extract(field.values, resolution=resolution, domain=(-REACH, REACH))
         mesh.vertices = frame.invert(mesh.vertices)
         return mesh
-
-    def _reserve(self, field: Field, extents: np.ndarray, resolution: int) -> float:
-        """Seconds that extracting a surface of these extents (3,) will take, generously, by the speed of the field."""
-        probe = np.zeros((8192, 3))
-        field.values(probe)
-        begin = time.perf_counter()
-        field.values(probe)
-        per_point = (time.perf_counter() - begin) / len(probe) + MESHING
-        a, b, c = extents
-        shortest = max(min(extents), max(extents) / 5)  # no side gets more than five times the shortest's samples
-        area = 2 * (a * b + b * c + c * a) / shortest**2
-        return 2 + 1.5 * per_point * (9 * area * resolution**2 + 2 * 65**3)
 
 
 def oriented(cloud: PointCloud, method: str) -> tuple[np.ndarray, np.ndarray, Frame]:

@@ -23,9 +23,12 @@ class HashSdf(Fitted):
     """A multi-resolution hash grid and a small network, under the loss of SIREN (Eq. 4.4).
 
     The encoding is that of Mueller et al. (2022), and so are the betas of Adam; the loss is that of the other methods
-    here, because the input has no distances. Its gradients are those of the trilinear interpolation, exact within a
-    cell. The defaults are for two processor cores, measured on training shapes: finer cells than the gaps between
-    points learn noise, and tables of 2^17 or 2^19 rows were slower and no better.
+    here, because the input has no distances. That loss tells inside from outside at the points alone, and features do
+    not carry it far; so the field is first held to guesses of the distance, whose sign is that of a coarse Poisson
+    indicator of the points (``guided``; without, walls stay where the sphere was). Its gradients are those of the
+    trilinear interpolation, exact within a cell. The defaults are for two processor cores, measured on training
+    shapes: finer cells than the gaps between points learn noise, and tables of 2^17 or 2^19 rows were slower and no
+    better.
     """
 
     steps: int = 2000  # of training, at most

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -69,7 +69,3 @@ class Hotspot(Fitted):
         """The field that is fitted to the points alone."""
         # All normals the same: none are estimated, and none of the input are seen.
         return super().fit_to(PointCloud(cloud.points, np.broadcast_to([0.0, 0.0, 1.0], cloud.points.shape)), run)
-
-    def training(self) -> dict[str, Any]:
-        """The usual betas of Adam."""
-        return {"betas": (0.9, 0.999)}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from bench import Run, register
 from bench.geometry.check import check_mesh
 
-from .fitted import ENDLESS
+from .fitted import COARSEST, ENDLESS
 
 if TYPE_CHECKING:
     import torch
@@ -151,7 +151,7 @@ class IdfTransfer:
         sampler = NearSampler(*detailed, self.batch, draws, spread=field.nu)
         training = Training(
             steps=ENDLESS if self.seconds else self.steps,
-            seconds=stages.next(reserve=seconds_to_extract(field, self.resolution)),
+            seconds=stages.next(reserve=seconds_to_extract(field, theirs_known[0], self.resolution)),
             learning_rate=self.learning_rate,
             betas=BETAS,
             chunk=2 * self.batch,  # the descriptor runs once a step
@@ -159,7 +159,10 @@ class IdfTransfer:
         )
         coarse = max(16, self.resolution // 2)
         fit(field, sampler, stages, training, lambda: run.trace(lambda: transferred(coarse)))
-        return transferred(self.resolution)
+        resolution = self.resolution
+        while resolution > COARSEST and seconds_to_extract(field, theirs_known[0], resolution) > run.seconds_left():
+            resolution //= 2  # a coarser surface in time rather than none
+        return transferred(resolution)
 
     def _base(self, known: Samples, weights: torch.Generator, draws: torch.Generator, stages: Stages) -> SineNetwork:
         """A sine network fitted to samples of a base by Eq. 4.4."""

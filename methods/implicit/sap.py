@@ -12,7 +12,7 @@ import numpy as np
 
 from bench import PointCloud, Run, register
 
-from .fitted import oriented
+from .fitted import ENDLESS, oriented
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -31,9 +31,9 @@ class Sap:
     used. With ``steps=0`` it is one Poisson reconstruction.
     """
 
-    steps: int = 60  # of the optimisation, at most; 0 for the Poisson surface of the beginning
-    seconds: float = 0.0  # wall clock of the optimisation, at most; 0 for as long as the run's limit allows
-    resolution: int = 128  # nodes of the finest lattice along each axis, 16 to 512
+    steps: int = 20  # of the optimisation, at most; 0 for the Poisson surface of the beginning
+    seconds: float = 0.0  # optimise for so long by the clock, with as many steps as that allows; 0 to count steps
+    resolution: int = 256  # nodes of the finest lattice along each axis, 16 to 512 (some 8 GB)
     coarsest: int = 32  # nodes of the first lattice of begin=sphere; each has twice as many as the one before
     begin: Literal["normals", "sphere"] = "normals"  # the input and its normals, or a sphere of points
     points: int = 20_000  # of the sphere; from every level to the next they are sampled anew
@@ -92,7 +92,7 @@ class Sap:
             x, n = tensor(points), tensor(normals)
             n = n * evenly(x)[:, None]
         run.parameters = x.numel() + n.numel()
-        if self.steps:
+        if self.steps or self.seconds:
             x, n = self._fit(x, n, points, run, surface, in_input)
         return in_input(surface(x, n, self.resolution))
 
@@ -117,8 +117,9 @@ class Sap:
         loss, levels = ChamferLoss(target, self.batch, run.rng), self.levels()
         base = self.learning_rate or (1e-2 if self.begin == "sphere" else 1e-3)
         begin = run.elapsed()
-        limit = min(self.seconds or math.inf, max(0.1, 0.9 * run.seconds_left() - 2))
-        progress = Progress(self.steps, lambda: limit - (run.elapsed() - begin))
+        reserve = 2 + 3e-7 * self.resolution**3  # for the last surface
+        limit = min(self.seconds or math.inf, max(0.1, run.seconds_left() - reserve))
+        progress = Progress(ENDLESS if self.seconds else self.steps, lambda: limit - (run.elapsed() - begin))
         level, paused = -1, 0.0
         while progress.t < 1:
             if (now := min(len(levels) - 1, int(progress.t * len(levels)))) != level:

@@ -12,6 +12,9 @@ from bench import Run
 
 from .field import Field
 
+MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
+PROBES = 8192  # points by which the speed is told
+
 
 class Stages:
     """A run as each of its trainings sees it: the time and the progress are shares of the whole.
@@ -45,10 +48,13 @@ class Stages:
         self._run.progress(round(1000 * part), 1000)
 
 
-def seconds_to_extract(field: Field, resolution: int) -> float:
-    """How long the surface of a field will take, generously, by the field's speed."""
-    probe = np.zeros((8192, 3))
-    field.values(probe)
+def seconds_to_extract(field: Field, points: np.ndarray, resolution: int) -> float:
+    """How long a surface about points (n, 3) will take, generously, by the field's speed there: see :mod:`.meshing`."""
+    field.values(points[:PROBES])
     begin = time.perf_counter()
-    field.values(probe)
-    return 2 + 1.5 * (time.perf_counter() - begin) / len(probe) * (16 * resolution**2 + 65**3)
+    field.values(points[:PROBES])
+    per_point = (time.perf_counter() - begin) / min(PROBES, len(points)) + MESHING
+    a, b, c = extents = np.ptp(points, axis=0)
+    shortest = max(min(extents), max(extents) / 5)  # no side gets more than five times the shortest's samples
+    area = 2 * (a * b + b * c + c * a) / shortest**2
+    return 2 + 1.5 * per_point * (9 * area * resolution**2 + 2 * 65**3)
