@@ -39,7 +39,7 @@ class Hotspot(Fitted):
     eikonal: float = 5.0  # weight of the gradient's length
     heat: float = 30.0  # weight of the heat; higher melts more
     absorption: float = 40.0  # lambda at the end, in 1 / radius: how sharply heat stays at the points
-    absorption_begin: float = 8.0  # lambda at the beginning; it grows by equal factors
+    absorption_begin: float = 4.0  # lambda at the beginning; it grows by equal factors
     sphere: float = 0.5  # radius of the sphere that the network begins as
 
     def __post_init__(self) -> None:
