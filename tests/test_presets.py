@@ -76,3 +76,14 @@ def test_an_edited_step_is_another_fingerprint(monkeypatch):
     assert provenance.fingerprint(provenance.ingredients(chain)) != before
     after = provenance.memory_keys(chain)
     assert {key for key in keys if keys[key] != after[key]} == {"sensor"}
+
+
+@pytest.mark.parametrize("name", presets.names("method"))
+def test_every_method_preset_names_parameters_that_exist(name):
+    """A preset that nothing can be built from would fail when its experiment is run."""
+    from bench.registry import registry
+    from bench.schema import build
+
+    preset = presets.presets("method")[name]
+    built = build(registry().find("method", preset.plugin), preset.values)
+    assert all(getattr(built, key) == value for key, value in preset.values.items())
