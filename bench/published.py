@@ -89,14 +89,9 @@ def load_published(experiment: str) -> Published:
     UsageError
         If there is no such experiment, or if it repeats no paper's table.
     """
-    from importlib.resources import files
-
-    import yaml
-
     if experiment not in names(GROUP):
         raise UsageError(f"no experiment is called {experiment!r}. {did_you_mean(experiment, names(GROUP))}")
-    text = (files("bench.conf") / GROUP / f"{experiment}.yaml").read_text(encoding="utf-8")
-    described = yaml.safe_load(text).get("published")
+    described = _described(experiment)
     if described is None:
         known = [name for name in names(GROUP) if has_published(name)]
         raise UsageError(f"experiment {experiment} repeats no paper's table; these do: {', '.join(known)}")
@@ -107,9 +102,15 @@ def load_published(experiment: str) -> Published:
 
 def has_published(experiment: str) -> bool:
     """Whether an experiment's file gives a paper's numbers."""
+    return _described(experiment) is not None
+
+
+@cache
+def _described(experiment: str) -> dict[str, Any] | None:
+    """What the file of an experiment says under ``published``."""
     from importlib.resources import files
 
     import yaml
 
     text = (files("bench.conf") / GROUP / f"{experiment}.yaml").read_text(encoding="utf-8")
-    return "published" in (yaml.safe_load(text) or {})
+    return (yaml.safe_load(text) or {}).get("published")

@@ -45,12 +45,9 @@ class DirectResidual(Supervised):
     def field(self, generator: torch.Generator) -> Field:
         """Both networks, the base a sphere to begin with."""
         from .residual_field import ResidualField
-        from .sine_network import SineNetwork
-        from .sphere import begin_as_sphere
+        from .sphere import base_and_detail
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
-        base, residual = SineNetwork(self.omega, **form), SineNetwork(self.omega_detail, **form)
-        if self.sphere:
-            begin_as_sphere(base, self.sphere)
+        base, residual = base_and_detail(self.omega, self.omega_detail, self.sphere, **form)
         nu = self.nu if self.attenuate else 0.0
         return ResidualField(self.oriented_loss(), base, residual, alpha=self.alpha, nu=nu, bounded=self.bounded)

@@ -20,8 +20,17 @@ PROBE = 16  # one of so many points tells how many are near the base
 
 
 def attenuation(f: Tensor, nu: float) -> Tensor:
-    """chi = 1 / (1 + (f/nu)^4): 1 on the base surface, 1/2 at a distance of nu, then next to nothing."""
-    return 1 / (1 + (f / nu) ** 4)
+    """chi = 1 / (1 + (f/nu)^4): 1 on the base surface, 1/2 at a distance of nu, then next to nothing.
+
+    Without nu, which is 0 then, it is 1 everywhere.
+    """
+    return 1 / (1 + (f / nu) ** 4) if nu else torch.ones_like(f)
+
+
+def bound(d: Tensor, by_x: Tensor) -> tuple[Tensor, Tensor]:
+    """tanh of a displacement (n,), and its gradient (n, 3)."""
+    d = torch.tanh(d)
+    return d, by_x * (1 - d**2)[:, None]
 
 
 class DisplacedField(Field):
@@ -91,15 +100,12 @@ class DisplacedField(Field):
     def _loss_of_displacement(self, batch: Batch) -> Tensor:
         """L_f^ under a frozen base, but for a constant: points that are not displaced are left out."""
         with torch.no_grad():
-            near = torch.cat([torch.ones(batch.on, dtype=torch.bool, device=batch.x.device), self._near(batch)])
+            near = self._may_move(self.base(batch.x[batch.on :]))
+            near = torch.cat([near.new_ones(batch.on), near])
         part = Batch(batch.x[near], batch.on, batch.normals, None, batch.total)
         with torch.no_grad():
             f, gradient = self.base.value_and_gradient(part.x)
         return self._loss(*self._displaced(part.x, f, gradient), part)
-
-    def _near(self, batch: Batch) -> Tensor:
-        """Which points of the space can be displaced."""
-        return self._may_move(self.base(batch.x[batch.on :]))
 
     # -- the field -------------------------------------------------------------------------------------------------
 
@@ -114,16 +120,15 @@ class DisplacedField(Field):
     def _displaced(self, x: Tensor, f: Tensor, gradient: Tensor) -> tuple[Tensor, Tensor]:
         """f^ and its gradient, given those of the base at x."""
         n = F.normalize(gradient.detach(), dim=1)
-        chi = attenuation(f.detach(), self.nu) if self.nu else torch.ones_like(f)
-        rows = torch.nonzero(chi >= self.negligible)[:, 0] if self.nu else None
-        everywhere = rows is None or len(rows) == len(x)
+        chi = attenuation(f.detach(), self.nu)
+        rows = torch.nonzero(chi >= self.negligible)[:, 0]
+        everywhere = len(rows) == len(x)
         here = f, gradient
         if not everywhere:
             x, n, chi, here = x[rows], n[rows], chi[rows], (f[rows], gradient[rows])
         d, by_x = self.detail(x, *here)
         if self.bounded:
-            d = torch.tanh(d)
-            by_x = by_x * (1 - d**2)[:, None]
+            d, by_x = bound(d, by_x)
         strength = self.alpha * chi
         f_hat, g = self.base.value_and_gradient(x + (strength * d)[:, None] * n)
         g_hat = g + ((g * n).sum(1) * strength)[:, None] * by_x
@@ -156,9 +161,8 @@ class DisplacedField(Field):
 
     def _displacement(self, x: Tensor, f: Tensor) -> Tensor:
         d = self.displacement(x)
-        d = self.alpha * (torch.tanh(d) if self.bounded else d)
-        return d * attenuation(f, self.nu) if self.nu else d
+        return self.alpha * (torch.tanh(d) if self.bounded else d) * attenuation(f, self.nu)
 
     def _may_move(self, f: Tensor) -> Tensor:
         """Whether points at which the base has the values f are displaced at all."""
-        return attenuation(f, self.nu) >= self.negligible if self.nu else torch.ones_like(f, dtype=torch.bool)
+        return attenuation(f, self.nu) >= self.negligible

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 LEAST_POINTS = 10
 ENDLESS = 10**9  # steps: the clock ends the training
-COARSEST = 32  # to which a resolution is lowered where the time is short
 REACH = 1.05  # half a side of the box that is marched: a fitted surface may leave the points' by a little
 
 
@@ -78,12 +77,10 @@ class Fitted:
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The zero level of a field that was fitted to the points and their normals (estimated if there are none)."""
-        from .stages import seconds_to_extract
+        from .stages import resolution_in_time
 
         field, frame = self.fit_to(cloud, run)
-        resolution, points = self.resolution, frame.apply(cloud.points)
-        while resolution > COARSEST and seconds_to_extract(field, points, resolution) > run.seconds_left():
-            resolution //= 2  # a coarser surface in time rather than none
+        resolution = resolution_in_time(field, frame.apply(cloud.points), self.resolution, run)
         return self.extract(field, frame, resolution)
 
     def fit_to(self, cloud: PointCloud, run: Run) -> tuple[Field, Frame]:

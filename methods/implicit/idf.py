@@ -47,13 +47,10 @@ class Idf(Fitted):
         """Both networks, the base a sphere to begin with."""
         from .displaced_field import DisplacedField
         from .losses import OrientedLoss
-        from .sine_network import SineNetwork
-        from .sphere import begin_as_sphere
+        from .sphere import base_and_detail
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
-        base, displacement = SineNetwork(self.omega, **form), SineNetwork(self.omega_detail, **form)
-        if self.sphere:
-            begin_as_sphere(base, self.sphere)
+        base, displacement = base_and_detail(self.omega, self.omega_detail, self.sphere, **form)
         return DisplacedField(
             OrientedLoss(self.surface, self.space, self.eikonal, self.normal),
             base,

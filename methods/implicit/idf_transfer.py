@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from bench import Run, register
 from bench.geometry.check import check_mesh
 
-from .fitted import COARSEST, ENDLESS
+from .fitted import ENDLESS
 
 if TYPE_CHECKING:
     import torch
@@ -121,7 +121,7 @@ class IdfTransfer:
         from .fitting import Training, fit
         from .meshing import extract
         from .oriented_samples import cloud_of, frame_of, on_base, samples
-        from .stages import Stages, seconds_to_extract
+        from .stages import Stages, resolution_in_time, seconds_to_extract
         from .transfer_field import NearSampler
 
         torch.set_num_threads(run.threads)
@@ -159,10 +159,7 @@ class IdfTransfer:
         )
         coarse = max(16, self.resolution // 2)
         fit(field, sampler, stages, training, lambda: run.trace(lambda: transferred(coarse)))
-        resolution = self.resolution
-        while resolution > COARSEST and seconds_to_extract(field, theirs_known[0], resolution) > run.seconds_left():
-            resolution //= 2  # a coarser surface in time rather than none
-        return transferred(resolution)
+        return transferred(resolution_in_time(field, theirs_known[0], self.resolution, run))
 
     def _base(self, known: Samples, weights: torch.Generator, draws: torch.Generator, stages: Stages) -> SineNetwork:
         """A sine network fitted to samples of a base by Eq. 4.4."""
@@ -174,8 +171,7 @@ class IdfTransfer:
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": weights}
         field = SineField(OrientedLoss(*BASE_LOSS), self.omega, **form)
-        if self.sphere:
-            begin_as_sphere(field.network, self.sphere)
+        begin_as_sphere(field.network, self.sphere)
         field = field.to(draws.device)
         training = Training(
             steps=ENDLESS if self.seconds else self.base_steps,

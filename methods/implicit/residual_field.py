@@ -5,15 +5,13 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from .displaced_field import attenuation
-from .field import Field
-from .losses import OrientedLoss, squared_error
-from .sampling import Batch
-from .schedules import late_decay
+from .displaced_field import attenuation, bound
+from .losses import OrientedLoss
 from .sine_network import SineNetwork
+from .supervised_field import SupervisedField
 
 
-class ResidualField(Field):
+class ResidualField(SupervisedField):
     """f^(x) = N_B(x) + alpha chi(N_B(x)) N_D(x), with tanh of N_D where ``bounded``.
 
     As in :class:`~.displaced_field.DisplacedField`, the f inside chi is a constant to the training, and the gradient
@@ -30,20 +28,9 @@ class ResidualField(Field):
         nu: float = 0.0,
         bounded: bool = False,
     ):
-        super().__init__()
+        super().__init__(loss)
         self.base, self.residual = base, residual
-        self._loss = loss
         self.alpha, self.nu, self.bounded = alpha, nu, bounded
-
-    def rates(self, t: float) -> list[float]:
-        """One group: both networks learn from the beginning."""
-        return [late_decay(t)]
-
-    def loss(self, batch: Batch, t: float) -> Tensor:
-        """The squared error of distances, or Eq. 4.4."""
-        if batch.distances is not None:
-            return squared_error(self(batch.x), batch)
-        return self._loss(*self.value_and_gradient(batch.x), batch)
 
     def forward(self, x: Tensor) -> Tensor:
         """f^ at (n, 3) points."""
@@ -55,10 +42,9 @@ class ResidualField(Field):
         f, g = self.base.value_and_gradient(x)
         d, by_x = self.residual.value_and_gradient(x)
         if self.bounded:
-            d = torch.tanh(d)
-            by_x = by_x * (1 - d**2)[:, None]
+            d, by_x = bound(d, by_x)
         strength = self._strength(f)
         return f + strength * d, g + strength[:, None] * by_x
 
     def _strength(self, f: Tensor) -> Tensor:
-        return self.alpha * (attenuation(f.detach(), self.nu) if self.nu else torch.ones_like(f))
+        return self.alpha * attenuation(f.detach(), self.nu)

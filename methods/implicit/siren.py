@@ -39,8 +39,7 @@ class Siren(Fitted):
 
         loss = OrientedLoss(self.surface, self.space, self.eikonal, self.normal)
         field = SineField(loss, self.omega, hidden_layers=self.hidden_layers, width=self.width, generator=generator)
-        if self.sphere:
-            begin_as_sphere(field.network, self.sphere)
+        begin_as_sphere(field.network, self.sphere)
         return field
 
     def training(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import contextlib
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -26,12 +27,14 @@ RADIUS = 0.5
 
 
 def begin_as_sphere(network: SineNetwork, radius: float = RADIUS) -> None:
-    """Replace a network's weights by those of the signed distance |x| - radius.
+    """Replace a network's weights by those of the signed distance |x| - radius; leave them for a radius of 0.
 
     The weights depend on the network's form and on the radius alone, not on those that it has. A shipped or cached
     sphere is scaled and kept in float16: what a beginning is rounded to does not matter, but it must be the same
     whether it was made now or kept.
     """
+    if not radius:
+        return
     name = f"omega{network.omega:g}-layers{len(network.weights) - 2}-width{len(network.weights[0])}-radius{radius:g}"
     for folder in (SHIPPED, _cache()):
         if _load(network, folder / f"{name}.safetensors"):
@@ -39,6 +42,13 @@ def begin_as_sphere(network: SineNetwork, radius: float = RADIUS) -> None:
     made = make(network.omega, len(network.weights) - 2, len(network.weights[0]), radius)
     _keep(made, _cache() / f"{name}.safetensors")
     _assign(network, made)
+
+
+def base_and_detail(omega: float, omega_detail: float, radius: float, **form: Any) -> tuple[SineNetwork, SineNetwork]:
+    """Two networks of one form, of low and of high frequency; the first begins as a sphere."""
+    base, detail = SineNetwork(omega, **form), SineNetwork(omega_detail, **form)
+    begin_as_sphere(base, radius)
+    return base, detail
 
 
 def make(omega: float, hidden_layers: int, width: int, radius: float) -> dict[str, torch.Tensor]:

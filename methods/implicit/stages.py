@@ -1,4 +1,4 @@
-"""One run that consists of several trainings in a row."""
+"""The time of a run: shared between several trainings in a row, and kept for the surface at the end."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from bench import Run
 from .field import Field
 
 MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
+COARSEST = 32  # to which a resolution is lowered where the time is short
 PROBES = 8192  # points by which the speed is told
 
 
@@ -58,3 +59,10 @@ def seconds_to_extract(field: Field, points: np.ndarray, resolution: int) -> flo
     shortest = max(min(extents), max(extents) / 5)  # no side gets more than five times the shortest's samples
     area = 2 * (a * b + b * c + c * a) / shortest**2
     return 2 + 1.5 * per_point * (9 * area * resolution**2 + 2 * 65**3)
+
+
+def resolution_in_time(field: Field, points: np.ndarray, resolution: int, run: Run) -> int:
+    """The resolution, or less where the run's time would not do: a coarser surface in time rather than none."""
+    while resolution > COARSEST and seconds_to_extract(field, points, resolution) > run.seconds_left():
+        resolution //= 2
+    return resolution

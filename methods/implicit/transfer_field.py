@@ -164,7 +164,7 @@ class TransferField(DisplacedField):
     def forward(self, x: Tensor) -> Tensor:
         """f^ at (n, 3) points, each network where it is needed."""
         f = self.base(x)
-        rows = torch.nonzero(attenuation(f, self.nu) >= self.negligible)[:, 0]
+        rows = torch.nonzero(self._may_move(f))[:, 0]
         if not len(rows):
             return f
         near = x[rows]

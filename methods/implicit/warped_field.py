@@ -8,10 +8,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from .field import Field
-from .losses import OrientedLoss, squared_error
-from .sampling import Batch
-from .schedules import late_decay
+from .losses import OrientedLoss
+from .supervised_field import SupervisedField
 
 
 class ReluNetwork(nn.Module):
@@ -53,22 +51,12 @@ class ReluNetwork(nn.Module):
         return h
 
 
-class WarpedField(Field):
+class WarpedField(SupervisedField):
     """f^(x) = f(x + Delta(x)), Delta in R^3 without any bound."""
 
     def __init__(self, loss: OrientedLoss, base: ReluNetwork, warp: ReluNetwork):
-        super().__init__()
-        self.base, self.warp, self._loss = base, warp, loss
-
-    def rates(self, t: float) -> list[float]:
-        """One group: both networks learn from the beginning."""
-        return [late_decay(t)]
-
-    def loss(self, batch: Batch, t: float) -> Tensor:
-        """The squared error of distances, or Eq. 4.4."""
-        if batch.distances is not None:
-            return squared_error(self(batch.x), batch)
-        return self._loss(*self.value_and_gradient(batch.x), batch)
+        super().__init__(loss)
+        self.base, self.warp = base, warp
 
     def forward(self, x: Tensor) -> Tensor:
         """f^ at (n, 3) points."""
