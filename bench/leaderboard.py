@@ -381,18 +381,19 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         Index ``task, dataset, sensor, method, variant``; columns ``seconds_median``, ``peak_rss_mb`` (the largest),
-        ``parameters`` (of a learned method; missing where none) and ``true_distances`` (the most points at which they
-        were given; missing where none were).
+        ``parameters`` and ``active_parameters`` (of a learned method; missing where none) and ``true_distances`` (the
+        most points at which they were given; missing where none were).
     """
-    # Results of version 1 do not have the column.
-    given = pd.to_numeric(rows["true_distances"]) if "true_distances" in rows else np.nan
-    rows = rows.assign(true_distances=given)
+    # Results of earlier versions do not have these columns.
+    later = ("active_parameters", "true_distances")
+    rows = rows.assign(**{name: pd.to_numeric(rows[name]) if name in rows else np.nan for name in later})
     solved = rows[(rows["status"] == "ok").to_numpy()].groupby([*GROUP, *CONTENDER], sort=True)
     return pd.DataFrame(
         {
             "seconds_median": solved["seconds"].median(),
             "peak_rss_mb": solved["peak_rss_mb"].max(),
             "parameters": solved["parameters"].max(),
+            "active_parameters": solved["active_parameters"].max(),
             "true_distances": solved["true_distances"].max(),
         }
     )

@@ -124,7 +124,9 @@ def _check_parameter(kind: str, tail: str, overrides: Sequence[str], line: str) 
     parameter = tail.partition(".")[0]
     if parameter and parameter not in known:
         of = names[0] if len(names) == 1 else "those chosen"
-        raise UsageError(f"{line}: {kind} {of} has no parameter {parameter!r}. {_hint(prefix, parameter, known)}")
+        of_the_run = parameter == tail and parameter in {f.name for f in dataclasses.fields(Base)}
+        hint = f"The run has: say {parameter}=..." if of_the_run else _hint(prefix, parameter, known)
+        raise UsageError(f"{line}: {kind} {of} has no parameter {parameter!r}. {hint}")
 
 
 def _check_key(prefix: str, key: str, known: Iterable[str], line: str) -> None:

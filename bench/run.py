@@ -33,6 +33,9 @@ class Run:
         The wall-clock limit of this call; see :meth:`seconds_left`.
     parameters : int or None
         A learned method sets it to the number of its parameters; the leaderboard shows it.
+    active_parameters : int or None
+        How many of them a sparse layout would store for this input, where the method has one (features of occupied
+        cells, say) and papers count so; shown beside the number of all.
     distances_given : int
         At how many points :meth:`true_distances` was asked so far.
     """
@@ -42,6 +45,7 @@ class Run:
     threads: int = 1
     seconds: float = float("inf")
     parameters: int | None = None
+    active_parameters: int | None = None
     distances_given: int = field(default=0, init=False)
     on_progress: Callable[[int, int], None] | None = field(default=None, repr=False)
     on_trace: Callable[[Any, float], None] | None = field(default=None, repr=False)

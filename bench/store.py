@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-SCHEMA_VERSION = 2  # 1: without true_distances; both are read
+SCHEMA_VERSION = 3  # 2: without active_parameters; 1: without true_distances either; all are read
 META_KEY = b"detailbench"
 STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
 
@@ -63,6 +63,7 @@ COLUMNS = {
     "rss_before_mb": "float64",
     "peak_device_mb": "float64",
     "parameters": "int64",
+    "active_parameters": "int64",
     "true_distances": "int64",
     "output_points": "int64",
     "output_faces": "int64",

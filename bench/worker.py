@@ -163,7 +163,8 @@ class _Session:
                 run._started, run._paused = time.perf_counter(), 0.0
                 return task.solve(method, cell.task.name, dict(case.input), run)
         finally:
-            row |= self.meter.figures() | {"parameters": run.parameters}
+            row |= self.meter.figures()
+            row |= {"parameters": run.parameters, "active_parameters": run.active_parameters}
             row["true_distances"] = run.distances_given or None
             if trace:
                 row["trace"] = json.dumps(plain(trace))

@@ -6,21 +6,18 @@
 (with matplotlib, which comes with the extra `render`)
 
 Zero levels are black; the dashed line in the last two pictures is that of the base. ``--axis z --at 0`` says where the
-slice lies, in the frame in which the farthest point is at radius 1; parameters that are not the method's own are named
-like ``omega=20``. A field with one network (siren) has one picture.
+slice lies, in the frame in which the farthest point is at radius 1. A field with one network (siren) has one picture.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
 
 import matplotlib
 import numpy as np
 import torch
 from bench.methods.implicit import field as files
 from bench.methods.implicit.displaced_field import DisplacedField
-from safetensors import safe_open
 
 from bench.registry import registry
 
@@ -72,26 +69,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("field", help="a .safetensors file that idf or siren saved")
     parser.add_argument("picture", help="the PNG to write")
-    parser.add_argument("parameters", nargs="*", metavar="NAME=VALUE", help="of the method, where not its defaults")
     parser.add_argument("--axis", choices="xyz", default="z", help="the slice is across this axis")
     parser.add_argument("--at", type=float, default=0.0, help="where")
     parser.add_argument("--side", type=int, default=400, help="pixels")
     args = parser.parse_args()
-    with safe_open(args.field, "pt") as file:
-        name = file.metadata()["method"].lower()
-    given = dict(word.split("=", 1) for word in args.parameters)
-    method = registry().find("method", name).cls(**{key: _value(value) for key, value in given.items()})
+    name, form = files.saved_as(args.field)
+    method = registry().find("method", name).cls(**form, load=args.field)
     field = method.field(torch.Generator().manual_seed(0))
     files.load(field, args.field)
     draw(pictures(field, slice_points(args.axis, args.at, args.side)), args.picture)
     print(f"{args.picture}: {name}, across {args.axis} at {args.at:g}")
-
-
-def _value(word: str):
-    try:
-        return ast.literal_eval(word)
-    except (ValueError, SyntaxError):
-        return {"true": True, "false": False}.get(word, word)
 
 
 if __name__ == "__main__":

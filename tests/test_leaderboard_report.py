@@ -73,6 +73,14 @@ def test_the_terminal_says_what_failed(board, frame):
     assert "1.3M" in text
 
 
+def test_active_parameters_stand_beside_all(board, frame):
+    """Where a method has a sparse layout, the table gives both numbers; older results have neither."""
+    assert "active" not in render(board, "markdown", rows=frame)
+    told = frame.assign(active_parameters=[420_036 if m == "other_one" else None for m in frame["method"]])
+    assert "1.3M (420k active)" in render(board, "markdown", rows=told)
+    assert "- |" in render(board, "markdown", rows=told)
+
+
 def test_best_is_marked(board, frame):
     lines = render(board, "terminal", rows=frame).splitlines()
     assert "*" in next(line for line in lines if line.startswith("best"))

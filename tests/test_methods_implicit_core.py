@@ -19,6 +19,7 @@ from bench.methods.implicit.sampling import Batch, DistanceSampler, Sampler
 from bench.methods.implicit.schedules import stage
 from bench.methods.implicit.sine_network import SineNetwork
 from bench.methods.implicit.siren import Siren
+from safetensors.torch import save_file
 
 from bench import BadInput, PointCloud, Run
 
@@ -428,16 +429,33 @@ def test_the_same_seed_gives_the_same_mesh_and_another_seed_another():
 
 
 def test_a_saved_field_is_the_same_field(tmp_path):
-    """Through a safetensors file, to the bit; another network's file is refused by name."""
+    """Through a safetensors file, to the bit."""
     method = Idf(steps=20, save=str(tmp_path / "ball.safetensors"), **SMALL)
     mesh = method.reconstruct(ball(), Run(seed=1))
     again = Idf(steps=0, load=method.save, **SMALL).reconstruct(ball(), Run(seed=3))
     np.testing.assert_array_equal(mesh.vertices, again.vertices)
-    with pytest.raises(BadInput, match=r"ball.safetensors: belongs to another network"):
-        Siren(steps=0, load=method.save, **SMALL).reconstruct(ball(), Run())
-    (tmp_path / "torn.safetensors").write_bytes(b"not what it says")
-    with pytest.raises(BadInput, match=r"torn.safetensors: expected a safetensors file"):
-        files.load(method.field(draw()), tmp_path / "torn.safetensors")
+
+
+def test_a_field_is_loaded_by_what_saved_it_alone(tmp_path):
+    """The same weights make another function with another omega, although nothing else would tell."""
+    method = Idf(steps=1, **SMALL)
+    path = tmp_path / "ball.safetensors"
+    files.save(method.field(draw()), path, method.name, method.form())
+    for other, message in (
+        (Siren(steps=0, load=str(path), **SMALL), "ball.safetensors: was saved by idf, not by siren; say method=idf"),
+        (Idf(steps=0, load=str(path), **SMALL, omega_detail=30.0), "omega_detail is 30.0 here; say .*_detail=60.0"),
+        (Idf(steps=0, load=str(path), **SMALL, bounded=False), "say method.bounded=True"),
+    ):
+        with pytest.raises(BadInput, match=message):
+            other.reconstruct(ball(), Run())
+    with pytest.raises(BadInput, match="belongs to another network"):
+        files.load(Siren(**SMALL).field(draw()), path)
+    save_file({"weight": torch.zeros(3)}, str(path))
+    with pytest.raises(BadInput, match=r"expected a field that a method saved \(method.save=FILE\)"):
+        files.saved_as(path)
+    path.write_bytes(b"not what it says")
+    with pytest.raises(BadInput, match=r"ball.safetensors: expected a safetensors file"):
+        files.saved_as(path)
 
 
 def test_a_short_limit_still_gives_a_surface():

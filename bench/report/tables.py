@@ -120,7 +120,7 @@ def metric_order(lines: list[Line], wanted: Sequence[str] = ()) -> list[str]:
 def _table(
     group: tuple[str, str, str],
     lines: list[Line],
-    parameters: dict[tuple, float],
+    parameters: dict[tuple, str],
     wanted: Sequence[str],
     level: float,
     convention: Convention | None,
@@ -136,7 +136,7 @@ def _table(
     methods = list(dict.fromkeys([*first, *map(_label, lines)]))  # who has no such score stands at the end
     # What a method solved, whatever the metrics say of it: the most of any metric.
     most = {_label(line): line for line in sorted(lines, key=lambda line: line["solved"])}
-    counts = [parameters.get((*group, most[m]["method"], most[m]["variant"]), math.nan) for m in methods]
+    counts = [parameters.get((*group, most[m]["method"], most[m]["variant"]), "-") for m in methods]
     digits = convention.digits if convention else {}
     lines_shown = [most[m] for m in methods]
     columns: list[Metric] = []
@@ -151,7 +151,7 @@ def _table(
         solved=tuple(f"{most[m]['solved']}/{most[m]['planned']}" for m in methods),
         seconds=tuple(_seconds(most[m]["seconds_median"]) for m in methods),
         memory=tuple(_megabytes(most[m]["peak_rss_mb"]) for m in methods),
-        parameters=tuple(map(count, counts)) if any(c > 0 for c in counts) else (),
+        parameters=tuple(counts) if any(c != "-" for c in counts) else (),
         notes=(
             *([state] if state else []),
             *_notes(lines, columns, level),
@@ -275,10 +275,15 @@ def _megabytes(value: float) -> str:
     return "-" if not math.isfinite(value) else f"{value:,.0f}"
 
 
-def _parameters(rows: pd.DataFrame | None) -> dict[tuple, float]:
+def _parameters(rows: pd.DataFrame | None) -> dict[tuple, str]:
+    """The numbers of parameters of learned methods: ``1.35M``, or ``1.35M (420k active)``."""
     if rows is None:
         return {}
     from ..leaderboard import costs
 
-    learned = costs(rows)["parameters"].dropna()
-    return {key: float(value) for key, value in learned.items()}
+    learned = costs(rows)[["parameters", "active_parameters"]].astype(float)
+    learned = learned[learned["parameters"] > 0]
+    return {
+        key: count(total) + (f" ({count(active)} active)" if active > 0 else "")
+        for key, total, active in zip(learned.index, *learned.to_numpy().T, strict=True)
+    }

@@ -48,6 +48,6 @@ class DirectResidual(Supervised):
         from .sphere import base_and_detail
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
-        base, residual = base_and_detail(self.omega, self.omega_detail, self.sphere, **form)
+        base, residual = base_and_detail(self.omega, self.omega_detail, self.first_sphere, **form)
         nu = self.nu if self.attenuate else 0.0
         return ResidualField(self.oriented_loss(), base, residual, alpha=self.alpha, nu=nu, bounded=self.bounded)

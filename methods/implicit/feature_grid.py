@@ -76,7 +76,10 @@ class FeatureGrid(nn.Module):
 
     def active(self, points: Tensor) -> int:
         """How many vertices belong to a cell in which one of the (n, 3) points lies: rows that a sparse grid stores."""
-        return len(torch.unique(self._cells(points)[0]))
+        stored = torch.zeros(len(self.table), dtype=torch.bool, device=points.device)
+        for part in points.split(2**14):
+            stored[self._cells(part)[0].flatten()] = True
+        return int(stored.sum())
 
     def _cells(self, x: Tensor, levels: int | None = None) -> tuple[Tensor, Tensor]:
         """Rows of the corners (n, levels, 8), and where in its cell a point is, 0 to 1: (n, levels, 3)."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -45,6 +46,10 @@ class Field(nn.Module):
         """How many parameters there are."""
         return sum(p.numel() for p in self.parameters())
 
+    def count_active(self, points: Tensor) -> int | None:
+        """How many of them a sparse layout would store for a surface with ``points`` (n, 3), if it has one."""
+        return None
+
     @torch.no_grad()
     def values(self, points: np.ndarray) -> np.ndarray:
         """The field at (n, 3) points, as the mesher asks for it: float64 (n,)."""
@@ -56,29 +61,65 @@ class Field(nn.Module):
 PART = 4096  # points that are evaluated at once: their features stay in the cache
 
 
-def save(field: Field, path: str | Path, **facts: str) -> None:
-    """Write the parameters, and ``facts`` in words, to a safetensors file."""
+def save(field: Field, path: str | Path, method: str, form: dict[str, Any], **facts: str) -> None:
+    """Write the weights to a safetensors file, with the method's name, its parameters ``form``, and further facts."""
     from safetensors.torch import save_file
 
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in field.state_dict().items()}
-    save_file(tensors, str(path), {"format": "pt", **facts})
+    save_file(tensors, str(path), {"format": "pt", "method": method, "form": json.dumps(form), **facts})
 
 
-def load(field: Field, path: str | Path) -> None:
-    """Read parameters that :func:`save` wrote into a field of the same form.
+def saved_as(path: str | Path) -> tuple[str, dict[str, Any]]:
+    """The method that saved a field, and its parameters.
 
     Raises
     ------
     BadInput
-        Naming the file, if it cannot be read or belongs to another network.
+        Naming the file, if it cannot be read or was not written by :func:`save`.
     """
-    from safetensors import SafetensorError
-    from safetensors.torch import load_file
+    from safetensors import SafetensorError, safe_open
 
     try:
-        tensors = load_file(str(path))
+        with safe_open(str(path), "pt") as file:
+            facts = file.metadata() or {}
+        return facts["method"], json.loads(facts["form"])
     except (OSError, SafetensorError) as error:
         raise BadInput(f"{path}: expected a safetensors file that this method saved ({error})") from error
+    except (KeyError, ValueError) as error:
+        raise BadInput(f"{path}: expected a field that a method saved (method.save=FILE), and found none") from error
+
+
+def check_saved(path: str | Path, method: str, form: dict[str, Any]) -> None:
+    """Refuse a file that another method saved, or with other parameters: with another ``omega``, say, the same weights
+    make another function.
+
+    Raises
+    ------
+    BadInput
+        Naming the file and what to say instead.
+    """
+    theirs, saved = saved_as(path)
+    if theirs != method:
+        raise BadInput(f"{path}: was saved by {theirs}, not by {method}; say method={theirs}")
+    for name, here in json.loads(json.dumps(form)).items():
+        there = saved.get(name, here)
+        if there != here:
+            raise BadInput(
+                f"{path}: was saved with {name}={there}, and {name} is {here} here; say method.{name}={there}"
+            )
+
+
+def load(field: Field, path: str | Path) -> None:
+    """Read weights that :func:`save` wrote into a field of the same form.
+
+    Raises
+    ------
+    BadInput
+        Naming the file, if it belongs to another network.
+    """
+    from safetensors.torch import load_file
+
+    tensors = load_file(str(path))
     mine = field.state_dict()
     differing = sorted(name for name in {*mine, *tensors} if _shape(mine, name) != _shape(tensors, name))
     if differing:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from bench import BadInput, Frame, PointCloud, Run
 from bench.geometry.check import check_points
 from bench.geometry.normals import with_normals
+from bench.registry import snake_case
 
 if TYPE_CHECKING:
     import torch
@@ -75,6 +77,21 @@ class Fitted:
 
     # -- what they share -------------------------------------------------------------------------------------------
 
+    @property
+    def name(self) -> str:
+        """The plugin's."""
+        return snake_case(type(self).__name__)
+
+    @property
+    def first_sphere(self) -> float:
+        """The radius of the sphere that a network begins as: 0 when weights are loaded, which saves making it."""
+        return 0.0 if self.load else self.sphere  # a parameter of those who ask
+
+    def form(self) -> dict[str, Any]:
+        """The parameters that are this method's alone: they say which function its weights make."""
+        shared = {field.name for field in fields(Fitted)}
+        return {name: getattr(self, name) for name in inspect.get_annotations(type(self)) if name not in shared}
+
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The zero level of a field that was fitted to the points and their normals (estimated if there are none)."""
         from .stages import resolution_in_time
@@ -92,9 +109,12 @@ class Fitted:
         from .stages import seconds_to_extract
 
         torch.set_num_threads(run.threads)
-        points, normals, frame = oriented(cloud, type(self).__name__.lower())
+        points, normals, frame = oriented(cloud, self.name)
+        if self.load:
+            files.check_saved(self.load, self.name, self.form())
         field = self.field(torch.Generator().manual_seed(int(run.rng.integers(2**62)))).to(run.device)
         run.parameters = field.count()
+        run.active_parameters = field.count_active(torch.as_tensor(points, dtype=torch.float32))
         if self.load:
             files.load(field, self.load)
         if self.steps:
@@ -110,7 +130,7 @@ class Fitted:
             coarse = max(16, self.resolution // 2)
             fit(field, sampler, run, training, lambda: run.trace(lambda: self.extract(field, frame, coarse)))
         if self.save:
-            files.save(field, self.save, method=type(self).__name__, frame=repr(frame))
+            files.save(field, self.save, self.name, self.form(), frame=repr(frame))
         return field, frame
 
     def extract(self, field: Field, frame: Frame, resolution: int) -> Trimesh:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from bench import register
 
 from .fitted import Fitted
+from .weights import OrientedWeights
 
 if TYPE_CHECKING:
     import torch
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 @register("method", cite="Tancik et al. 2020; Park et al. 2021", requires=("torch", "trimesh", "igl", "skimage"))
 @dataclass(frozen=True)
-class Fourier(Fitted):
+class Fourier(OrientedWeights, Fitted):
     """Fourier features, opened from coarse to fine during the training, and a Softplus network (thesis 4.1.2).
 
     Eight bands, eight hidden layers of 256 and a skip connection in the middle: 461,006 parameters, fitted with
@@ -38,10 +39,6 @@ class Fourier(Fitted):
     hidden_layers: int = 8  # of the network
     width: int = 256  # of each layer
     sphere: float = 0.6  # radius of the sphere that the network begins as
-    surface: float = 400.0  # weight of |f| on the points, lambda_1
-    space: float = 50.0  # weight of exp(-100 |f|) elsewhere, lambda_3
-    eikonal: float = 5.0  # weight of the gradient's length, lambda_0
-    normal: float = 40.0  # weight of the normals, lambda_2
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -61,8 +58,6 @@ class Fourier(Fitted):
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""
         from .fourier_field import FourierField
-        from .losses import OrientedLoss
 
-        loss = OrientedLoss(self.surface, self.space, self.eikonal, self.normal)
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "radius": self.sphere}
-        return FourierField(loss, self.bands, self.progressive, generator=generator, **form)
+        return FourierField(self.oriented_loss(), self.bands, self.progressive, generator=generator, **form)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from bench import Frame, Run, register
 
 from .fitted import Fitted
+from .weights import OrientedWeights
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 @register("method", cite="Mueller et al. 2022", requires=("torch", "trimesh", "igl", "skimage", "scipy"))
 @dataclass(frozen=True)
-class HashSdf(Fitted):
+class HashSdf(OrientedWeights, Fitted):
     """A multi-resolution hash grid and a small network, under the loss of SIREN (Eq. 4.4).
 
     The encoding is that of Mueller et al. (2022), and so are the betas of Adam; the loss is that of the other methods
@@ -44,10 +45,6 @@ class HashSdf(Fitted):
     width: int = 64  # of the network's hidden layers
     hidden_layers: int = 1  # of the network
     guided: float = 0.1  # part of the training in which the sign of space is guessed from the points; 0 for none
-    surface: float = 400.0  # weight of |f| on the points, lambda_1
-    space: float = 50.0  # weight of exp(-100 |f|) elsewhere, lambda_3
-    eikonal: float = 5.0  # weight of the gradient's length, lambda_0
-    normal: float = 40.0  # weight of the normals, lambda_2
     sphere: float = 0.5  # radius of the sphere that it begins as
 
     def __post_init__(self) -> None:
@@ -69,12 +66,11 @@ class HashSdf(Fitted):
         """The grid and the network, a sphere to begin with."""
         from .hash_field import HashField
         from .hash_grid import HashGrid
-        from .losses import OrientedLoss
 
         size = (self.levels, 2**self.log2_table, self.coarsest, self.finest)
         return HashField(
             HashGrid(*size, features=self.features, generator=generator),
-            OrientedLoss(self.surface, self.space, self.eikonal, self.normal),
+            self.oriented_loss(),
             width=self.width,
             hidden_layers=self.hidden_layers,
             radius=self.sphere,

@@ -61,7 +61,7 @@ class Hotspot(Fitted):
         from .sphere import begin_as_sphere
 
         network = SineNetwork(self.omega, hidden_layers=self.hidden_layers, width=self.width, generator=generator)
-        begin_as_sphere(network, self.sphere)
+        begin_as_sphere(network, self.first_sphere)
         weights = {"surface": self.surface, "eikonal": self.eikonal, "heat": self.heat}
         return HeatField(network, absorption=(self.absorption_begin, self.absorption), **weights)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from bench import register
 
 from .fitted import Fitted
+from .weights import OrientedWeights
 
 if TYPE_CHECKING:
     import torch
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 @register("method", cite="Wang et al. 2022", requires=("torch", "trimesh", "igl", "skimage"))
 @dataclass(frozen=True)
-class Idf(Fitted):
+class Idf(OrientedWeights, Fitted):
     """Implicit displacement fields: two sine networks of low and high frequency (thesis 4.1, Eq. 4.3 and 4.4)."""
 
     steps: int = 300  # of training, at most
@@ -31,10 +32,6 @@ class Idf(Fitted):
     bounded: bool = True  # bound the displacement by alpha tanh; without it, alpha times the network's output
     attenuate: bool = True  # let the displacement fade away from the base, by chi
     schedule: Literal["thesis", "released", "none"] = "released"  # how the weights pass from the base to the whole
-    surface: float = 400.0  # weight of |f| on the points, lambda_1 (released: 200)
-    space: float = 50.0  # weight of exp(-100 |f|) elsewhere, lambda_3
-    eikonal: float = 5.0  # weight of the gradient's length, lambda_0
-    normal: float = 40.0  # weight of the normals, lambda_2
     sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
 
     def __post_init__(self) -> None:
@@ -46,13 +43,12 @@ class Idf(Fitted):
     def field(self, generator: torch.Generator) -> Field:
         """Both networks, the base a sphere to begin with."""
         from .displaced_field import DisplacedField
-        from .losses import OrientedLoss
         from .sphere import base_and_detail
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
-        base, displacement = base_and_detail(self.omega, self.omega_detail, self.sphere, **form)
+        base, displacement = base_and_detail(self.omega, self.omega_detail, self.first_sphere, **form)
         return DisplacedField(
-            OrientedLoss(self.surface, self.space, self.eikonal, self.normal),
+            self.oriented_loss(),
             base,
             displacement,
             alpha=self.alpha,

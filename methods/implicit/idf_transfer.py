@@ -9,6 +9,7 @@ from bench import Run, register
 from bench.geometry.check import check_mesh
 
 from .fitted import ENDLESS
+from .weights import OrientedWeights
 
 if TYPE_CHECKING:
     import torch
@@ -32,7 +33,7 @@ SHARES = (0.2, 0.2, 0.6)  # of the time: for the source's base, the target's bas
 
 @register("method", cite="Wang et al. 2022", requires=("torch", "trimesh", "igl", "skimage"))
 @dataclass(frozen=True)
-class IdfTransfer:
+class IdfTransfer(OrientedWeights):
     """Transferable implicit displacement: conditioned on a descriptor of the base, not on coordinates (Eq. 4.5).
 
     1. A smooth sine network is fitted to the source's base, or to the source itself where no base is given: a low
@@ -59,8 +60,9 @@ class IdfTransfer:
       0.1 is about 0.2 here, and its nu of 0.05 (vase) or 0.2 (shorts) 0.1 or 0.4. By default both are measured: alpha
       from the largest distance of the source to its fitted base, because one that is too small cuts details off, and
       a wide nu next to small details leaves f-bar with nothing to say.
-    * The loss is Eq. 4.4 with the thesis's weights for fitting one shape; the released ones (parameters) let f^ fade
-      around the surface, which T can do since it sees f, and learn little else for long.
+    * The loss is Eq. 4.4 with the thesis's weights for fitting one shape; the released ones (for the
+      shorts 500, 5, 0.1 and 100, for the vase 200, 10, 1 and 50) let f^ fade around the surface, which T can do since
+      it sees f, and learn little else for long.
 
     The released training is 24,000 steps at a rate of 1e-4. The defaults are for two processor cores: a FiLM network
     of a third of the frequency, with a mapping that begins stronger, learns details of some five periods around a body
@@ -94,10 +96,6 @@ class IdfTransfer:
     cells: int = 32  # of the features' grid along each side, a multiple of 4
     noise: float = 0.005  # of the points and normals that the encoder learns from
     every: int = 2  # the encoder and the U-Net run, and learn, in one of so many steps (released: 1)
-    surface: float = 400.0  # weight of |f^| on the source, lambda_1 (released: 500 or 200)
-    space: float = 50.0  # weight of exp(-100 |f^|) beside it, lambda_3 (released: 5 or 10)
-    eikonal: float = 5.0  # weight of the gradient's length, lambda_0 (released: 0.1 or 1)
-    normal: float = 40.0  # weight of the source's normals, lambda_2 (released: 100 or 50)
 
     def __post_init__(self) -> None:
         for name in ("steps", "base_steps", "batch", "points", "every"):
@@ -188,7 +186,6 @@ class IdfTransfer:
         """The source's field before the training of its displacement."""
         from .descriptor import Descriptor
         from .film import FilmNetwork, JoinedNetwork
-        from .losses import OrientedLoss
         from .oriented_samples import largest_distance
         from .transfer_field import TransferField
 
@@ -201,7 +198,7 @@ class IdfTransfer:
             displacement = JoinedNetwork(condition, **form)
         alpha = self.alpha or 1.5 * largest_distance(base, detailed)
         return TransferField(
-            OrientedLoss(self.surface, self.space, self.eikonal, self.normal),
+            self.oriented_loss(),
             base,
             displacement,
             descriptor,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from bench import register
 
 from .fitted import Fitted
+from .weights import OrientedWeights
 
 if TYPE_CHECKING:
     import torch
@@ -17,29 +18,24 @@ if TYPE_CHECKING:
 
 @register("method", cite="Sitzmann et al. 2020", requires=("torch", "trimesh", "igl", "skimage"))
 @dataclass(frozen=True)
-class Siren(Fitted):
+class Siren(OrientedWeights, Fitted):
     """A sine network that vanishes on the points, has their normals, and a gradient of length 1 (Eq. 4.4)."""
 
     learning_rate: float = 1e-4  # of Adam
     omega: float = 30.0  # frequency of the sine layers: the thesis tries 30 and 60
     hidden_layers: int = 3  # sine layers behind the first: 3 or 7 in the thesis
     width: int = 256  # of each layer
-    surface: float = 400.0  # weight of |f| on the points, lambda_1
-    space: float = 50.0  # weight of exp(-100 |f|) elsewhere, lambda_3
-    eikonal: float = 5.0  # weight of the gradient's length, lambda_0
-    normal: float = 40.0  # weight of the normals, lambda_2
     sphere: float = 0.5  # radius of the sphere that the network begins as; 0 to begin at random
     clip: float = 0.0  # largest norm of the gradient; 0 for none
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""
-        from .losses import OrientedLoss
         from .sine_field import SineField
         from .sphere import begin_as_sphere
 
-        loss = OrientedLoss(self.surface, self.space, self.eikonal, self.normal)
-        field = SineField(loss, self.omega, hidden_layers=self.hidden_layers, width=self.width, generator=generator)
-        begin_as_sphere(field.network, self.sphere)
+        form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
+        field = SineField(self.oriented_loss(), self.omega, **form)
+        begin_as_sphere(field.network, self.first_sphere)
         return field
 
     def training(self) -> dict[str, Any]:

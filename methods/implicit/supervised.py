@@ -10,14 +10,14 @@ import numpy as np
 from bench import Frame, Run, UsageError
 
 from .fitted import Fitted
+from .weights import OrientedWeights
 
 if TYPE_CHECKING:
     from .fitting import Sampling
-    from .losses import OrientedLoss
 
 
 @dataclass(frozen=True)
-class Supervised(Fitted):
+class Supervised(OrientedWeights, Fitted):
     """Fits true distances to the reference, as the thesis says, or, where there are none, oriented points by Eq. 4.4.
 
     A field of such a method looks at its batches: those with distances get the squared error, others Eq. 4.4. Adam's
@@ -26,10 +26,6 @@ class Supervised(Fitted):
 
     supervision: Literal["distances", "oriented"] = "distances"  # true distances (thesis), or the points and Eq. 4.4
     samples: int = 500_000  # points whose true distances are sampled beforehand
-    surface: float = 400.0  # oriented: weight of |f| on the points, lambda_1
-    space: float = 50.0  # oriented: weight of exp(-100 |f|) elsewhere, lambda_3
-    eikonal: float = 5.0  # oriented: weight of the gradient's length, lambda_0
-    normal: float = 40.0  # oriented: weight of the normals, lambda_2
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -37,12 +33,6 @@ class Supervised(Fitted):
             raise ValueError(f"supervision: expected distances or oriented, got {self.supervision!r}")
         if self.samples < 5:
             raise ValueError(f"samples: expected at least 5, got {self.samples}")
-
-    def oriented_loss(self) -> OrientedLoss:
-        """Eq. 4.4 with the weights above."""
-        from .losses import OrientedLoss
-
-        return OrientedLoss(self.surface, self.space, self.eikonal, self.normal)
 
     def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
         """NGLOD's mixture of points with true distances, in the unit of the field's frame; or oriented points.
@@ -58,7 +48,7 @@ class Supervised(Fitted):
             return super().sampler(points, normals, frame, run)
         if not run.has_truth:
             raise UsageError(
-                f"{type(self).__name__.lower()}: trained on true distances to a reference, and there is none here; "
+                f"{self.name}: trained on true distances to a reference, and there is none here; "
                 "say method.supervision=oriented to fit the points and normals of the input instead"
             )
 
