@@ -5,7 +5,10 @@ import tracemalloc
 import igl
 import numpy as np
 import pytest
-from bench.methods.implicit.meshing import COARSE, CORNERS, NEAREST, REACH, Lattice, Sampler, extract, march
+from bench.methods.implicit.lattice import CORNERS, Lattice
+from bench.methods.implicit.meshing import COARSE, extract, march
+from bench.methods.implicit.narrow_band import REACH, Sampler
+from bench.methods.implicit.triangles import NEAREST
 from scipy.spatial import cKDTree
 
 from bench import InvalidOutput, generator
