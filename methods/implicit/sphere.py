@@ -22,7 +22,7 @@ SHIPPED = Path(__file__).parent / "spheres"
 BATCH = 2048
 STEPS_PER_OMEGA, RATE_TIMES_OMEGA = 50, 3e-3  # the higher the frequency, the smaller the weights, and so the steps
 # omega, layers behind the first, width: IDF's base and SIREN-3, SIREN-7, and the base of a transfer
-FORMS = ((15.0, 3, 256), (30.0, 3, 256), (60.0, 3, 256), (30.0, 7, 256), (60.0, 7, 256), (5.0, 3, 96))
+FORMS = ((15.0, 3, 256), (30.0, 3, 256), (40.0, 3, 256), (60.0, 3, 256), (30.0, 7, 256), (60.0, 7, 256), (5.0, 3, 96))
 RADIUS = 0.5
 
 
