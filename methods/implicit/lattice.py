@@ -89,7 +89,7 @@ class Band:
         places = np.empty((8, len(cells)), dtype=np.int64)
         for j, (x, y, z) in enumerate(CORNERS):
             if not z:
-                places[j] = places(self.nodes, cells + self.level.strides @ (x, y, 0))
+                places[j] = places_of(self.nodes, cells + self.level.strides @ (x, y, 0))
                 places[j + 4] = places[j] + 1  # both are nodes, and their numbers follow each other
         return places
 
@@ -118,7 +118,7 @@ def numbers_of(level: Level, coordinates: np.ndarray) -> np.ndarray:
     return level.strides @ coordinates
 
 
-def places(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def places_of(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Where the ``wanted`` (w,) are in ``numbers``, both ascending; any place for those that are not there: (w,)."""
     places = []
     for part in chunks(wanted):

@@ -9,7 +9,7 @@ import numpy as np
 
 from bench import InvalidOutput
 
-from .lattice import CORNERS, Band, Lattice, Level, chunks, numbers_of, places, union
+from .lattice import CORNERS, Band, Lattice, Level, chunks, numbers_of, places_of, union
 from .triangles import EDGE_AXES, EDGES
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def _evaluate(
         for stride in level.strides:
             corners = union(corners, corners + stride)
         # Not all known nodes are corners still: those of cells that were dropped are forgotten.
-        place = places(corners, nodes)
+        place = places_of(corners, nodes)
         still = corners[place] == nodes
         found, new = np.empty(len(corners)), np.ones(len(corners), dtype=bool)
         found[place[still]], new[place[still]] = values[still], False
@@ -148,7 +148,7 @@ def _lost_neighbours(sampler: Sampler, band: Band) -> np.ndarray:
             leaves = (signs & face != 0) & (signs & face != face)
             leaves &= coordinates[axis] != side * (level.shape[axis] - 2)
             neighbours = crossed[leaves] + (2 * side - 1) * level.strides[axis]
-            lost.append(neighbours[band.cells[places(band.cells, neighbours)] != neighbours])
+            lost.append(neighbours[band.cells[places_of(band.cells, neighbours)] != neighbours])
     return level.touching(np.unique(np.concatenate(lost)), sampler.low, sampler.high)
 
 

@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .lattice import CORNERS, Band, chunks, places
+from .lattice import CORNERS, Band, chunks, places_of
 
 NEAREST = 1e-4  # a vertex is no nearer to a lattice point, in spacings: values of 0 give small faces, not flat ones
 # The twelve edges of a cell, each from its lower end: numbers of corners, and along which axis.
@@ -60,7 +60,7 @@ def _vertices(band: Band, edges: np.ndarray) -> np.ndarray:
     upper = np.empty_like(edges)
     for axis, stride in enumerate(band.level.strides):
         along = edges % 3 == axis
-        upper[along] = places(band.nodes, band.nodes[edges[along] // 3] + stride)
+        upper[along] = places_of(band.nodes, band.nodes[edges[along] // 3] + stride)
     for part, high in zip(chunks(edges), chunks(upper), strict=True):
         low, axis = np.divmod(part, 3)
         one, two = band.values[low], band.values[high]
