@@ -417,7 +417,7 @@ def test_wrong_parameters_are_told(make, message):
 @pytest.mark.parametrize("method", [HashSdf(), Hotspot(), Sap()], ids=lambda method: type(method).__name__)
 def test_poor_input_is_told(method):
     """Too few points, and points that coincide."""
-    name = type(method).__name__.lower()
+    name = {"HashSdf": "hash_sdf", "Hotspot": "hotspot", "Sap": "sap"}[type(method).__name__]
     for points in (np.zeros((3, 3)), np.repeat(directions(3), 20, axis=0), np.full((50, 3), np.nan)):
         with pytest.raises(BadInput, match=name):
             method.reconstruct(PointCloud(points, np.ones_like(points)), Run())
