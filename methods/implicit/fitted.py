@@ -88,7 +88,7 @@ class Fitted:
         return 0.0 if self.load else self.sphere  # a parameter of those who ask
 
     def form(self) -> dict[str, Any]:
-        """The parameters that are this method's alone: they say which function its weights make."""
+        """The parameters of this method alone, among them those that say which function its weights make."""
         shared = {field.name for field in fields(Fitted)}
         return {name: getattr(self, name) for name in inspect.get_annotations(type(self)) if name not in shared}
 

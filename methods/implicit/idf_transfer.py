@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 # On the surface, in space, eikonal, normals. Released: 100, 50, 2, 50. The base's error is one of the transfer, so more
 # weight lies on the surface.
 BASE_LOSS = (1000.0, 50.0, 5.0, 40.0)
-BETAS = (
-    0.9,
-    0.99,
-)  # of Adam (released: 0.1 and 0.9; the bases' error after 1,000 steps was a quarter larger with them)
+BETAS = (0.9, 0.99)  # of Adam (released: 0.1 and 0.9, which left the bases a quarter more error after 1,000 steps)
 SHARES = (0.2, 0.2, 0.6)  # of the time: for the source's base, the target's base, and the displacement
 
 
