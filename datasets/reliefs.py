@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
 from math import pi
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -39,15 +39,23 @@ class Reliefs:
     1e-2 or 1e-3 of the base's bounding-box diagonal, in turn. The attributes ``base_vertices``, ``base_normals`` (v, 3)
     and ``displacement`` (v,) belong to the mesh: its vertices are ``base_vertices + displacement * base_normals``.
     ``pairs`` gives the ground truth of a detail transfer: source and target carry the same displacement at the same
-    (u, v), on two bases. The highest reliefs stand out, lower ones go either way. ``multiscale``: the pattern's period
-    is below 6 % of the diagonal. ``smooth``: knurls and weaves of 1e-3, which have no steep flanks.
+    (u, v), on two bases. A ball's and a vase's normals differ at the same (u, v), by more than a period of a fine
+    pattern: for methods that are defined for roughly aligned shapes, ``targets=alike`` draws the target's base from
+    the source's own family.
+
+    The highest reliefs stand out, lower ones go either way. ``multiscale``: the pattern's period is below 6 % of the
+    diagonal. ``smooth``: knurls and weaves of 1e-3, which have no steep flanks.
     """
 
     cells: int = 512  # of the tessellation around the body: the finest pattern has 36 periods
+    amplitude: float = 0.0  # of all reliefs, relative to the base's diagonal: 0.1, 0.01 or 0.001; 0 for each in turn
+    targets: Literal["other", "alike"] = "other"  # a ball's relief goes to a vase and a vase's to a ball, or to its own
 
     def __post_init__(self) -> None:
         if not 32 <= self.cells <= 4096 or self.cells % 16:
             raise ValueError(f"cells: expected a multiple of 16 from 32 to 4096, got {self.cells}")
+        if self.amplitude and self.amplitude not in AMPLITUDES:
+            raise ValueError(f"amplitude: expected 0.1, 0.01, 0.001, or 0 for each in turn, got {self.amplitude}")
 
     def shapes(self, split: str) -> Iterator[Shape]:
         """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
@@ -63,11 +71,11 @@ class Reliefs:
 
     def _draw(self, split: str, index: int) -> tuple[dict, Relief, Relief]:
         rng = generator("reliefs", split, index)
-        amplitude, pattern = AMPLITUDES[index % 3], PATTERNS[index % 4]
+        amplitude, pattern = self.amplitude or AMPLITUDES[index % 3], PATTERNS[index % 4]
         kind = list(BASES)[(index + index // 3) % 3]
-        # A ball and a vase have the same parameters: each is the other's target.
+        # A ball and a vase have the same parameters: each can be the other's target.
         other = {"ball": "vase", "vase": "ball", "ring": "ring"}[kind]
-        base, target = BASES[kind](rng), BASES[other](rng)
+        base, target = BASES[kind](rng), BASES[other if self.targets == "other" else kind](rng)
         around = round(PERIODS[amplitude] * rng.uniform(0.85, 1.15))
         sign = 1.0 if amplitude == AMPLITUDES[0] else float(rng.choice([-1.0, 1.0]))
         seed = int(rng.integers(2**31))

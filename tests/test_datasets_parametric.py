@@ -22,6 +22,7 @@ from bench.datasets.vases import Vases
 from scipy.spatial import cKDTree
 
 from bench import generator
+from bench.geometry.alignment import rotation_between
 from bench.geometry.topology import count_topology
 
 # The default families, and coarse ones where the default is not needed.
@@ -420,6 +421,26 @@ def test_pairs_carry_the_same_displacement_on_another_base(index):
     detailed = b["base_vertices"] + b["displacement"][:, None] * b["base_normals"]
     assert np.array_equal(detailed, target.mesh.vertices)
     assert target.mesh.is_watertight and target.mesh.volume > 0
+
+
+def test_pairs_can_be_of_one_family_and_one_amplitude():
+    def apart(**parameters):
+        dataset = Reliefs(cells=64, **parameters)
+        infos, angles = [], []
+        for pair in islice(dataset.pairs("test"), 6):
+            a, b = pair.source.attributes, pair.target.attributes
+            turn = rotation_between(a["base_vertices"], b["base_vertices"])
+            cosines = np.einsum("ni,ni->n", a["base_normals"] @ turn.T, b["base_normals"])
+            infos.append(pair.source.info)
+            angles.append(np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean())
+        return infos, angles
+
+    (infos, alike), (_, other) = apart(targets="alike", amplitude=0.01), apart(amplitude=0.01)
+    assert {info["amplitude"] for info in infos} == {0.01}
+    assert {info["base"] for info in infos} == {"ball", "vase", "ring"}
+    assert np.mean(alike) < np.mean(other) < 30  # degrees: the normals at the same (u, v) are more alike
+    with pytest.raises(ValueError, match=r"amplitude: expected 0\.1"):
+        Reliefs(amplitude=0.02)
 
 
 def test_three_amplitudes_and_four_patterns_come_soon():

@@ -448,6 +448,7 @@ def test_a_field_is_loaded_by_what_saved_it_alone(tmp_path):
     ):
         with pytest.raises(BadInput, match=message):
             other.reconstruct(ball(), Run())
+    Idf(steps=0, load=str(path), **SMALL, schedule="none", sphere=0.3).reconstruct(ball(), Run())
     with pytest.raises(BadInput, match="belongs to another network"):
         files.load(Siren(**SMALL).field(draw()), path)
     save_file({"weight": torch.zeros(3)}, str(path))

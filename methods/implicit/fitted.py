@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class Fitted:
 
     A method of this family has :meth:`field`, and says with the defaults of its parameters how it is trained.
     """
+
+    training_only: ClassVar[tuple[str, ...]] = ("sphere",)  # own parameters that do not change what weights make
 
     steps: int = 500  # of training, at most
     seconds: float = 0.0  # train for so long by the clock, with as many steps as that allows; 0 to count steps
@@ -88,9 +90,9 @@ class Fitted:
         return 0.0 if self.load else self.sphere  # a parameter of those who ask
 
     def form(self) -> dict[str, Any]:
-        """The parameters of this method alone, among them those that say which function its weights make."""
-        shared = {field.name for field in fields(Fitted)}
-        return {name: getattr(self, name) for name in inspect.get_annotations(type(self)) if name not in shared}
+        """The parameters of this method alone that say which function its weights make."""
+        others = {field.name for field in fields(Fitted)}.union(self.training_only)
+        return {name: getattr(self, name) for name in inspect.get_annotations(type(self)) if name not in others}
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The zero level of a field that was fitted to the points and their normals (estimated if there are none)."""

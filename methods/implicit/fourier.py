@@ -40,6 +40,8 @@ class Fourier(OrientedWeights, Fitted):
     width: int = 256  # of each layer
     sphere: float = 0.6  # radius of the sphere that the network begins as
 
+    training_only = ("sphere", "progressive")
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.bands < 1:

@@ -47,6 +47,8 @@ class HashSdf(OrientedWeights, Fitted):
     guided: float = 0.1  # part of the training in which the sign of space is guessed from the points; 0 for none
     sphere: float = 0.5  # radius of the sphere that it begins as
 
+    training_only = ("sphere", "guided", "network_rate")
+
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("levels", "coarsest", "features", "width", "hidden_layers"):

@@ -42,6 +42,8 @@ class Hotspot(Fitted):
     absorption_begin: float = 4.0  # lambda at the beginning; it grows by equal factors
     sphere: float = 0.5  # radius of the sphere that the network begins as
 
+    training_only = ("sphere", "surface", "eikonal", "heat", "absorption", "absorption_begin")
+
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("omega", "absorption", "absorption_begin", "sphere"):

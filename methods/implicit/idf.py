@@ -34,6 +34,8 @@ class Idf(OrientedWeights, Fitted):
     schedule: Literal["thesis", "released", "none"] = "released"  # how the weights pass from the base to the whole
     sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
 
+    training_only = ("sphere", "schedule")
+
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("alpha", "nu", "omega", "omega_detail"):
