@@ -19,6 +19,7 @@ from bench.methods.implicit.sampling import Batch, DistanceSampler, Sampler
 from bench.methods.implicit.schedules import stage
 from bench.methods.implicit.sine_network import SineNetwork
 from bench.methods.implicit.siren import Siren
+from bench.methods.implicit.stages import area_about, seconds_to_extract
 from safetensors.torch import save_file
 
 from bench import BadInput, PointCloud, Run
@@ -457,6 +458,19 @@ def test_a_field_is_loaded_by_what_saved_it_alone(tmp_path):
     path.write_bytes(b"not what it says")
     with pytest.raises(BadInput, match=r"ball.safetensors: expected a safetensors file"):
         files.saved_as(path)
+
+
+def test_the_time_for_a_surface_is_told_by_its_area_which_may_be_far_more_than_its_box():
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(50_000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    assert area_about(points) == pytest.approx(24, rel=0.01)  # the box of the unit sphere, whose area is 12.6
+    floors = rng.uniform(-1, 1, (300_000, 3))
+    floors[:, 2] = np.round(5 * floors[:, 2]) / 5
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    for turned in (floors, floors @ turn.T):
+        assert 44 * 0.9 < area_about(turned) < 44 * 1.8  # eleven floors of area 4
+    assert seconds_to_extract(None, points, 256, Run()) == 0  # nothing is measured where there is no limit
 
 
 def test_a_short_limit_still_gives_a_surface():

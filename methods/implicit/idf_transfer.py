@@ -146,7 +146,7 @@ class IdfTransfer(OrientedWeights):
         sampler = NearSampler(*detailed, self.batch, draws, spread=field.nu)
         training = Training(
             steps=ENDLESS if self.seconds else self.steps,
-            seconds=stages.next(reserve=seconds_to_extract(field, theirs_known[0], self.resolution)),
+            seconds=stages.next(reserve=seconds_to_extract(field, theirs_known[0], self.resolution, run)),
             learning_rate=self.learning_rate,
             betas=BETAS,
             chunk=2 * self.batch,  # the descriptor runs once a step

@@ -15,6 +15,7 @@ from .field import Field
 MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
 COARSEST = 32  # to which a resolution is lowered where the time is short
 PROBES = 8192  # points by which the speed is told
+CELLS = 64  # along the longest side of the points' box, by which their surface's area is told
 
 
 class Stages:
@@ -49,20 +50,36 @@ class Stages:
         self._run.progress(round(1000 * part), 1000)
 
 
-def seconds_to_extract(field: Field, points: np.ndarray, resolution: int) -> float:
-    """How long a surface about points (n, 3) will take, generously, by the field's speed there: see :mod:`.meshing`."""
+def seconds_to_extract(field: Field, points: np.ndarray, resolution: int, run: Run) -> float:
+    """How long a surface about points (n, 3) will take, generously, by the field's speed there: see :mod:`.meshing`.
+
+    0 for a run without a limit, which has time for everything.
+    """
+    if math.isinf(run.seconds_left()):
+        return 0.0
     field.values(points[:PROBES])
     begin = time.perf_counter()
     field.values(points[:PROBES])
     per_point = (time.perf_counter() - begin) / min(PROBES, len(points)) + MESHING
-    a, b, c = extents = np.ptp(points, axis=0)
-    shortest = max(min(extents), max(extents) / 5)  # no side gets more than five times the shortest's samples
-    area = 2 * (a * b + b * c + c * a) / shortest**2
-    return 2 + 1.5 * per_point * (9 * area * resolution**2 + 2 * 65**3)
+    extents = np.ptp(points, axis=0)
+    shortest = max(extents.min(), extents.max() / 5)  # no side gets more than five times the shortest's samples
+    return 2 + 1.5 * per_point * (9 * area_about(points) / shortest**2 * resolution**2 + 2 * 65**3)
+
+
+def area_about(points: np.ndarray) -> float:
+    """About the area of a surface through points (n, 3), rather more: that of their box, or of the cells they are in.
+
+    A plane of area A meets A / h^2 cells of side h along the axes, and 3/2 A / h^2 on average of all directions. A
+    surface that is folded into its box, like a sponge, has several times the box's area.
+    """
+    a, b, c = np.ptp(points, axis=0)
+    side = max(a, b, c) / CELLS
+    cells = np.floor((points - points.min(axis=0)) / side).astype(np.int64) @ [1, 2 * CELLS, 4 * CELLS**2]
+    return max(2 * (a * b + b * c + c * a), len(np.unique(cells)) * side**2)
 
 
 def resolution_in_time(field: Field, points: np.ndarray, resolution: int, run: Run) -> int:
     """The resolution, or less where the run's time would not do: a coarser surface in time rather than none."""
-    while resolution > COARSEST and seconds_to_extract(field, points, resolution) > run.seconds_left():
+    while resolution > COARSEST and seconds_to_extract(field, points, resolution, run) > run.seconds_left():
         resolution //= 2
     return resolution
