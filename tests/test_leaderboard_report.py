@@ -186,6 +186,7 @@ def test_digits(value, low, high, text):
 
 def test_units_of_columns():
     assert unit_exponent([2e-5, 3e-5, 0.4]) == -6
+    assert unit_exponent([7.2e-4, 1.8e-3, 6e-4]) == -3
     assert unit_exponent([0.5, 0.0, np.nan]) == 0
     assert unit_exponent([]) == 0
     assert unit_exponent([5e6]) == 6

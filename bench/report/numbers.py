@@ -20,7 +20,8 @@ def unit_exponent(values: Iterable[float]) -> int:
     if not sizes:
         return 0
     middle = sizes[(len(sizes) - 1) // 2]
-    return 0 if 0.1 <= middle < 1e5 else 3 * math.floor(math.log10(middle) / 3)
+    # From 0.1 to 100 of the unit: 0.72 (1e-3) rather than 720 (1e-6).
+    return 0 if 0.1 <= middle < 1e5 else 3 * math.floor((math.log10(middle) + 1) / 3)
 
 
 def decimals(value: float, low: float, high: float) -> int:
