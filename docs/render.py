@@ -1,4 +1,4 @@
-"""Pictures of kept outputs, without a display: one row per case, one column per method.
+"""Pictures of kept outputs, without a display: a row for each case; the reference, then a column for each method.
 
     detailbench run experiment=first_table results=results/first_table
     python docs/render.py results/first_table docs/outputs.png --dataset bumps,cad \\
@@ -6,7 +6,8 @@
 
 (with pyvista, from the extra `render`)
 
-takes the files that `outputs=first` or `outputs=all` kept. Colour is the distance to the reference, in its radii.
+takes the files that `outputs=first` or `outputs=all` kept. Colour is the distance to the reference, in its radii. A
+method with several sets of parameters has a column for each.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import pyvista
 
 from bench.geometry.files import load_cloud, load_mesh
 from bench.geometry.mesh_surface import MeshSurface
+from bench.registry import registry
 from bench.store import Results
 
 
@@ -28,10 +30,10 @@ def distances(points: np.ndarray, reference) -> np.ndarray:
     return np.linalg.norm(points - closest, axis=1)
 
 
-def draw(plotter: pyvista.Plotter, path: Path, task: str, reference, title: str, limit: float) -> None:
+def draw(plotter: pyvista.Plotter, path: Path, is_mesh: bool, reference, title: str, limit: float) -> None:
     """One output in the current cell of the picture."""
-    plotter.add_text(title, font_size=9, color="black")
-    if task == "reconstruct":
+    plotter.add_text(title, font_size=7, color="black")
+    if is_mesh:
         mesh = load_mesh(path)
         shape = pyvista.make_tri_mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
         values = distances(mesh.vertices, reference)
@@ -42,6 +44,12 @@ def draw(plotter: pyvista.Plotter, path: Path, task: str, reference, title: str,
         style = {"render_points_as_spheres": True, "point_size": 4}
     plotter.add_mesh(shape, scalars=values, cmap="YlOrRd", clim=(0, limit), show_scalar_bar=False, **style)
     plotter.camera_position = [(2.2, -2.8, 1.6), (0, 0, 0), (0, 0, 1)]
+
+
+def label(row: dict) -> str:
+    """The method and what was set of it, or of its task, line by line."""
+    settings = [part for part in str(row["variant"]).split(",") if part and not part.startswith(("seconds=", "steps="))]
+    return "\n".join([row["method"], *settings, *row["task"].partition("[")[2].rstrip("]").split(",")]).strip()
 
 
 def main() -> None:
@@ -55,28 +63,33 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=0.015, help="distance at the end of the colour scale")
     args = parser.parse_args()
     rows = Results(args.results).rows()
-    rows = rows[(rows["task"] == args.task) & (rows["seed"] == 0) & (rows["output"].fillna("") != "")]
+    rows = rows[(rows["task"].str.partition("[")[0] == args.task) & (rows["seed"] == 0)]
+    rows = rows[rows["output"].fillna("") != ""]
     if args.dataset:
         rows = rows[rows["dataset"].str.startswith(tuple(args.dataset.split(",")))]
     if args.method:
         rows = rows[rows["method"].isin(args.method.split(","))]
+    rows = rows.assign(label=[label(row) for row in rows.to_dict("records")])
     cases = sorted({(d, c) for d, c in zip(rows["dataset"], rows["case"], strict=True)})
-    methods = sorted(rows["method"].unique())
+    labels = sorted(rows["label"].unique())
+    is_mesh = registry().find("task", args.task).cls.output == "mesh"
+    columns = 1 + len(labels)
     plotter = pyvista.Plotter(
-        off_screen=True, shape=(len(cases), len(methods)), window_size=(260 * len(methods), 260 * len(cases))
+        off_screen=True, shape=(len(cases), columns), window_size=(260 * columns, 260 * len(cases))
     )
     for i, (dataset, case) in enumerate(cases):
-        for j, method in enumerate(methods):
+        here = rows[(rows["dataset"] == dataset) & (rows["case"] == case)].set_index("label")["output"]
+        path = Path(here.iloc[0]).parent.parent / "references" / f"{dataset.partition('[')[0]}-{case}.ply"
+        reference = load_mesh(path)
+        plotter.subplot(i, 0)
+        draw(plotter, path, True, reference, f"{case}", args.limit)
+        for j, name in enumerate(labels, 1):
             plotter.subplot(i, j)
-            plotter.background_color = "white"
-            kept = rows[(rows["dataset"] == dataset) & (rows["case"] == case) & (rows["method"] == method)]
-            if kept.empty:
-                plotter.add_text(f"{method}: nothing", font_size=9, color="black")
-                continue
-            path = Path(kept.iloc[0]["output"])
-            name = dataset.partition("[")[0]
-            reference = load_mesh(path.parent.parent / "references" / f"{name}-{case}.ply")
-            draw(plotter, path, args.task, reference, f"{method}  {case}", args.limit)
+            if name in here:
+                draw(plotter, Path(here[[name]].iloc[0]), is_mesh, reference, name, args.limit)
+            else:
+                plotter.add_text(f"{name}: nothing", font_size=7, color="black")
+    plotter.background_color = "white"
     plotter.screenshot(args.picture)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from bench.methods.implicit.chamfer_loss import ChamferLoss
-from bench.methods.implicit.hash_field import GuidedSampler
+from bench.methods.implicit.guidance import GuidedSampler
 from bench.methods.implicit.hash_grid import PRIMES, HashGrid
 from bench.methods.implicit.hash_sdf import HashSdf
 from bench.methods.implicit.heat_field import HeatField, heat

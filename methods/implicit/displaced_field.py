@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from .field import Field
+from .guidance import guided_loss
 from .losses import OrientedLoss
 from .sampling import Batch
 from .schedules import stage
@@ -55,6 +56,8 @@ class DisplacedField(Field):
         Whether tanh bounds the displacement; without it, d = alpha N_D(x) chi.
     schedule : "thesis", "released" or "none"
         See :func:`.schedules.stage`.
+    guided : float
+        Part of the training in which both losses are guided (:mod:`.guidance`).
     """
 
     def __init__(
@@ -67,11 +70,12 @@ class DisplacedField(Field):
         nu: float,
         bounded: bool = True,
         schedule: Any = "thesis",
+        guided: float = 0.0,
         negligible: float = NEGLIGIBLE,
     ):
         super().__init__()
         self.base, self.displacement = base, displacement
-        self._loss, self._schedule = loss, schedule
+        self._loss, self._schedule, self._guided = loss, schedule, guided
         self.alpha, self.nu, self.bounded, self.negligible = alpha, nu, bounded, negligible
 
     # -- training --------------------------------------------------------------------------------------------------
@@ -87,15 +91,17 @@ class DisplacedField(Field):
 
     def loss(self, batch: Batch, t: float) -> Tensor:
         """kappa L_f + (1 - kappa) L_f^."""
-        now = stage(t, self._schedule)
+        now, guided = stage(t, self._schedule), t < self._guided
         if now.loss == 0:
-            return now.base_loss * self._loss(*self.base.value_and_gradient(batch.x), batch)
-        if now.base_loss == now.base_rate == 0 and torch.is_grad_enabled():
+            return now.base_loss * guided_loss(self._loss, *self.base.value_and_gradient(batch.x), batch, guided)
+        if now.base_loss == now.base_rate == 0 and torch.is_grad_enabled() and not guided:
             return now.loss * self._loss_of_displacement(batch)
         f, gradient = self.base.value_and_gradient(batch.x)
         displaced = self._displaced(batch.x, f, gradient)
-        loss = now.loss * self._loss(*displaced, batch)
-        return loss + now.base_loss * self._loss(f, gradient, batch) if now.base_loss else loss
+        loss = now.loss * guided_loss(self._loss, *displaced, batch, guided)
+        if now.base_loss:
+            loss = loss + now.base_loss * guided_loss(self._loss, f, gradient, batch, guided)
+        return loss
 
     def _loss_of_displacement(self, batch: Batch) -> Tensor:
         """L_f^ under a frozen base, but for a constant: points that are not displaced are left out."""

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import Fitted
-from .weights import OrientedWeights
+from .guided import Guided
 
 if TYPE_CHECKING:
     import torch
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
 @register("method", cite="Tancik et al. 2020; Park et al. 2021", requires=("torch", "trimesh", "igl", "skimage"))
 @dataclass(frozen=True)
-class Fourier(OrientedWeights, Fitted):
+class Fourier(Guided):
     """Fourier features, opened from coarse to fine during the training, and a Softplus network (thesis 4.1.2).
 
     Eight bands, eight hidden layers of 256 and a skip connection in the middle: 461,006 parameters, fitted with
@@ -62,4 +61,6 @@ class Fourier(OrientedWeights, Fitted):
         from .fourier_field import FourierField
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "radius": self.sphere}
-        return FourierField(self.oriented_loss(), self.bands, self.progressive, generator=generator, **form)
+        return FourierField(
+            self.oriented_loss(), self.bands, self.progressive, guided=self.guided, generator=generator, **form
+        )

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from .field import Field
 from .fourier_network import FourierNetwork, window
+from .guidance import guided_loss
 from .losses import OrientedLoss
 from .sampling import Batch
 from .schedules import late_decay
@@ -17,9 +18,10 @@ from .schedules import late_decay
 class FourierField(Field):
     """A Fourier network under Eq. 4.4; the learning rate falls over the last fifth (thesis, implementation details)."""
 
-    def __init__(self, loss: OrientedLoss, bands: int = 8, progressive: float = 0.8, **form: Any):
+    def __init__(self, loss: OrientedLoss, bands: int = 8, progressive: float = 0.8, guided: float = 0.0, **form: Any):
         super().__init__()
         self.network, self._loss, self._progressive = FourierNetwork(bands, **form), loss, progressive
+        self._guided = guided
 
     def forward(self, x: Tensor) -> Tensor:
         """The value at (n, 3) points."""
@@ -30,7 +32,7 @@ class FourierField(Field):
         if self._progressive and torch.is_grad_enabled():
             now = self.network.window
             now.copy_(now.new_tensor(window(t, len(now), self._progressive)))
-        return self._loss(*self.network.value_and_gradient(batch.x), batch)
+        return guided_loss(self._loss, *self.network.value_and_gradient(batch.x), batch, t < self._guided)
 
     def rates(self, t: float) -> list[float]:
         """One group."""

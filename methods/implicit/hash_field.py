@@ -1,23 +1,19 @@
-"""The field of a hash grid, and a sampler that tells it early which side is inside."""
+"""The field of a hash grid."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from .field import Field
+from .guidance import guided_loss
 from .hash_grid import HashGrid
 from .losses import OrientedLoss
-from .sampling import Batch, Sampler
+from .sampling import Batch
 from .schedules import late_decay
-from .spectral_poisson import evenly, indicator, interpolate, to_lattice
-
-GUIDANCE = 400.0  # weight of the guessed distances
 
 
 class HashField(Field):
@@ -100,12 +96,7 @@ class HashField(Field):
 
     def loss(self, batch: Batch, t: float) -> Tensor:
         """Eq. 4.4; at first with guessed distances in the place of its term for the space."""
-        f, gradient = self.value_and_gradient(batch.x)
-        if t >= self._guided or batch.distances is None:
-            return self._loss(f, gradient, batch)
-        guessed = batch.distances.where(~batch.distances.isnan(), f.detach())  # what is not known costs nothing
-        guess = (f - guessed)[batch.on :].abs().sum() / batch.total
-        return replace(self._loss, space=0.0)(f, gradient, batch) + GUIDANCE * guess
+        return guided_loss(self._loss, *self.value_and_gradient(batch.x), batch, t < self._guided)
 
     def groups(self) -> list[list[nn.Parameter]]:
         """The features, then the network."""
@@ -115,40 +106,3 @@ class HashField(Field):
         """Falling to a hundredth after the first third: what is left of the error then is the noise of the steps."""
         factor = late_decay(t, begin=0.3, final=0.01)
         return [factor, self._network_rate * factor]
-
-
-class GuidedSampler(Sampler):
-    """Oriented points, and uniform points of space with guesses of their distances.
-
-    The distance is that to the nearest point, the sign that of a coarse Poisson indicator of the points; it is NaN
-    where that is not clear. Eq. 4.4 only tells inside from outside at the surface, and features do not carry it far:
-    walls that the initial sphere leaves in space cost little, and stay.
-    """
-
-    LATTICE, UNCLEAR = 64, 0.1  # nodes along an axis; the indicator is +-1/2 away from the surface
-    ENOUGH, TOLERANCE = 20_000, 0.05  # points of the input; relative error of distances to them
-
-    def __init__(
-        self, points: np.ndarray, normals: np.ndarray, batch: int, generator: torch.Generator, *, count: int = 1 << 16
-    ):
-        from scipy.spatial import cKDTree
-
-        super().__init__(points, normals, batch, generator)
-        device = generator.device
-        some = torch.randperm(len(points), generator=generator, device=device)[: self.ENOUGH]
-        known = self._points[some]
-        chi = indicator(known, self._normals[some] * evenly(known)[:, None], self.LATTICE, sigma=2.0)
-        self._space = torch.rand(count, 3, generator=generator, device=device) * 2 - 1
-        chi = interpolate(chi, to_lattice(self._space, self.LATTICE))
-        distances = cKDTree(known.cpu().numpy()).query(self._space.cpu().numpy(), eps=self.TOLERANCE)[0]
-        distances = torch.as_tensor(distances).to(chi)
-        self._distances = torch.where(chi.abs() > self.UNCLEAR, distances * chi.sign(), torch.nan)
-
-    def draw(self) -> Batch:
-        """The next batch."""
-        device = self._generator.device
-        rows = torch.randint(len(self._points), (self._batch,), generator=self._generator, device=device)
-        space = torch.randint(len(self._space), (self._batch,), generator=self._generator, device=device)
-        x = torch.cat([self._points[rows], self._space[space]])
-        on = torch.zeros(self._batch, device=device)
-        return Batch(x, self._batch, self._normals[rows], torch.cat([on, self._distances[space]]), len(x))

@@ -5,22 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bench import Frame, Run, register
+from bench import register
 
-from .fitted import Fitted
-from .weights import OrientedWeights
+from .guided import Guided
 
 if TYPE_CHECKING:
-    import numpy as np
     import torch
 
     from .field import Field
-    from .fitting import Sampling
 
 
 @register("method", cite="Mueller et al. 2022", requires=("torch", "trimesh", "igl", "skimage", "scipy"))
 @dataclass(frozen=True)
-class HashSdf(OrientedWeights, Fitted):
+class HashSdf(Guided):
     """A multi-resolution hash grid and a small network, under the loss of SIREN (Eq. 4.4).
 
     The encoding is that of Mueller et al. (2022), and so are the betas of Adam; the loss is that of the other methods
@@ -58,8 +55,6 @@ class HashSdf(OrientedWeights, Fitted):
             raise ValueError(f"finest: expected {self.coarsest} (coarsest) to 65536, got {self.finest}")
         if not 4 <= self.log2_table <= 24:
             raise ValueError(f"log2_table: expected 4 to 24, got {self.log2_table}")
-        if not 0 <= self.guided <= 1:
-            raise ValueError(f"guided: expected 0 to 1, got {self.guided}")
         for name in ("network_rate", "sphere"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
@@ -80,11 +75,3 @@ class HashSdf(OrientedWeights, Fitted):
             guided=self.guided,
             generator=generator,
         )
-
-    def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
-        """Oriented points; those of the space with a guess of their distance, unless the field is already fitted."""
-        from .hash_field import GuidedSampler
-
-        if self.load or not self.guided:
-            return super().sampler(points, normals, frame, run)
-        return GuidedSampler(points, normals, self.batch, run.torch_generator())

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from bench import register
 
-from .fitted import Fitted
-from .weights import OrientedWeights
+from .guided import Guided
 
 if TYPE_CHECKING:
     import torch
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
 @register("method", cite="Wang et al. 2022", requires=("torch", "trimesh", "igl", "skimage"))
 @dataclass(frozen=True)
-class Idf(OrientedWeights, Fitted):
+class Idf(Guided):
     """Implicit displacement fields: two sine networks of low and high frequency (thesis 4.1, Eq. 4.3 and 4.4)."""
 
     steps: int = 300  # of training, at most
@@ -57,4 +56,5 @@ class Idf(OrientedWeights, Fitted):
             nu=self.nu if self.attenuate else 0.0,
             bounded=self.bounded,
             schedule=self.schedule,
+            guided=self.guided,
         )

@@ -7,6 +7,7 @@ from typing import Any
 from torch import Tensor
 
 from .field import Field
+from .guidance import guided_loss
 from .losses import OrientedLoss
 from .sampling import Batch
 from .schedules import late_decay
@@ -16,17 +17,17 @@ from .sine_network import SineNetwork
 class SineField(Field):
     """A sine network under Eq. 4.4; the learning rate falls over the last fifth (thesis, implementation details)."""
 
-    def __init__(self, loss: OrientedLoss, omega: float, **form: Any):
+    def __init__(self, loss: OrientedLoss, omega: float, guided: float = 0.0, **form: Any):
         super().__init__()
-        self.network, self._loss = SineNetwork(omega, **form), loss
+        self.network, self._loss, self._guided = SineNetwork(omega, **form), loss, guided
 
     def forward(self, x: Tensor) -> Tensor:
         """The value at (n, 3) points."""
         return self.network(x)
 
     def loss(self, batch: Batch, t: float) -> Tensor:
-        """Eq. 4.4."""
-        return self._loss(*self.network.value_and_gradient(batch.x), batch)
+        """Eq. 4.4, guided at first where that is asked for."""
+        return guided_loss(self._loss, *self.network.value_and_gradient(batch.x), batch, t < self._guided)
 
     def rates(self, t: float) -> list[float]:
         """One group."""

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bench import register
 
-from .fitted import Fitted
-from .weights import OrientedWeights
+from .guided import Guided
 
 if TYPE_CHECKING:
     import torch
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
 @register("method", cite="Sitzmann et al. 2020", requires=("torch", "trimesh", "igl", "skimage"))
 @dataclass(frozen=True)
-class Siren(OrientedWeights, Fitted):
+class Siren(Guided):
     """A sine network that vanishes on the points, has their normals, and a gradient of length 1 (Eq. 4.4)."""
 
     learning_rate: float = 1e-4  # of Adam
@@ -36,7 +35,7 @@ class Siren(OrientedWeights, Fitted):
         from .sphere import begin_as_sphere
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
-        field = SineField(self.oriented_loss(), self.omega, **form)
+        field = SineField(self.oriented_loss(), self.omega, guided=self.guided, **form)
         begin_as_sphere(field.network, self.first_sphere)
         return field
 
