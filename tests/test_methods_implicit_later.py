@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 from bench.methods.implicit.chamfer_loss import ChamferLoss
-from bench.methods.implicit.guidance import GuidedSampler
+from bench.methods.implicit.fourier import Fourier
+from bench.methods.implicit.guidance import GuidedSampler, guided_loss
 from bench.methods.implicit.hash_grid import PRIMES, HashGrid
 from bench.methods.implicit.hash_sdf import HashSdf
 from bench.methods.implicit.heat_field import HeatField, heat
 from bench.methods.implicit.hotspot import Hotspot
+from bench.methods.implicit.idf import Idf
 from bench.methods.implicit.lattice_surface import pull, vertices
-from bench.methods.implicit.sampling import Sampler
+from bench.methods.implicit.losses import OrientedLoss
+from bench.methods.implicit.sampling import Batch, Sampler
 from bench.methods.implicit.sap import Sap
 from bench.methods.implicit.sine_network import SineNetwork
+from bench.methods.implicit.siren import Siren
 from bench.methods.implicit.spectral_poisson import (
     SIDE,
     evenly,
@@ -204,6 +209,30 @@ def test_guesses_of_distances_have_the_right_sign():
     assert batch.on == 64
     assert len(batch.x) == len(batch.distances) == batch.total == 128
     assert (batch.distances[:64] == 0).all()
+
+
+def test_guidance_gives_space_its_sign_and_is_silent_where_it_knows_nothing():
+    """A wrong sign in space: Eq. 4.4 drives f farther from zero on the wrong side, guesses bring it back."""
+    f = torch.tensor([0.0, -0.01, -0.01, 0.01], requires_grad=True)  # one point of the surface, three of the space
+    gradient, normals = torch.tensor([[0.0, 0.0, 1.0]]).expand(4, 3), torch.tensor([[0.0, 0.0, 1.0]])
+    batch = Batch(torch.zeros(4, 3), 1, normals, torch.tensor([0.0, 0.5, torch.nan, -0.5]), 4)
+    loss = OrientedLoss()
+    (plain,) = torch.autograd.grad(guided_loss(loss, f, gradient, batch, False), f)
+    assert plain[1:3].min() > 0 > plain[3]  # a step goes against the gradient: away from zero
+    (guided,) = torch.autograd.grad(guided_loss(loss, f, gradient, batch, True), f)
+    assert guided[1] < 0 < guided[3]
+    assert guided[2] == 0
+
+
+@pytest.mark.parametrize("method", [Siren, Idf, Fourier, HashSdf])
+def test_guidance_ends_when_it_is_told_to(method):
+    n = directions(400)
+    field = method(guided=0.3).field(draw())
+    batch = GuidedSampler(0.6 * n, n, 64, draw(), count=500).draw()
+    plain = replace(batch, distances=None)
+    with torch.no_grad():
+        assert field.loss(batch, 0.29) != field.loss(plain, 0.29)
+        assert field.loss(batch, 0.3) == field.loss(plain, 0.3)
 
 
 def quick_hash(**changes) -> HashSdf:
