@@ -20,8 +20,10 @@ WEIGHT = 400.0  # of the guessed distances
 
 
 def guided_loss(loss: OrientedLoss, f: Tensor, gradient: Tensor, batch: Batch, guided: bool) -> Tensor:
-    """Eq. 4.4; ``guided``, with the error of guessed distances, if the batch has them, in the place of its term for
-    the space. What is not known (NaN) costs nothing."""
+    """Eq. 4.4; where ``guided``, with the error of the batch's guessed distances in the place of its term for the space.
+
+    What is not known (NaN) costs nothing. A batch without guesses is judged by Eq. 4.4 alone.
+    """
     if not guided or batch.distances is None:
         return loss(f, gradient, batch)
     guessed = batch.distances.where(~batch.distances.isnan(), f.detach())
