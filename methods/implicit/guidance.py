@@ -20,7 +20,7 @@ WEIGHT = 400.0  # of the guessed distances
 
 
 def guided_loss(loss: OrientedLoss, f: Tensor, gradient: Tensor, batch: Batch, guided: bool) -> Tensor:
-    """Eq. 4.4; where ``guided``, with the error of the batch's guessed distances in the place of its term for the space.
+    """Eq. 4.4; where ``guided``, the error of guessed distances takes the place of its term for the space.
 
     What is not known (NaN) costs nothing. A batch without guesses is judged by Eq. 4.4 alone.
     """
