@@ -221,6 +221,15 @@ def _cannot_solve(method: Plugin, task: str) -> str:
     return f"method {method.name} does not solve {task}: {what}. Methods that do: {', '.join(others) or 'none'}"
 
 
+def reference_name(dataset: str, case: str) -> str:
+    """The file of a case's reference below ``outputs/references``, for a dataset as results call it.
+
+    With other parameters a dataset has other shapes under the same ids.
+    """
+    name, _, parameters = dataset.partition("[")
+    return f"{name}-{digest(parameters)[:8]}-{case}.ply" if parameters else f"{name}-{case}.ply"
+
+
 def digest(value: Any) -> str:
     """SHA-256 of a value's canonical JSON."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -26,7 +26,7 @@ import numpy as np
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from .memo import Memo, RememberedDataset, RememberedSensor
 from .meter import Meter
-from .plan import Cell, Choice
+from .plan import Cell, Choice, reference_name
 from .registry import missing_library
 from .run import Run
 from .seeds import generator
@@ -233,7 +233,7 @@ class _Session:
 
         folder = Path(self.spec["outputs_folder"])
         save(output, folder / f"{case.id}.ply")
-        reference = folder.parent / "references" / f"{self.cell.dataset.name}-{case.id}.ply"
+        reference = folder.parent / "references" / reference_name(self.cell.dataset.label, case.id)
         if not reference.exists():
             save(case.reference.mesh, reference)
         return str(folder / f"{case.id}.ply")

@@ -13,13 +13,16 @@ method with several sets of parameters has a column for each.
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyvista
 
 from bench.geometry.files import load_cloud, load_mesh
 from bench.geometry.mesh_surface import MeshSurface
+from bench.plan import reference_name
 from bench.registry import registry
 from bench.store import Results
 
@@ -46,10 +49,20 @@ def draw(plotter: pyvista.Plotter, path: Path, is_mesh: bool, reference, title: 
     plotter.camera_position = [(2.2, -2.8, 1.6), (0, 0, 0), (0, 0, 1)]
 
 
-def label(row: dict) -> str:
-    """The method and what was set of it, or of its task, line by line."""
-    settings = [part for part in str(row["variant"]).split(",") if part and not part.startswith(("seconds=", "steps="))]
-    return "\n".join([row["method"], *settings, *row["task"].partition("[")[2].rstrip("]").split(",")]).strip()
+def labels(rows: pd.DataFrame) -> pd.Series:
+    """For each row the method, and line by line what tells it from other rows: its settings, its task's, its sensor."""
+    settings = rows["variant"].fillna("").map(lambda text: re.findall(r"\w+=(?:\[[^]]*\]|[^,]*)", text))
+    common = {
+        method: set.intersection(*map(set, group)) if len(group) > 1 else set()
+        for method, group in settings.groupby(rows["method"])
+    }
+    found = []
+    for own, row in zip(settings, rows.to_dict("records"), strict=True):
+        lines = [row["method"], *(part for part in own if part not in common[row["method"]])]
+        lines += [row["task"].partition("[")[2].rstrip("]")] if "[" in row["task"] else []
+        lines += [row["sensor"]] if rows["sensor"].nunique() > 1 else []
+        found.append("\n".join(lines))
+    return pd.Series(found, rows.index)
 
 
 def main() -> None:
@@ -69,21 +82,20 @@ def main() -> None:
         rows = rows[rows["dataset"].str.startswith(tuple(args.dataset.split(",")))]
     if args.method:
         rows = rows[rows["method"].isin(args.method.split(","))]
-    rows = rows.assign(label=[label(row) for row in rows.to_dict("records")])
+    rows = rows.assign(label=labels(rows))
     cases = sorted({(d, c) for d, c in zip(rows["dataset"], rows["case"], strict=True)})
-    labels = sorted(rows["label"].unique())
+    columns = sorted(rows["label"].unique())
     is_mesh = registry().find("task", args.task).cls.output == "mesh"
-    columns = 1 + len(labels)
     plotter = pyvista.Plotter(
-        off_screen=True, shape=(len(cases), columns), window_size=(260 * columns, 260 * len(cases))
+        off_screen=True, shape=(len(cases), 1 + len(columns)), window_size=(260 * (1 + len(columns)), 260 * len(cases))
     )
     for i, (dataset, case) in enumerate(cases):
         here = rows[(rows["dataset"] == dataset) & (rows["case"] == case)].set_index("label")["output"]
-        path = Path(here.iloc[0]).parent.parent / "references" / f"{dataset.partition('[')[0]}-{case}.ply"
+        path = Path(here.iloc[0]).parent.parent / "references" / reference_name(dataset, case)
         reference = load_mesh(path)
         plotter.subplot(i, 0)
         draw(plotter, path, True, reference, f"{case}", args.limit)
-        for j, name in enumerate(labels, 1):
+        for j, name in enumerate(columns, 1):
             plotter.subplot(i, j)
             if name in here:
                 draw(plotter, Path(here[[name]].iloc[0]), is_mesh, reference, name, args.limit)

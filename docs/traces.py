@@ -1,6 +1,7 @@
 """Error against time of iterative methods, from the traces in their results.
 
-    detailbench run -m method=idf,siren method.traces=8 method.seconds=60 dataset=multiscale results=results/traces
+    detailbench run -m method=idf,siren method.traces=8 method.seconds=60 limit.seconds=240 dataset=multiscale \\
+        results=results/traces
     python docs/traces.py results/traces traces.png --metric p2f_mean
 
 (with matplotlib, which comes with the extra `render`)

@@ -6,7 +6,7 @@ from bench import presets
 from bench.config import compose
 from bench.errors import UsageError
 from bench.overrides import check_overrides
-from bench.plan import Cell, Choice
+from bench.plan import Cell, Choice, reference_name
 from bench.registry import registry
 from bench.schema import build, parameters
 
@@ -87,3 +87,11 @@ def test_every_method_preset_names_parameters_that_exist(name):
     preset = presets.presets("method")[name]
     built = build(registry().find("method", preset.plugin), preset.values)
     assert all(getattr(built, key) == value for key, value in preset.values.items())
+
+
+def test_a_reference_s_file_tells_the_parameters_of_its_dataset():
+    assert reference_name("reliefs", "reliefs-test-000") == "reliefs-reliefs-test-000.ply"
+    named = {reference_name(f"reliefs[amplitude={a}]", "reliefs-test-000") for a in (0.1, 0.01)}
+    assert len(named) == 2
+    assert all(name.startswith("reliefs-") and name.endswith("-reliefs-test-000.ply") for name in named)
+    assert "/" not in reference_name("files[path=/home/me/scans]", "bunny")

@@ -36,6 +36,8 @@ class DirectResidual(Supervised):
     nu: float = 0.02  # with attenuate: distance to the base at which the residual is halved
     sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
 
+    free_on_load = ("sphere",)
+
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("alpha", "nu", "omega", "omega_detail"):

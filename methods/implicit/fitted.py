@@ -33,7 +33,7 @@ class Fitted:
     A method of this family has :meth:`field`, and says with the defaults of its parameters how it is trained.
     """
 
-    training_only: ClassVar[tuple[str, ...]] = ("sphere",)  # own parameters that do not change what weights make
+    free_on_load: ClassVar[tuple[str, ...]] = ()  # own parameters that may differ from those a field was saved with
 
     steps: int = 500  # of training, at most
     seconds: float = 0.0  # train for so long by the clock, with as many steps as that allows; 0 to count steps
@@ -90,8 +90,8 @@ class Fitted:
         return 0.0 if self.load else self.sphere  # a parameter of those who ask
 
     def form(self) -> dict[str, Any]:
-        """The parameters of this method alone that say which function its weights make."""
-        others = {field.name for field in fields(Fitted)}.union(self.training_only)
+        """The parameters of this method alone that a field is loaded with: they say which function its weights make."""
+        others = {field.name for field in fields(Fitted)}.union(self.free_on_load)
         return {name: getattr(self, name) for name in inspect.get_annotations(type(self)) if name not in others}
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:

@@ -39,7 +39,7 @@ class Fourier(Guided):
     width: int = 256  # of each layer
     sphere: float = 0.6  # radius of the sphere that the network begins as
 
-    training_only = ("sphere", "progressive")
+    free_on_load = ("sphere",)
 
     def __post_init__(self) -> None:
         super().__post_init__()

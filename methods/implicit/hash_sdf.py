@@ -44,7 +44,7 @@ class HashSdf(Guided):
     guided: float = 0.1  # part of the training in which the sign of space is guessed from the points; 0 for none
     sphere: float = 0.5  # radius of the sphere that it begins as
 
-    training_only = ("sphere", "guided", "network_rate")
+    free_on_load = ("guided", "network_rate")  # not the sphere, which is a part of the field
 
     def __post_init__(self) -> None:
         super().__post_init__()

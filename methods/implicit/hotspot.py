@@ -42,7 +42,7 @@ class Hotspot(Fitted):
     absorption_begin: float = 4.0  # lambda at the beginning; it grows by equal factors
     sphere: float = 0.5  # radius of the sphere that the network begins as
 
-    training_only = ("sphere", "surface", "eikonal", "heat", "absorption", "absorption_begin")
+    free_on_load = ("sphere", "surface", "eikonal", "heat", "absorption", "absorption_begin")
 
     def __post_init__(self) -> None:
         super().__post_init__()

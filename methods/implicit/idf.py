@@ -33,7 +33,7 @@ class Idf(Guided):
     schedule: Literal["thesis", "released", "none"] = "released"  # how the weights pass from the base to the whole
     sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
 
-    training_only = ("sphere", "schedule")
+    free_on_load = ("sphere", "schedule")
 
     def __post_init__(self) -> None:
         super().__post_init__()

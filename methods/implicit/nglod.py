@@ -53,7 +53,7 @@ class Nglod(Supervised):
     # auto: sparse where the finest grid has 128 cells a side or more
     optimizer: Literal["auto", "dense", "sparse"] = "auto"
 
-    training_only = ("lod", "optimizer")  # a level of detail is chosen when a surface is made
+    free_on_load = ("lod", "optimizer")  # a level of detail is chosen when a surface is made
 
     def __post_init__(self) -> None:
         super().__post_init__()

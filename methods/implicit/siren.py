@@ -27,7 +27,7 @@ class Siren(Guided):
     sphere: float = 0.5  # radius of the sphere that the network begins as; 0 to begin at random
     clip: float = 0.0  # largest norm of the gradient; 0 for none
 
-    training_only = ("sphere", "clip")
+    free_on_load = ("sphere", "clip")
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""
