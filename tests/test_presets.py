@@ -94,4 +94,4 @@ def test_a_reference_s_file_tells_the_parameters_of_its_dataset():
     named = {reference_name(f"reliefs[amplitude={a}]", "reliefs-test-000") for a in (0.1, 0.01)}
     assert len(named) == 2
     assert all(name.startswith("reliefs-") and name.endswith("-reliefs-test-000.ply") for name in named)
-    assert "/" not in reference_name("files[path=/home/me/scans]", "bunny")
+    assert "/" not in reference_name("files[path=/data/scans]", "bunny")
