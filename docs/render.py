@@ -52,10 +52,7 @@ def draw(plotter: pyvista.Plotter, path: Path, is_mesh: bool, reference, title: 
 def labels(rows: pd.DataFrame) -> pd.Series:
     """For each row the method, and line by line what tells it from other rows: its settings, its task's, its sensor."""
     settings = rows["variant"].fillna("").map(lambda text: re.findall(r"\w+=(?:\[[^]]*\]|[^,]*)", text))
-    common = {
-        method: set.intersection(*map(set, group)) if len(group) > 1 else set()
-        for method, group in settings.groupby(rows["method"])
-    }
+    common = {method: set.intersection(*map(set, group)) for method, group in settings.groupby(rows["method"])}
     found = []
     for own, row in zip(settings, rows.to_dict("records"), strict=True):
         lines = [row["method"], *(part for part in own if part not in common[row["method"]])]
@@ -94,7 +91,7 @@ def main() -> None:
         path = Path(here.iloc[0]).parent.parent / "references" / reference_name(dataset, case)
         reference = load_mesh(path)
         plotter.subplot(i, 0)
-        draw(plotter, path, True, reference, f"{case}", args.limit)
+        draw(plotter, path, True, reference, case, args.limit)
         for j, name in enumerate(columns, 1):
             plotter.subplot(i, j)
             if name in here:

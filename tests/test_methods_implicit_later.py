@@ -36,6 +36,7 @@ from bench.methods.implicit.spectral_poisson import (
 
 from bench import BadInput, PointCloud, Run
 from bench.geometry.mesh_surface import MeshSurface
+from bench.registry import snake_case
 
 RADIUS, CENTER = 0.7, np.array([3.0, -1.0, 2.0])
 
@@ -454,7 +455,7 @@ def test_wrong_parameters_are_told(make, message):
 @pytest.mark.parametrize("method", [HashSdf(), Hotspot(), Sap()], ids=lambda method: type(method).__name__)
 def test_poor_input_is_told(method):
     """Too few points, and points that coincide."""
-    name = {"HashSdf": "hash_sdf", "Hotspot": "hotspot", "Sap": "sap"}[type(method).__name__]
+    name = snake_case(type(method).__name__)
     for points in (np.zeros((3, 3)), np.repeat(directions(3), 20, axis=0), np.full((50, 3), np.nan)):
         with pytest.raises(BadInput, match=name):
             method.reconstruct(PointCloud(points, np.ones_like(points)), Run())

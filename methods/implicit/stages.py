@@ -16,7 +16,7 @@ MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
 COARSEST = 32  # to which a resolution is lowered where the time is short
 PROBES = 8192  # points by which the speed is told
 CELLS = 64  # along the longest side of the points' box, by which their surface's area is told, at most
-PER_CELL = 50  # points for a cell of a side of the box, at least
+PER_CELL = 50  # at least so many points for each cell on a face of that box, or the cells are larger
 
 
 class Stages:
