@@ -201,12 +201,16 @@ def test_guesses_of_distances_have_the_right_sign():
     """Of a sphere whose points are four times as dense on one side: distance to it, or unknown near it."""
     n = directions(8000)
     n = n[(n[:, 2] > 0) | (np.arange(len(n)) % 4 == 0)]
-    guided = GuidedSampler(0.6 * n, n, 64, draw(), count=4000)
-    truth = guided._space.norm(dim=1) - 0.6
-    known = ~guided._distances.isnan()
+    guided = GuidedSampler(0.6 * n, n, 64, draw())
+    space = torch.rand(4000, 3, generator=draw()) * 2 - 1
+    guesses, truth = guided.guess(space), space.norm(dim=1) - 0.6
+    known = ~guesses.isnan()
     assert known.float().mean() > 0.9
-    assert (guided._distances - truth)[known].abs().max() < 0.05
+    assert known[truth.abs() > 0.1].all()
+    assert (guesses - truth)[known].abs().max() < 0.03
     batch = guided.draw()
+    torch.testing.assert_close(batch.distances[64:], guided.guess(batch.x[64:]), equal_nan=True)
+    assert not torch.equal(batch.x[64:], guided.draw().x[64:])
     assert batch.on == 64
     assert len(batch.x) == len(batch.distances) == batch.total == 128
     assert (batch.distances[:64] == 0).all()
@@ -229,7 +233,7 @@ def test_guidance_gives_space_its_sign_and_is_silent_where_it_knows_nothing():
 def test_guidance_ends_when_it_is_told_to(method):
     n = directions(400)
     field = method(guided=0.3).field(draw())
-    batch = GuidedSampler(0.6 * n, n, 64, draw(), count=500).draw()
+    batch = GuidedSampler(0.6 * n, n, 64, draw()).draw()
     plain = replace(batch, distances=None)
     with torch.no_grad():
         assert field.loss(batch, 0.29) != field.loss(plain, 0.29)

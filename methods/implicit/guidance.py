@@ -12,9 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from bench.geometry.neighbours import OrderedPoints
+
 from .losses import OrientedLoss
 from .sampling import Batch, Sampler
-from .spectral_poisson import evenly, indicator, interpolate, to_lattice
+from .spectral_poisson import evenly, from_lattice, indicator, interpolate, to_lattice
 
 WEIGHT = 400.0  # of the guessed distances
 
@@ -34,34 +36,31 @@ def guided_loss(loss: OrientedLoss, f: Tensor, gradient: Tensor, batch: Batch, g
 class GuidedSampler(Sampler):
     """Oriented points, and uniform points of space with guesses of their distances.
 
-    The distance is that to the nearest point, the sign that of a coarse Poisson indicator of the points; it is NaN
-    where that is not clear.
+    The distance is that to the nearest point, the sign that of a coarse Poisson indicator of the points. Both are told
+    at the nodes of a lattice and interpolated between them; a guess is NaN where its sign is not clear.
     """
 
     LATTICE, UNCLEAR = 64, 0.1  # nodes along an axis; the indicator is +-1/2 away from the surface
-    ENOUGH, TOLERANCE = 20_000, 0.05  # points of the input; relative error of distances to them
+    ENOUGH = 20_000  # points of the input
 
-    def __init__(
-        self, points: np.ndarray, normals: np.ndarray, batch: int, generator: torch.Generator, *, count: int = 1 << 16
-    ):
-        from scipy.spatial import cKDTree
-
+    def __init__(self, points: np.ndarray, normals: np.ndarray, batch: int, generator: torch.Generator):
         super().__init__(points, normals, batch, generator)
-        device = generator.device
-        some = torch.randperm(len(points), generator=generator, device=device)[: self.ENOUGH]
+        some = torch.randperm(len(points), generator=generator, device=generator.device)[: self.ENOUGH]
         known = self._points[some]
-        chi = indicator(known, self._normals[some] * evenly(known)[:, None], self.LATTICE, sigma=2.0)
-        self._space = torch.rand(count, 3, generator=generator, device=device) * 2 - 1
-        chi = interpolate(chi, to_lattice(self._space, self.LATTICE))
-        distances = cKDTree(known.cpu().numpy()).query(self._space.cpu().numpy(), eps=self.TOLERANCE)[0]
-        distances = torch.as_tensor(distances).to(chi)
-        self._distances = torch.where(chi.abs() > self.UNCLEAR, distances * chi.sign(), torch.nan)
+        self._chi = indicator(known, self._normals[some] * evenly(known)[:, None], self.LATTICE, sigma=2.0)
+        nodes = from_lattice(torch.cartesian_prod(*3 * [torch.arange(self.LATTICE)]), self.LATTICE)
+        distances = OrderedPoints(nodes.numpy()).nearest_in(OrderedPoints(known.cpu().numpy())).distance
+        # With its sign a distance is straight across the surface, where its amount has a kink.
+        self._distances = torch.as_tensor(distances).to(self._chi).view_as(self._chi) * self._chi.sign()
 
     def draw(self) -> Batch:
         """The next batch."""
-        device = self._generator.device
-        rows = torch.randint(len(self._points), (self._batch,), generator=self._generator, device=device)
-        space = torch.randint(len(self._space), (self._batch,), generator=self._generator, device=device)
-        x = torch.cat([self._points[rows], self._space[space]])
-        on = torch.zeros(self._batch, device=device)
-        return Batch(x, self._batch, self._normals[rows], torch.cat([on, self._distances[space]]), len(x))
+        batch = super().draw()
+        on, space = batch.x.new_zeros(batch.on), batch.x[batch.on :]
+        return replace(batch, distances=torch.cat([on, self.guess(space)]))
+
+    def guess(self, space: Tensor) -> Tensor:
+        """Signed distances (n,) of points (n, 3) of the box, or NaN."""
+        places = to_lattice(space, self.LATTICE)
+        clear = interpolate(self._chi, places).abs() > self.UNCLEAR
+        return interpolate(self._distances, places).where(clear, torch.nan)
