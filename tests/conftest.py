@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import time
 import uuid
+from collections.abc import Sequence
 from pathlib import Path
 
 import psutil
@@ -15,6 +17,7 @@ import pytest
 COMMAND = [str(Path(sys.prefix) / "bin" / "detailbench")]
 MARK = "DETAILBENCH_TEST_MARK"  # in the environment of a command: all that descends from it carries it
 TOYS = Path(__file__).parent / "faults" / "toys.py"
+FORKS = Path(__file__).with_name("forks.py")
 WORDS = ("task=denoise", "dataset=ball", "sensor=dots", "metric=[spread]", "cases=2")
 LAUNCHERS = {"basic": (), "joblib": ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")}
 
@@ -58,6 +61,15 @@ class Shell:
             self.kill_all()
             raise
         return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+    def call_each(self, *lines: Sequence[str]) -> list[subprocess.CompletedProcess[str]]:
+        """Run many ``detailbench WORDS``, each in a fork of a process that has imported what most of them need."""
+        process = self.start(
+            command=[sys.executable, str(FORKS), *(json.dumps([str(w) for w in line]) for line in lines)]
+        )
+        out, err = process.communicate(timeout=300)
+        assert process.returncode == 0, err
+        return [subprocess.CompletedProcess(line, *answer) for line, answer in zip(lines, json.loads(out), strict=True)]
 
     def run(self, *words: str, launcher: str = "basic", sweep: bool = True, plugins=(TOYS,), **options):
         """``detailbench run`` with the toy plugins, into this shell's results."""

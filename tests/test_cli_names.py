@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import pytest
 from conftest import TOYS
 
@@ -86,11 +84,10 @@ WRONG = {
 
 @pytest.fixture(scope="module")
 def answers(shells):
-    """What each wrong command line was answered, two at a time."""
+    """What each wrong command line was answered."""
     shell = shells("wrong")
-    with ThreadPoolExecutor(2) as pool:
-        done = pool.map(lambda case: shell.call(*case[0]), WRONG.values())
-        return shell, dict(zip(WRONG, done, strict=True))
+    done = shell.call_each(*(words for words, _ in WRONG.values()))
+    return shell, dict(zip(WRONG, done, strict=True))
 
 
 @pytest.mark.parametrize("what", WRONG)

@@ -174,9 +174,9 @@ def grows_a_list(cloud, run):
 @bad
 def grows_shared_memory(cloud, run):
     # Counted by no rlimit: only a look at the resident memory finds it.
-    block = mmap.mmap(-1, 4 << 30)
-    for page in range(0, 4 << 30, 4096):
-        block[page] = 1
+    block, ones = mmap.mmap(-1, 4 << 30), bytes([1]) * (1 << 20)
+    for start in range(0, 4 << 30, len(ones)):
+        block[start : start + len(ones)] = ones
     return BEHAVED
 
 

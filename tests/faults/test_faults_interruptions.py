@@ -13,8 +13,6 @@ SALTS, CASES = 4, 3
 SWEEP = ("method=fine", "method.salt=1,2,3,4", "method.take=0.4", f"cases={CASES}")
 ALL = {f"fine {salt} {case}" for salt in range(1, SALTS + 1) for case in range(CASES)}
 
-launchers = pytest.mark.parametrize("launcher", ["basic", "joblib"])
-
 
 def finished(shell) -> set[str]:
     """The calls whose results are on the disk: in files of finished cells, and of those that were cut off."""
@@ -51,8 +49,7 @@ def assert_goes_on(shell, launcher: str, kept: set[str]) -> None:
     assert not list(shell.results.glob(".partial/*"))
 
 
-@launchers
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize(("number", "launcher"), [(signal.SIGKILL, "joblib"), (signal.SIGTERM, "basic")])
 def test_front_door_killed_in_mid_sweep(shell, launcher, number):
     process = shell.run(*SWEEP, launcher=launcher, act=shell.start)
     shell.wait_for(lambda: len(shell.calls()) >= 6)
@@ -76,8 +73,7 @@ def test_a_launcher_s_process_that_waits_for_work_does_not_outlive_the_front_doo
     process.communicate()
 
 
-@launchers
-@pytest.mark.parametrize("to", ["process", "group"])
+@pytest.mark.parametrize(("to", "launcher"), [("group", "basic"), ("group", "joblib"), ("process", "joblib")])
 def test_ctrl_c(shell, launcher, to):
     process = shell.run(*SWEEP, launcher=launcher, act=shell.start)
     shell.wait_for(lambda: len(shell.calls()) >= 6)
@@ -98,9 +94,8 @@ def test_ctrl_c(shell, launcher, to):
     assert_goes_on(shell, launcher, kept)
 
 
-@pytest.mark.parametrize("other", ["basic", "joblib"])
-def test_two_sweeps_at_once_into_one_folder(shell, other):
-    processes = [shell.run(*SWEEP, launcher=launcher, act=shell.start) for launcher in ("basic", other)]
+def test_two_sweeps_at_once_into_one_folder(shell):
+    processes = [shell.run(*SWEEP, launcher=launcher, act=shell.start) for launcher in ("basic", "joblib")]
     ends = [process.communicate(timeout=120) for process in processes]
     for process, (_, err) in zip(processes, ends, strict=True):
         assert process.returncode == 0, err

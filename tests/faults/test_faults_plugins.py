@@ -7,8 +7,6 @@ import os
 import shutil
 from pathlib import Path
 
-import pytest
-
 TOYS = Path(__file__).with_name("toys.py")
 PAIRS = Path(__file__).with_name("pairs.py")
 SYMMETRIC = '''
@@ -212,10 +210,9 @@ def test_a_library_that_was_installed_since_is_no_longer_missing(shell, monkeypa
 # -- a task of one's own -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("launcher", ["basic", "joblib"])
-def test_a_new_task_over_pairs_needs_no_change_of_the_engine(shell, launcher):
+def test_a_new_task_over_pairs_needs_no_change_of_the_engine(shell):
     words = ("task=morph", "dataset=eggs", "sensor=samples", "metric=[vertex_distance]", "cases=3")
-    done = shell.run(*words, "method=stay,follow", "seed=0,1", launcher=launcher, plugins=(PAIRS,))
+    done = shell.run(*words, "method=stay,follow", "seed=0,1", launcher="joblib", plugins=(PAIRS,))
     assert done.returncode == 0, done.stderr
     rows = shell.rows()
     assert len(rows) == 2 * 2 * 3

@@ -25,15 +25,14 @@ def assert_one_clear_error(done, *words: str) -> None:
         assert word in done.stderr
 
 
-@launchers
-def test_damaged_results_are_set_aside_reported_and_computed_again(shell, launcher):
+def test_damaged_results_are_set_aside_reported_and_computed_again(shell):
     assert shell.run(*FOUR).returncode == 0
     half, garbage, empty, whole = files = shell.files()
     before = whole.read_bytes()
     half.write_bytes(half.read_bytes()[: half.stat().st_size // 2])
     garbage.write_bytes(b"PAR1" + b"\x7fnonsense" * 100 + b"PAR1")
     empty.write_bytes(b"")
-    done = shell.run(*FOUR, launcher=launcher)
+    done = shell.run(*FOUR, launcher="joblib")
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     assert "8/8 cases solved, 6 run now, 2 there already" in done.stderr
@@ -101,15 +100,14 @@ def test_no_space_from_the_start_is_one_error_before_anything_is_computed(shell,
     assert not shell.left_over()
 
 
-@launchers
-def test_no_space_in_mid_write_ends_in_one_error_and_the_same_command_completes_later(shell, launcher):
+def test_no_space_in_mid_write_ends_in_one_error_and_the_same_command_completes_later(shell):
     """A method whose message is longer than what can be written."""
     words = ("method=fine,says_too_much", "seed=0,1", "cases=3")
     plugins = (TOYS, TOYS.with_name("misbehaving.py"))
     assert shell.run("method=fine", "method.salt=9").returncode == 0
     (earlier,) = shell.files()
     before = earlier.read_bytes()
-    full = shell.run(*words, launcher=launcher, plugins=plugins, preexec_fn=small_files_only(150_000))
+    full = shell.run(*words, launcher="joblib", plugins=plugins, preexec_fn=small_files_only(150_000))
     assert_one_clear_error(full, "cannot write", str(shell.results), "File too large")
     assert not shell.left_over()
     assert earlier in shell.files()
@@ -117,7 +115,7 @@ def test_no_space_in_mid_write_ends_in_one_error_and_the_same_command_completes_
     assert not list(shell.results.rglob("*.tmp"))
     assert not list(shell.results.glob(".sweeps/*"))
     kept = {path: path.read_bytes() for path in shell.files()}
-    done = shell.run(*words, launcher=launcher, plugins=plugins)
+    done = shell.run(*words, launcher="joblib", plugins=plugins)
     assert done.returncode == 3, done.stderr
     assert "10/12 cases solved" in done.stderr
     assert {path: path.read_bytes() for path in kept} == kept
@@ -137,17 +135,16 @@ def _can_mount() -> bool:
     )
 
 
-@pytest.mark.parametrize("launcher", ["basic", "joblib"] if _can_mount() else [])
-def test_a_full_disk(shell, launcher):
-    """A file system of 1 MB: fill it, sweep, free it, sweep again."""
+@pytest.mark.parametrize("size", ["1m"] if _can_mount() else [])
+def test_a_full_disk(shell, size):
+    """A small file system: fill it, sweep, free it, sweep again."""
     shell.results.mkdir()
     words = " ".join(("method=fine", "method.salt=$1", "cases=3"))
-    how = "" if launcher == "basic" else "hydra/launcher=joblib hydra.launcher.n_jobs=2"
     script = f"""
-        mount -t tmpfs -o size=1m tmpfs "$RESULTS" || exit 99
+        mount -t tmpfs -o size={size} tmpfs "$RESULTS" || exit 99
         sweep() {{
             {sys.prefix}/bin/detailbench run -m --no-leaderboard --plugin {TOYS} task=denoise dataset=ball sensor=dots \
-                'metric=[spread]' {words} {how} results="$RESULTS"
+                'metric=[spread]' {words} results="$RESULTS"
             echo "code $?" >&2
         }}
         sweep 1,2
