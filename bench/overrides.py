@@ -40,6 +40,12 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
             _check_key("", head, [*(f.name for f in dataclasses.fields(Base)), *GROUPS], override.input_line)
 
 
+def is_override(word: str) -> bool:
+    """Whether a word of a command line is a key and its value, not the name of a file."""
+    key, equals, _ = word.partition("=")
+    return bool(equals) and key.lstrip("+").replace(".", "_").replace("@", "_").replace("/", "_").isidentifier()
+
+
 def _parse(overrides: Sequence[str]) -> list[Any]:
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import OverrideParseException

@@ -301,6 +301,12 @@ def test_check_judges_by_name_and_as_json(shell):
     assert {entry["plugin"] for entry in report} == {"method identity"}
 
 
+def test_check_with_other_parameters_and_limits(shell):
+    done = shell.call("check", "--plugin", TOYS, "fine", "method.take=5", "limit.seconds=0.5")
+    assert done.returncode == 3, done.stderr
+    assert re.search(r"FAIL  denoise: toy case: timeout: .*limit.seconds=0.5", done.stdout)
+
+
 def test_check_fails_a_method_that_crashes_or_breaks_its_promise(shell):
     plugin = shell.folder / "bad.py"
     plugin.write_text(

@@ -36,11 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read, call the method in a child process, write; say what was made."""
     from ..application import apply
+    from ..overrides import is_override
     from ..progress import Steps
 
     plugins = load_plugins(args.plugin)
-    overrides = [w for w in args.words if _is_override(w)]
-    files = [w for w in args.words if not _is_override(w)]
+    overrides = [w for w in args.words if is_override(w)]
+    files = [w for w in args.words if not is_override(w)]
     if len(files) < 2:
         raise UsageError(f"expected an INPUT and an OUTPUT file, got {', '.join(files) or 'none'}")
     job = job_of(overrides, files, plugins)
@@ -53,11 +54,6 @@ def run(args: argparse.Namespace) -> int:
     print(f"{' '.join(files[:-1])} ({result['input']}) -> {job.output} ({result['output']})")
     print(f"{job.method.label}: {result['seconds']:.3g} s, peak {result['peak_rss_mb']:.0f} MB")
     return 0
-
-
-def _is_override(word: str) -> bool:
-    key, equals, _ = word.partition("=")
-    return bool(equals) and key.lstrip("+").replace(".", "_").replace("@", "_").replace("/", "_").isidentifier()
 
 
 def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> Any:

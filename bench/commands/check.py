@@ -2,9 +2,10 @@
 
   detailbench check my_method.py        every plugin in the file
   detailbench check poisson jet         plugins by name
+  detailbench check siren method.steps=50 method.resolution=64    with other parameters, for instance a short training
 
-Every trial runs in a child process: a plugin that crashes or hangs is a failed check. Exit code 0 when nothing failed,
-3 otherwise.
+Every trial runs in a child process: a plugin that crashes or hangs is a failed check. It hangs when it takes longer
+than limit.seconds, 300 unless you say otherwise. Exit code 0 when nothing failed, 3 otherwise.
 """
 
 from __future__ import annotations
@@ -12,9 +13,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ..cli import add_plugin_argument
+from ..config import Limits
 from ..errors import UsageError, did_you_mean
 from ..registry import KINDS, Plugin, load_plugins, registry
 
@@ -23,7 +28,9 @@ MARKS = {"ok": "ok  ", "warn": "warn", "fail": "FAIL"}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("what", nargs="+", metavar="FILE|NAME", help="a plugin file, or the name of a plugin")
+    parser.add_argument(
+        "what", nargs="+", metavar="FILE|NAME|key=value", help="plugin files, names of plugins; method.steps=50, ..."
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
     add_plugin_argument(parser)
 
@@ -31,8 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Check them all; the exit code says whether one failed."""
     from ..conformance import check_plugin
+    from ..overrides import is_override
 
-    files = [w for w in args.what if w.endswith(".py") or Path(w).is_file()]
+    overrides = [word for word in args.what if is_override(word)]
+    what = [word for word in args.what if word not in overrides]
+    if not what:
+        raise UsageError("name a plugin or a plugin file: detailbench check my_method.py")
+    files = [w for w in what if w.endswith(".py") or Path(w).is_file()]
     loaded = load_plugins([*args.plugin, *files], warn=False)
     report, failed = [], False
     for broken in registry().broken:
@@ -41,10 +53,12 @@ def run(args: argparse.Namespace) -> int:
             report.append({"plugin": broken.origin, "check": "import", "verdict": "fail", "detail": broken.reason})
             if not args.json:
                 print(f"{MARKS['fail']}  {broken.origin}: {broken.reason}\n{broken.details}")
-    for plugin in _plugins(args.what, files, already=bool(report)):
+    plugins = _plugins(what, files, already=bool(report))
+    given = [settings(plugin, plugins, overrides) for plugin in plugins]
+    for plugin, (values, limit) in zip(plugins, given, strict=True):
         if not args.json:
             print(f"{plugin.kind} {plugin.name} ({plugin.file})")
-        for check in check_plugin(plugin, loaded):
+        for check in check_plugin(plugin, loaded, values, limit):
             failed = failed or check.verdict == "fail"
             report.append({"plugin": f"{plugin.kind} {plugin.name}", "check": check.name} | vars(check))
             if not args.json:
@@ -56,6 +70,32 @@ def run(args: argparse.Namespace) -> int:
         counts = {v: sum(r["verdict"] == v for r in report) for v in MARKS}
         print(f"{counts['ok']} ok, {counts['warn']} warnings, {counts['fail']} failed")
     return 3 if failed else 0
+
+
+def settings(plugin: Plugin, plugins: Sequence[Plugin], overrides: Sequence[str]) -> tuple[dict[str, Any], Limits]:
+    """The parameters of one of ``plugins``, and the limits, as the words ``overrides`` have them."""
+    from omegaconf import OmegaConf
+
+    from ..config import compose
+    from ..conformance import LIMIT
+    from ..overrides import check_overrides
+    from ..schema import build
+
+    kinds = {p.kind for p in plugins} - {"metric"}
+    for word in overrides:
+        if word.lstrip("+").partition(".")[0] not in kinds | {"limit"}:
+            known = ", ".join(f"{kind}.PARAMETER=..." for kind in sorted(kinds))
+            raise UsageError(f"{word}: expected limit.seconds=..., or for what is checked here: {known or 'nothing'}")
+    own = [word for word in overrides if word.lstrip("+").startswith((f"{plugin.kind}.", "limit."))]
+    if not own:
+        return {}, LIMIT
+    words = [*([f"{plugin.kind}={plugin.name}"] if plugin.kind in kinds else []), *own]
+    check_overrides(words, multirun=False)
+    values = OmegaConf.to_container(compose(words), resolve=True)
+    said = {word.lstrip("+").partition("=")[0].removeprefix("limit.") for word in own if "limit." in word}
+    parameters = values[plugin.kind] if plugin.kind in kinds else {}
+    build(plugin, parameters)  # a value that is refused is refused here, not as a failed check
+    return parameters, replace(LIMIT, **{name: values["limit"][name] for name in said})
 
 
 def _plugins(what: list[str], files: list[str], already: bool) -> list[Plugin]:
