@@ -89,6 +89,18 @@ def test_every_method_preset_names_parameters_that_exist(name):
     assert all(getattr(built, key) == value for key, value in preset.values.items())
 
 
+def test_apply_takes_a_preset(tmp_path):
+    from bench.commands.apply import job_of
+
+    scan = tmp_path / "scan.xyz"
+    scan.write_text("0 0 0\n")
+    words = ["method=idf_30", "method.steps=20"]
+    method = job_of(words, [str(scan), str(tmp_path / "out.ply")], ()).method
+    assert method.name == "idf"
+    assert method.parameters["omega"] == 30
+    assert method.parameters["steps"] == 20
+
+
 def test_a_reference_s_file_tells_the_parameters_of_its_dataset():
     assert reference_name("reliefs", "reliefs-test-000") == "reliefs-reliefs-test-000.ply"
     named = {reference_name(f"reliefs[amplitude={a}]", "reliefs-test-000") for a in (0.1, 0.01)}

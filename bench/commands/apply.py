@@ -64,11 +64,12 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     from ..config import Limits, compose
     from ..overrides import check_overrides, chosen
     from ..plan import Choice, check_root
+    from ..presets import resolve
 
     check_overrides(overrides, multirun=False)
     if not any(w.startswith("method=") for w in overrides):
         raise UsageError("choose a method: detailbench apply method=NAME INPUT OUTPUT (detailbench list methods)")
-    method = registry().find("method", chosen("method", overrides)[0])
+    method = registry().find("method", resolve("method", chosen("method", overrides)[0]))
     *inputs, output = files
     tasks = [w for w in overrides if w.startswith("task=")]
     if not tasks:
