@@ -70,6 +70,7 @@ def main() -> None:
     parser.add_argument("--task", default="reconstruct")
     parser.add_argument("--dataset", default="", help="one, or several with commas")
     parser.add_argument("--method", default="", help="one, or several with commas")
+    parser.add_argument("--case", default="", help="parts of the names of cases, with commas")
     parser.add_argument("--limit", type=float, default=0.015, help="distance at the end of the colour scale")
     args = parser.parse_args()
     rows = Results(args.results).rows()
@@ -79,6 +80,7 @@ def main() -> None:
         rows = rows[rows["dataset"].str.startswith(tuple(args.dataset.split(",")))]
     if args.method:
         rows = rows[rows["method"].isin(args.method.split(","))]
+    rows = rows[[any(part in case for part in args.case.split(",")) for case in rows["case"]]]
     rows = rows.assign(label=labels(rows))
     cases = sorted({(d, c) for d, c in zip(rows["dataset"], rows["case"], strict=True)})
     columns = sorted(rows["label"].unique())
