@@ -19,7 +19,7 @@ from bench.methods.implicit.sampling import Batch, DistanceSampler, Sampler
 from bench.methods.implicit.schedules import stage
 from bench.methods.implicit.sine_network import SineNetwork
 from bench.methods.implicit.siren import Siren
-from bench.methods.implicit.stages import area_about, seconds_to_extract
+from bench.methods.implicit.stages import area_about, reserve, seconds_to_extract
 from safetensors.torch import save_file
 
 from bench import BadInput, PointCloud, Run
@@ -471,6 +471,20 @@ def test_the_time_for_a_surface_is_told_by_its_area_which_may_be_far_more_than_i
     for turned in (floors, floors @ turn.T):
         assert 44 * 0.9 < area_about(turned) < 44 * 1.8  # eleven floors of area 4
     assert seconds_to_extract(None, points, 256, Run()) == 0  # nothing is measured where there is no limit
+
+
+def test_a_surface_that_would_take_too_long_leaves_half_of_the_time_to_the_training():
+    """A machine that was busy for a moment must not cost the training nearly all of it."""
+
+    class Slow:
+        def values(self, points):
+            time.sleep(0.05)
+
+    points = np.random.default_rng(0).normal(size=(10_000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    assert seconds_to_extract(Slow(), points, 512, Run(seconds=100.0)) > 100
+    assert 49 < reserve(Slow(), points, 512, Run(seconds=100.0)) <= 50
+    assert 2 < reserve(Slow(), points, 64, Run(seconds=100.0)) < 20
 
 
 def test_a_short_limit_still_gives_a_surface():

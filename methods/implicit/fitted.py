@@ -108,7 +108,7 @@ class Fitted:
 
         from . import field as files
         from .fitting import Training, fit
-        from .stages import seconds_to_extract
+        from .stages import reserve
 
         torch.set_num_threads(run.threads)
         points, normals, frame = oriented(cloud, self.name)
@@ -121,7 +121,7 @@ class Fitted:
             files.load(field, self.load)
         if self.steps:
             sampler = self.sampler(points, normals, frame, run)
-            left = run.seconds_left() - seconds_to_extract(field, points, self.resolution, run)
+            left = run.seconds_left() - reserve(field, points, self.resolution, run)
             training = Training(
                 steps=ENDLESS if self.seconds else self.steps,
                 seconds=min(self.seconds or math.inf, max(left, 0.1)),

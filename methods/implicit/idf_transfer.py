@@ -116,7 +116,7 @@ class IdfTransfer(OrientedWeights):
         from .fitting import Training, fit
         from .meshing import extract
         from .oriented_samples import cloud_of, frame_of, on_base, samples
-        from .stages import Stages, resolution_in_time, seconds_to_extract
+        from .stages import Stages, reserve, resolution_in_time
         from .transfer_field import NearSampler
 
         torch.set_num_threads(run.threads)
@@ -146,7 +146,7 @@ class IdfTransfer(OrientedWeights):
         sampler = NearSampler(*detailed, self.batch, draws, spread=field.nu)
         training = Training(
             steps=ENDLESS if self.seconds else self.steps,
-            seconds=stages.next(reserve=seconds_to_extract(field, theirs_known[0], self.resolution, run)),
+            seconds=stages.next(reserve(field, theirs_known[0], self.resolution, run)),
             learning_rate=self.learning_rate,
             betas=BETAS,
             chunk=2 * self.batch,  # the descriptor runs once a step

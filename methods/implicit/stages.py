@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import time
+import timeit
 from collections.abc import Sequence
 
 import numpy as np
@@ -58,13 +58,20 @@ def seconds_to_extract(field: Field, points: np.ndarray, resolution: int, run: R
     """
     if math.isinf(run.seconds_left()):
         return 0.0
-    field.values(points[:PROBES])
-    begin = time.perf_counter()
-    field.values(points[:PROBES])
-    per_point = (time.perf_counter() - begin) / min(PROBES, len(points)) + MESHING
+    seconds = min(timeit.repeat(lambda: field.values(points[:PROBES]), number=1, repeat=3))  # others may be busy, too
+    per_point = seconds / min(PROBES, len(points)) + MESHING
     extents = np.ptp(points, axis=0)
     shortest = max(extents.min(), extents.max() / 5)  # no side gets more than five times the shortest's samples
     return 2 + 1.5 * per_point * (9 * area_about(points) / shortest**2 * resolution**2 + 2 * 65**3)
+
+
+def reserve(field: Field, points: np.ndarray, resolution: int, run: Run) -> float:
+    """The seconds that a training leaves to the surface: what that will take, but half of the time at most.
+
+    Where that is too little, :func:`resolution_in_time` makes a coarser surface, which is better of a field that has
+    been trained than a fine one of a field that has not.
+    """
+    return min(seconds_to_extract(field, points, resolution, run), run.seconds_left() / 2)
 
 
 def area_about(points: np.ndarray) -> float:
