@@ -207,7 +207,7 @@ def test_guesses_of_distances_have_the_right_sign():
     known = ~guesses.isnan()
     assert known.float().mean() > 0.9
     assert known[truth.abs() > 0.1].all()
-    assert (guesses - truth)[known].abs().max() < 0.03
+    assert (guesses - truth)[known].abs().max() < 0.05
     batch = guided.draw()
     torch.testing.assert_close(batch.distances[64:], guided.guess(batch.x[64:]), equal_nan=True)
     assert not torch.equal(batch.x[64:], guided.draw().x[64:])
