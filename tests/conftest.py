@@ -64,12 +64,11 @@ class Shell:
 
     def call_each(self, *lines: Sequence[str]) -> list[subprocess.CompletedProcess[str]]:
         """Run many ``detailbench WORDS``, each in a fork of a process that has imported what most of them need."""
-        process = self.start(
-            command=[sys.executable, str(FORKS), *(json.dumps([str(w) for w in line]) for line in lines)]
-        )
-        out, err = process.communicate(timeout=300)
-        assert process.returncode == 0, err
-        return [subprocess.CompletedProcess(line, *answer) for line, answer in zip(lines, json.loads(out), strict=True)]
+        given = (json.dumps([str(word) for word in line]) for line in lines)
+        done = self.call(*given, command=[sys.executable, str(FORKS)], timeout=300)
+        assert done.returncode == 0, done.stderr
+        answers = json.loads(done.stdout)
+        return [subprocess.CompletedProcess(line, *answer) for line, answer in zip(lines, answers, strict=True)]
 
     def run(self, *words: str, launcher: str = "basic", sweep: bool = True, plugins=(TOYS,), **options):
         """``detailbench run`` with the toy plugins, into this shell's results."""

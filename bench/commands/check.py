@@ -54,7 +54,8 @@ def run(args: argparse.Namespace) -> int:
             if not args.json:
                 print(f"{MARKS['fail']}  {broken.origin}: {broken.reason}\n{broken.details}")
     plugins = _plugins(what, files, already=bool(report))
-    given = [settings(plugin, plugins, overrides) for plugin in plugins]
+    _refuse_foreign(overrides, plugins)
+    given = [settings(plugin, overrides) for plugin in plugins]
     for plugin, (values, limit) in zip(plugins, given, strict=True):
         if not args.json:
             print(f"{plugin.kind} {plugin.name} ({plugin.file})")
@@ -72,8 +73,17 @@ def run(args: argparse.Namespace) -> int:
     return 3 if failed else 0
 
 
-def settings(plugin: Plugin, plugins: Sequence[Plugin], overrides: Sequence[str]) -> tuple[dict[str, Any], Limits]:
-    """The parameters of one of ``plugins``, and the limits, as the words ``overrides`` have them."""
+def _refuse_foreign(overrides: Sequence[str], plugins: Sequence[Plugin]) -> None:
+    """Each word must be a limit, or a parameter of a kind of plugin that is checked."""
+    kinds = sorted({plugin.kind for plugin in plugins} - {"metric"})
+    for word in overrides:
+        if not word.lstrip("+").startswith(("limit.", *(f"{kind}." for kind in kinds))):
+            known = ", ".join(f"{kind}.PARAMETER=..." for kind in kinds) or "nothing"
+            raise UsageError(f"{word}: expected limit.seconds=..., or for what is checked here: {known}")
+
+
+def settings(plugin: Plugin, overrides: Sequence[str]) -> tuple[dict[str, Any], Limits]:
+    """The parameters of a plugin and the limits of its trials, as the words ``overrides`` have them."""
     from omegaconf import OmegaConf
 
     from ..config import compose
@@ -81,20 +91,17 @@ def settings(plugin: Plugin, plugins: Sequence[Plugin], overrides: Sequence[str]
     from ..overrides import check_overrides
     from ..schema import build
 
-    kinds = {p.kind for p in plugins} - {"metric"}
-    for word in overrides:
-        if word.lstrip("+").partition(".")[0] not in kinds | {"limit"}:
-            known = ", ".join(f"{kind}.PARAMETER=..." for kind in sorted(kinds))
-            raise UsageError(f"{word}: expected limit.seconds=..., or for what is checked here: {known or 'nothing'}")
-    own = [word for word in overrides if word.lstrip("+").startswith((f"{plugin.kind}.", "limit."))]
-    if not own:
+    limits = [word for word in overrides if word.lstrip("+").startswith("limit.")]
+    own = [word for word in overrides if word.lstrip("+").startswith(f"{plugin.kind}.")]
+    if not (limits or own):
         return {}, LIMIT
-    words = [*([f"{plugin.kind}={plugin.name}"] if plugin.kind in kinds else []), *own]
+    words = [*([f"{plugin.kind}={plugin.name}"] if own else []), *own, *limits]
     check_overrides(words, multirun=False)
     values = OmegaConf.to_container(compose(words), resolve=True)
-    said = {word.lstrip("+").partition("=")[0].removeprefix("limit.") for word in own if "limit." in word}
-    parameters = values[plugin.kind] if plugin.kind in kinds else {}
-    build(plugin, parameters)  # a value that is refused is refused here, not as a failed check
+    parameters = values[plugin.kind] if own else {}
+    if own:
+        build(plugin, parameters)  # a value that is refused is refused here, not as a failed check
+    said = [word.lstrip("+").partition("=")[0].removeprefix("limit.") for word in limits]
     return parameters, replace(LIMIT, **{name: values["limit"][name] for name in said})
 
 

@@ -13,6 +13,7 @@ import pytest
 MISBEHAVING = Path(__file__).with_name("misbehaving.py")
 TOYS = Path(__file__).with_name("toys.py")
 SECONDS, MEMORY_GB = 2.0, 0.3
+STOPPED = ("timeout", f"stopped after {SECONDS:g} s (limit.seconds={SECONDS:g})")
 
 # method: status of the case of index 1, and what its message says
 DENOISE = {
@@ -25,12 +26,12 @@ DENOISE = {
     "aborts": ("crashed", "SIGABRT"),
     "killed": ("crashed", "SIGKILL"),
     "kills_its_group": ("crashed", "SIGKILL"),
-    "loops": ("timeout", "stopped after 2 s (limit.seconds=2)"),
-    "ignores_sigterm": ("timeout", "stopped after 2 s (limit.seconds=2)"),
-    "sleeps_in_c": ("timeout", "stopped after 2 s (limit.seconds=2)"),
-    "matches_for_ever": ("timeout", "stopped after 2 s (limit.seconds=2)"),
-    "leaves_a_child_and_loops": ("timeout", "stopped after 2 s (limit.seconds=2)"),
-    "leaves_a_daemon_and_loops": ("timeout", "stopped after 2 s (limit.seconds=2)"),
+    "loops": STOPPED,
+    "ignores_sigterm": STOPPED,
+    "sleeps_in_c": STOPPED,
+    "matches_for_ever": STOPPED,
+    "leaves_a_child_and_loops": STOPPED,
+    "leaves_a_daemon_and_loops": STOPPED,
     "leaves_a_child": ("ok", ""),
     "leaves_a_session": ("ok", ""),
     "leaves_a_daemon": ("ok", ""),
