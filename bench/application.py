@@ -82,7 +82,7 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
         stage = "write"
         channel.send("begin", index=0, stage=stage)
         row = meter.figures() | _write(promised.restore(output, frame), call["output"])
-        row |= {"status": "ok", "message": "", "input": _words(inputs.values())}
+        row |= {"status": "ok", "message": "; ".join(run.notes), "input": _words(inputs.values())}
     except BaseException as error:  # the boundary: shown as one message
         row = {"stage": stage} | failure(error, stage)
     channel.send("result", row=plain(row))

@@ -407,6 +407,17 @@ def failures(rows: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         Columns ``task, dataset, sensor, method, variant, status, count, message``.
     """
-    failed = rows[(rows["status"] != "ok").to_numpy()].sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
-    grouped = failed.groupby([*GROUP, *CONTENDER, "status"], sort=True)["message"]
+    return _told(rows[(rows["status"] != "ok").to_numpy()])
+
+
+def notes(rows: pd.DataFrame) -> pd.DataFrame:
+    """What methods noted of cases that they solved (:meth:`bench.Run.note`), counted like :func:`failures`."""
+    said = rows["message"].fillna("").astype(str) != ""
+    return _told(rows[((rows["status"] == "ok") & said).to_numpy()])
+
+
+def _told(rows: pd.DataFrame) -> pd.DataFrame:
+    """How many rows of each group, contender and status there are, and the first message."""
+    rows = rows.sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
+    grouped = rows.groupby([*GROUP, *CONTENDER, "status"], sort=True)["message"]
     return grouped.agg(count="size", message="first").reset_index()

@@ -36,6 +36,8 @@ class Run:
     active_parameters : int or None
         How many of them a sparse layout would store for this input, where the method has one (features of occupied
         cells, say) and papers count so; shown beside the number of all.
+    notes : list of str
+        What the method had to say, see :meth:`note`.
     distances_given : int
         At how many points :meth:`true_distances` was asked so far.
     """
@@ -46,6 +48,7 @@ class Run:
     seconds: float = float("inf")
     parameters: int | None = None
     active_parameters: int | None = None
+    notes: list[str] = field(default_factory=list, init=False)
     distances_given: int = field(default=0, init=False)
     on_progress: Callable[[int, int], None] | None = field(default=None, repr=False)
     on_trace: Callable[[Any, float], None] | None = field(default=None, repr=False)
@@ -91,6 +94,13 @@ class Run:
             begin = time.perf_counter()
             self.on_trace(output, self.elapsed())
             self._paused += time.perf_counter() - begin
+
+    def note(self, text: str) -> None:
+        """Say what the reader of a result should know, such as a setting that could not be kept to.
+
+        It becomes the row's ``message``, is shown below every leaderboard, and where the method is applied to a file.
+        """
+        self.notes.append(text)
 
     @property
     def has_truth(self) -> bool:

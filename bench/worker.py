@@ -138,7 +138,7 @@ class _Session:
             if os.getpid() != self.channel._owner:
                 os._exit(1)
             return row | {"stage": stage} | failure(error, stage)
-        return row | {"status": "ok", "stage": "", "message": "", "traceback": ""}
+        return {"message": ""} | row | {"status": "ok", "stage": "", "traceback": ""}
 
     def call_method(self, index: int, case: Case, task: Any, row: dict[str, Any]) -> Any:
         """The output of the method; into the row goes what clock and memory say of that call alone."""
@@ -165,6 +165,7 @@ class _Session:
         finally:
             row |= self.meter.figures()
             row |= {"parameters": run.parameters, "active_parameters": run.active_parameters}
+            row["message"] = "; ".join(run.notes)
             row["true_distances"] = run.distances_given or None
             if trace:
                 row["trace"] = json.dumps(plain(trace))

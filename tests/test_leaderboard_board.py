@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 from bench.errors import UsageError
-from bench.leaderboard import COLUMNS, failures, leaderboard, penalise
+from bench.leaderboard import COLUMNS, failures, leaderboard, notes, penalise
 from bench.overview import overview
 from bench.report import render
+from bench.report.terminal import remarks
 from bench.selection import pool, select
 
 DOCUMENTED = (
@@ -307,6 +308,16 @@ def test_failures_are_listed_with_their_first_message():
     frame.loc[2, "message"] = "second"
     got = failures(frame)
     assert got[["method", "status", "count", "message"]].to_numpy().tolist() == [["a", "error", 2, "first"]]
+
+
+def test_notes_of_solved_cases_are_listed_below_failures():
+    frame = table({"a": units(None, 1, 1), "b": units(1, 1, 1)})
+    frame["message"] = ["broken", "", "only half\nof it", "", "", ""]
+    assert notes(frame)[["method", "status", "count"]].to_numpy().tolist() == [["a", "ok", 1]]
+    assert failures(frame)["method"].tolist() == ["a"]
+    text = remarks(leaderboard(frame), frame).splitlines()
+    assert text[1] == "Not solved" and text[2].endswith(": broken") and text[2].startswith("  a: 1 error (")
+    assert text[4] == "Solved, with a note" and text[5].startswith("  a: 1 (") and text[5].endswith(": only half of it")
 
 
 # --- tables over several datasets, and by tag ---------------------------------------------------------------------

@@ -487,6 +487,17 @@ def test_a_surface_that_would_take_too_long_leaves_half_of_the_time_to_the_train
     assert 2 < reserve(Slow(), points, 64, Run(seconds=100.0)) < 20
 
 
+def test_a_surface_for_which_there_is_no_time_is_coarser_and_says_so():
+    """At the limit already: the base level of 32 cells, and a note for the row."""
+    run = Run(seconds=0.0)
+    mesh = Siren(steps=1, **SMALL | {"resolution": 129}).reconstruct(ball(), run)
+    assert mesh.metadata["coarser"] == 4
+    assert run.notes == ["the surface has 1/4 of the resolution asked for: limit.seconds=0 is too short"]
+    run = Run()
+    Siren(steps=1, **SMALL).reconstruct(ball(), run)
+    assert not run.notes
+
+
 def test_a_short_limit_still_gives_a_surface():
     """A run of few seconds stops in time, with what it has."""
     run = Run(seed=1, seconds=10.0)

@@ -1,5 +1,6 @@
 """The mesher of implicit surfaces: exact shapes, nothing missed, nothing computed twice, and errors that teach."""
 
+import time
 import tracemalloc
 
 import igl
@@ -244,6 +245,21 @@ def test_long_thin_shape_at_high_resolution_takes_little():
     assert 1.7 / spacing > 500
     assert evaluations < 13 * mesh.area / spacing**2
     assert peak < 110 * evaluations
+
+
+def test_a_surface_is_coarser_where_the_time_is_short():
+    """Half as fine from level to level, and never without the parts of a coarser search."""
+
+    def slow(points):
+        time.sleep(2e-6 * len(points))  # 129 samples take 0.9 s, 65 of them 0.4 s
+        return torus(points)
+
+    meshes = [extract(slow, resolution=129, seconds=seconds) for seconds in (np.inf, 0.8, 0.0)]
+    coarser = [mesh.metadata["coarser"] for mesh in meshes]
+    assert coarser[0] == 1 and coarser[1] in (2, 4) and coarser[2] == 4  # 33 samples: the base level
+    for mesh, factor in zip(meshes, coarser, strict=True):
+        assert mesh.is_watertight and mesh.metadata["spacing"] == meshes[0].metadata["spacing"] * factor
+        assert np.abs(torus(mesh.vertices)).max() < mesh.metadata["spacing"] ** 2 / 0.25
 
 
 def test_few_evaluations_on_a_sphere_at_256():

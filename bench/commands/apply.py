@@ -53,6 +53,8 @@ def run(args: argparse.Namespace) -> int:
         raise DetailbenchError(f"{job.method.label}: {result['status']}: {result['message']}")
     print(f"{' '.join(files[:-1])} ({result['input']}) -> {job.output} ({result['output']})")
     print(f"{job.method.label}: {result['seconds']:.3g} s, peak {result['peak_rss_mb']:.0f} MB")
+    if result["message"]:
+        print(f"{job.method.label}: note: {result['message']}")
     return 0
 
 

@@ -68,10 +68,10 @@ def render(
     from .tables import tables
 
     if format == "terminal":
-        from .terminal import failure_list, terminal
+        from .terminal import remarks, terminal
 
         text = terminal(tables(board, rows, metrics, convention, published), width, color)
-        return text + (failure_list(board, rows, width, color) if rows is not None else "")
+        return text + (remarks(board, rows, color) if rows is not None else "")
     if format == "markdown":
         from .markdown import markdown
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .tables import GROUP, Metric, Table, label, shared_notes
 
 if TYPE_CHECKING:
     import pandas as pd
     from rich.table import Table as RichTable
+    from rich.text import Text
 
 ARROWS = {"lower": "↓", "higher": "↑", "reference": "→ref"}
 GAP = 2  # blanks between columns
@@ -100,24 +101,34 @@ def _score(metric: Metric, i: int):
     return Text(cell.text + ("*" if cell.best else "") + cell.mark, style="bold" if cell.best else "")
 
 
-def failure_list(board: pd.DataFrame, rows: pd.DataFrame, width: int = 120, color: bool = False) -> str:
-    """What failed in the groups of a board: how often, how, and the first message of each kind; empty if nothing."""
+def remarks(board: pd.DataFrame, rows: pd.DataFrame, color: bool = False) -> str:
+    """What failed in the groups of a board, and what methods noted: how often, and the first message of each kind.
+
+    Empty if there is nothing.
+    """
     from rich.text import Text
 
-    from ..leaderboard import failures
+    from ..leaderboard import failures, notes
 
     shown = set(board[[*GROUP, "method", "variant"]].itertuples(index=False, name=None))
-    lines = []
-    for f in failures(rows).itertuples(index=False):
-        if (f.task, f.dataset, f.sensor, f.method, f.variant) not in shown:
-            continue
-        message = " ".join(str(f.message or "").split())
-        message = message if len(message) <= MOST_MESSAGE else message[: MOST_MESSAGE - 1] + "…"
-        where = " · ".join(filter(None, (f.task, f.dataset, f.sensor)))
-        lines.append(
-            Text(f"  {label(f.method, f.variant)}: {f.count} {f.status} ({where}){': ' + message if message else ''}")
-        )
-    return _print([Text("\nNot solved", style="bold"), *lines], color) if lines else ""
+    parts = []
+    for title, told in (("Not solved", failures(rows)), ("Solved, with a note", notes(rows))):
+        lines = [_remark(t) for t in told.itertuples(index=False) if tuple(t[:5]) in shown]
+        parts += [Text(f"\n{title}", style="bold"), *lines] if lines else []
+    return _print(parts, color) if parts else ""
+
+
+def _remark(told: Any) -> Text:
+    """One line of what failed or was noted."""
+    from rich.text import Text
+
+    message = " ".join(str(told.message or "").split())
+    message = message if len(message) <= MOST_MESSAGE else message[: MOST_MESSAGE - 1] + "…"
+    where = " · ".join(filter(None, (told.task, told.dataset, told.sensor)))
+    what = "" if told.status == "ok" else f" {told.status}"
+    return Text(
+        f"  {label(told.method, told.variant)}: {told.count}{what} ({where}){': ' + message if message else ''}"
+    )
 
 
 def _print(parts: list, color: bool) -> str:

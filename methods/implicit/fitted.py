@@ -96,11 +96,10 @@ class Fitted:
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The zero level of a field that was fitted to the points and their normals (estimated if there are none)."""
-        from .stages import resolution_in_time
+        from .stages import in_time
 
         field, frame = self.fit_to(cloud, run)
-        resolution = resolution_in_time(field, frame.apply(cloud.points), self.resolution, run)
-        return self.extract(field, frame, resolution)
+        return in_time(lambda seconds: self.extract(field, frame, self.resolution, seconds), run)
 
     def fit_to(self, cloud: PointCloud, run: Run) -> tuple[Field, Frame]:
         """The fitted field, and the frame that it lives in."""
@@ -135,11 +134,11 @@ class Fitted:
             files.save(field, self.save, self.name, self.form(), frame=repr(frame))
         return field, frame
 
-    def extract(self, field: Field, frame: Frame, resolution: int) -> Trimesh:
-        """The zero level of a field, in the coordinates of the input."""
+    def extract(self, field: Field, frame: Frame, resolution: int, seconds: float = math.inf) -> Trimesh:
+        """The zero level of a field, in the coordinates of the input; coarser where that would take more seconds."""
         from .meshing import extract
 
-        mesh = extract(field.values, resolution=resolution, domain=(-REACH, REACH))
+        mesh = extract(field.values, resolution=resolution, domain=(-REACH, REACH), seconds=seconds)
         mesh.vertices = frame.invert(mesh.vertices)
         return mesh
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -116,7 +117,7 @@ class IdfTransfer(OrientedWeights):
         from .fitting import Training, fit
         from .meshing import extract
         from .oriented_samples import cloud_of, frame_of, on_base, samples
-        from .stages import Stages, reserve, resolution_in_time
+        from .stages import Stages, in_time, reserve
         from .transfer_field import NearSampler
 
         torch.set_num_threads(run.threads)
@@ -138,8 +139,8 @@ class IdfTransfer(OrientedWeights):
         field = self._field(ours, seen, detailed, weights, draws)
         run.parameters = field.count()
 
-        def transferred(resolution: int) -> Trimesh:
-            mesh = extract(field.onto(theirs, target).values, resolution=resolution)
+        def transferred(resolution: int, seconds: float = math.inf) -> Trimesh:
+            mesh = extract(field.onto(theirs, target).values, resolution=resolution, seconds=seconds)
             mesh.vertices = frame.invert(mesh.vertices)
             return mesh
 
@@ -154,7 +155,7 @@ class IdfTransfer(OrientedWeights):
         )
         coarse = max(16, self.resolution // 2)
         fit(field, sampler, stages, training, lambda: run.trace(lambda: transferred(coarse)))
-        return transferred(resolution_in_time(field, theirs_known[0], self.resolution, run))
+        return in_time(lambda seconds: transferred(self.resolution, seconds), run)
 
     def _base(self, known: Samples, weights: torch.Generator, draws: torch.Generator, stages: Stages) -> SineNetwork:
         """A sine network fitted to samples of a base by Eq. 4.4."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .lattice import Lattice
+from .lattice import Band, Lattice
 from .narrow_band import Sampler, children_of, finest_band
 from .triangles import triangulate
 
@@ -29,6 +31,7 @@ def extract(
     lipschitz: float | None = None,
     batch: int = 65_536,
     max_cells: int = 1 << 26,
+    seconds: float = math.inf,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Trimesh:
     """The surface ``field = 0`` within a domain, as a mesh with outward faces, that is towards positive values.
@@ -61,12 +64,16 @@ def extract(
         A bound of the field's slope, see :func:`march`; by default it is estimated.
     max_cells : int
         With more cells than this near the surface the field counts as noise. A cell takes up to 100 bytes.
+    seconds : float
+        The time there is. The spacing is halved from level to level, and a level for which the time would not do is
+        left out: the surface is ``coarser`` by 2, 4 or more, 32 samples along the shortest side at least.
     on_progress : function of steps done and steps in all
 
     Returns
     -------
     Trimesh
-        Its ``metadata`` holds the number of ``evaluations`` and the ``spacing``.
+        Its ``metadata`` holds the number of ``evaluations``, the ``spacing``, and how many times ``coarser`` this is
+        than was asked for: 1, unless the time was too short.
 
     Raises
     ------
@@ -89,11 +96,14 @@ def extract(
         raise ValueError(f"margin: expected at least 0, got {margin}")
     if not max_aspect >= 1:
         raise ValueError(f"max_aspect: expected at least 1, got {max_aspect}")
+    until = time.perf_counter() + seconds
     sampler = Sampler(field, domain, batch, on_progress)
     lattice = _fitted_lattice(sampler, resolution, align, margin, max_aspect, lipschitz, max_cells)
-    vertices, faces = march(sampler, lattice, lipschitz=lipschitz, max_cells=max_cells)
+    band = _surface_band(sampler, lattice, lipschitz, max_cells, until)
+    vertices, faces = triangulate(band)
     sampler.report(1.0)
-    metadata = {"evaluations": sampler.count, "spacing": lattice.spacing}
+    spacing = band.level.spacing
+    metadata = {"evaluations": sampler.count, "spacing": spacing, "coarser": round(spacing / lattice.spacing)}
     return Trimesh(vertices, faces, process=False, metadata=metadata)
 
 
@@ -136,12 +146,19 @@ def march(
     InvalidOutput
         If the field has no zero crossing, is not finite somewhere, or crosses zero nearly everywhere.
     """
+    return triangulate(_surface_band(sampler, lattice, lipschitz, max_cells))
+
+
+def _surface_band(
+    sampler: Sampler, lattice: Lattice, lipschitz: float | None, max_cells: int, until: float = math.inf
+) -> Band:
+    """The finest band that is done ``until`` then: one with a surface in it."""
     if lipschitz is not None and not lipschitz > 0:
         raise ValueError(f"lipschitz: expected a positive number, got {lipschitz}")
-    band, _ = finest_band(sampler, lattice, lipschitz, max_cells, (0.1, 0.95))
+    band, _ = finest_band(sampler, lattice, lipschitz, max_cells, (0.1, 0.95), until)
     if not len(band.crossed[0]):
         raise sampler.no_crossing()
-    return triangulate(band)
+    return band
 
 
 def _fitted_lattice(

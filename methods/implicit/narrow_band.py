@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 SLACK = 1.5  # a field may be so much steeper between lattice points than they tell
+ROOM = 2.0  # the last level is triangulated too, and others may be busy: so much of what it should take is kept for it
 TYPICAL = 0.5  # of the ups and downs of a field near its zeros, so much happens in cells of at most its typical slope
 # From corner j of a cube of side 1 to the farthest point of its half-sized child at corner i.
 REACH = np.sqrt(np.where(CORNERS[:, None] == CORNERS, 0.25, 1.0).sum(axis=-1)) * (1 + 1e-9)
@@ -83,15 +86,25 @@ class Sampler:
 
 
 def finest_band(
-    sampler: Sampler, lattice: Lattice, lipschitz: float | None, max_cells: int, span: tuple[float, float]
+    sampler: Sampler,
+    lattice: Lattice,
+    lipschitz: float | None,
+    max_cells: int,
+    span: tuple[float, float],
+    until: float = math.inf,
 ) -> tuple[Band, float]:
-    """The band at the spacing of the lattice, by way of all coarser levels, and the least bound of slopes in use."""
+    """The band at the spacing of the lattice, by way of all coarser levels, and the least bound of slopes in use.
+
+    A level that would not be done ``until`` then, on the clock of :func:`time.perf_counter`, is left out with those
+    below it, once there is a surface. What a level takes is told by the one before it, for each of its cells.
+    """
     level = lattice.level(lattice.levels)
     cells = numbers_of(level, np.indices(np.array(level.shape) - 1).reshape(3, -1))
     nodes, values, bound = np.empty(0, dtype=np.int64), np.empty(0), None
     share, begin = (span[1] - span[0]) * 3 / (4 ** (lattice.levels + 1) - 1), span[0]
     for step in range(lattice.levels + 1):
         end = begin + share * 4**step  # each level has about four times as many cells
+        started = time.perf_counter()
         band = _evaluate(sampler, level, cells, nodes, values, max_cells, (begin, end))
         bound = _slope_bound(band, lipschitz) if bound is None else bound
         if step == lattice.levels:
@@ -99,6 +112,9 @@ def finest_band(
         level, cells = children_of(band, bound)
         if not len(cells):
             raise sampler.no_crossing()
+        seconds = (time.perf_counter() - started) * len(cells) / len(band.cells)
+        if time.perf_counter() + ROOM * seconds > until and len(band.crossed[0]):
+            break
         # Corners of cells have even coordinates in the next level, where they are corners again.
         nodes, values = numbers_of(level, 2 * band.level.coordinates(band.nodes)), band.values
         begin = end

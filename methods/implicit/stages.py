@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import timeit
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +13,11 @@ from bench import Run
 
 from .field import Field
 
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
 MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
-COARSEST = 32  # to which a resolution is lowered where the time is short
+LAST = 1.0  # seconds for what is done with a surface
 PROBES = 8192  # points by which the speed is told
 CELLS = 64  # along the longest side of the points' box, by which their surface's area is told, at most
 PER_CELL = 50  # at least so many points for each cell on a face of that box, or the cells are larger
@@ -68,8 +72,8 @@ def seconds_to_extract(field: Field, points: np.ndarray, resolution: int, run: R
 def reserve(field: Field, points: np.ndarray, resolution: int, run: Run) -> float:
     """The seconds that a training leaves to the surface: what that will take, but half of the time at most.
 
-    Where that is too little, :func:`resolution_in_time` makes a coarser surface, which is better of a field that has
-    been trained than a fine one of a field that has not.
+    Where that is too little, :func:`in_time` makes a coarser surface, which is better of a field that has been trained
+    than a fine one of a field that has not.
     """
     return min(seconds_to_extract(field, points, resolution, run), run.seconds_left() / 2)
 
@@ -88,9 +92,12 @@ def area_about(points: np.ndarray) -> float:
     return max(2 * (a * b + b * c + c * a), len(np.unique(cells)) * side**2)
 
 
-def resolution_in_time(field: Field, points: np.ndarray, resolution: int, run: Run) -> int:
-    """The resolution, or less where the run's time would not do: a coarser surface in time rather than none."""
-    needed = seconds_to_extract(field, points, resolution, run)
-    while resolution > COARSEST and needed > run.seconds_left():
-        resolution, needed = resolution // 2, 2 + (needed - 2) / 4
-    return resolution
+def in_time(extract: Callable[[float], Trimesh], run: Run) -> Trimesh:
+    """The surface that a function of the seconds there are makes in the time that is left: a coarser one if need be.
+
+    A coarser surface in time is better than none, but the reader of the row should know.
+    """
+    mesh = extract(run.seconds_left() - LAST)
+    if (coarser := mesh.metadata["coarser"]) > 1:
+        run.note(f"the surface has 1/{coarser} of the resolution asked for: limit.seconds={run.seconds:g} is too short")
+    return mesh
