@@ -61,7 +61,7 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
 def call(spec: Mapping[str, Any], channel: Channel) -> None:
     """The worker's side: read, call, validate, write."""
     from .meter import Meter
-    from .worker import failure, plain
+    from .worker import check_device, failure, plain, prepare
 
     call = spec["arguments"]
     stage = "case"
@@ -69,9 +69,12 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
         channel.send("begin", index=0, stage=stage)
         task, method = Choice(**call["task"]), Choice(**call["method"])
         method.plugin.require()
+        if call["device"] != "cpu":
+            check_device(call["device"])
         solver, promised = method.build(), task.build()
         inputs, frame = promised.read(call["inputs"])
         meter = Meter(spec["memory_gb"], call["device"])
+        prepare(solver)
         run = _run(spec, channel)
         stage = "method"
         channel.send("begin", index=0, stage=stage)

@@ -8,7 +8,7 @@ means, so it is no part of a cell's identity; its metrics are.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -55,6 +55,18 @@ class Convention:
         if missing:
             notes.append(f"These results have no {' and no '.join(missing)}.")
         return tuple(note for note in notes if note)
+
+    def of(self, known: Collection[str]) -> Convention:
+        """The same with the scores that results have: with N samples, ``score@N`` stands where they have no ``score``.
+
+        Of several N it is the largest.
+        """
+        columns = []
+        for column in self.columns:
+            sampled = [name for name in known if name.rpartition("@")[0] == column.score]
+            most = max(sampled, key=lambda name: float(name.rpartition("@")[2]), default=column.score)
+            columns.append(column if column.score in known else replace(column, score=most))
+        return replace(self, columns=tuple(columns))
 
     def scores(self, known: Mapping[str, Any] | list[str]) -> list[str]:
         """The scores of the columns that ``known`` has.

@@ -16,7 +16,7 @@ given or default, are those named.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -36,6 +36,12 @@ class Line:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     sensor: str = ""  # only for this one; empty for any
     name: str = ""  # as the paper calls it, where that is another name
+
+    @property
+    def title(self) -> str:
+        """The paper's name, or ours with its parameters."""
+        given = ",".join(f"{key}={_word(value)}" for key, value in self.parameters.items())
+        return self.name or (f"{self.method}[{given}]" if given else self.method)
 
     def is_of(self, method: str, parameters: Mapping[str, str], sensor: str) -> bool:
         """Whether a method of ours, with all its parameters in words, is this line's."""
@@ -63,6 +69,18 @@ class Published:
             if title in line.values and line.is_of(method, parameters, sensor):
                 return float(line.values[title])
         return None
+
+    def others(self, ours: Collection[tuple[str, str]], sensor: str) -> list[str]:
+        """The lines, in words, that belong to none of ``ours``: methods and variants."""
+        known = [(method, all_parameters(method, variant)) for method, variant in ours]
+        left = [
+            line
+            for line in self.lines
+            if line.sensor in ("", sensor) and not any(line.is_of(*one, sensor) for one in known)
+        ]
+        return [
+            f"{line.title}: {', '.join(f'{title} {value}' for title, value in line.values.items())}" for line in left
+        ]
 
 
 def all_parameters(method: str, variant: str) -> dict[str, str]:

@@ -145,6 +145,7 @@ class _Session:
         cell = self.cell
         cell.method.plugin.require()
         method = cell.method.build()
+        prepare(method)
         seed = int(generator(cell.seed, case.id, "run").integers(2**31))
         seed_globals(seed)
         trace: list[dict[str, Any]] = []
@@ -286,6 +287,12 @@ OUT_OF_MEMORY = (
     "not enough memory",
     "memoryerror",
 )
+
+
+def prepare(method: Any) -> None:
+    """Let a method make or fetch what it keeps: weights, say. That is no part of the call, nor of its limit."""
+    if hasattr(method, "prepare"):
+        method.prepare()
 
 
 def check_device(device: str) -> None:

@@ -212,6 +212,47 @@ def test_apply_asks_for_the_task_where_it_is_open(shell, cloud_file):
     assert (shell.work / "clean.ply").read_bytes().startswith(b"ply")
 
 
+NOTING = '''
+from dataclasses import dataclass
+from bench import register
+
+@register("method")
+@dataclass(frozen=True)
+class Noting:
+    """Has something to say."""
+
+    fails: bool = False
+
+    def denoise(self, cloud, run):
+        run.note("half as many")
+        run.note("half as far")
+        if self.fails:
+            raise ArithmeticError("no pivot")
+        return cloud
+'''
+
+
+def test_what_a_method_notes_is_shown_where_it_is_applied_and_below_leaderboards(shell, cloud_file):
+    plugin = shell.folder / "noting.py"
+    plugin.write_text(NOTING)
+    done = shell.call("apply", "--plugin", plugin, "method=noting", "scan.xyz", "clean.xyz")
+    assert done.stdout.splitlines()[-1] == "noting: note: half as many; half as far"
+    done = shell.run("method=noting", "method.fails=false,true", plugins=(TOYS, plugin))
+    messages = dict(shell.rows()[["status", "message"]].itertuples(index=False))
+    assert messages == {"ok": "half as many; half as far", "error": "ArithmeticError: no pivot"}
+    told = done.stdout.partition("Solved, with a note")[2].splitlines()[1]
+    assert told.startswith("  noting: ") and told.endswith(": half as many; half as far")
+
+
+def test_apply_says_that_there_is_no_gpu(shell, cloud_file):
+    torch = pytest.importorskip("torch")
+    if torch.cuda.is_available():
+        pytest.skip("there is one")
+    done = shell.call("apply", "method=siren", "scan.xyz", "mesh.ply", "device=cuda")
+    assert done.returncode == 1
+    assert "device=cuda: torch" in done.stderr and "sees no GPU on this machine; use device=cpu" in done.stderr
+
+
 BAD_METHODS = {
     "raises_always": ("raise ArithmeticError('no pivot')", "error: ArithmeticError: no pivot"),
     "dies": ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crashed: killed by SIGSEGV"),

@@ -229,6 +229,17 @@ def test_view_scales_renames_and_orders():
     assert made["rank_low"].tolist() == [1, 2, 1, 2]
 
 
+def test_with_a_number_of_samples_a_score_stands_in_its_column_and_the_formula_says_so():
+    """profile=paper of the thesis's tables has 5 million; the usual score goes first where results have both."""
+    idf = load_convention("idf")
+    few, many = "chamfer_l1_sum@1000", "chamfer_l1_sum@5000000"
+    found = idf.of([few, many, "other"])
+    assert found.scores([few, many]) == [many]
+    assert f"CD (1e-3) = 1000 x {many}." in found.notes(["CD (1e-3)"])
+    assert found.view(board(**{many: 0.002}))["mean"].tolist() == pytest.approx([2.0, 4.0])
+    assert idf.of([few, "chamfer_l1_sum"]) == idf.of([]) == idf
+
+
 @pytest.mark.parametrize("format", FORMATS)
 def test_tables_are_in_the_papers_units(format):
     table = board(p2f_mean=0.002, own_sphere_chamfer_l2_sum=0.00041234)

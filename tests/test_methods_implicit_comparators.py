@@ -224,6 +224,9 @@ def test_window_follows_the_training():
     at_once = tiny(Fourier, progressive=0.0).field(draw())
     at_once.loss(batch, 0.0)
     assert at_once.network.window.tolist() == [1, 1]
+    loaded = tiny(Fourier, progressive=0.4, load="field.safetensors").field(draw())
+    loaded.loss(batch, 0.0)
+    assert loaded.network.window.tolist() == [1, 1]  # what has been learned behind it is not shut out again
 
 
 # -- the grid and its decoders -----------------------------------------------------------------------------------------

@@ -293,6 +293,26 @@ def test_distances_belong_to_their_points():
     np.testing.assert_allclose(batch.normals, batch.x[:800], atol=1e-6)
 
 
+def test_points_with_distances_are_drawn_anew_when_asked():
+    asked = []
+
+    def distances(x):
+        asked.append(x)
+        return np.linalg.norm(x, axis=1) - 1
+
+    cloud = np.eye(3)
+    sampler = DistanceSampler(cloud, cloud, 10, draw(), distances, count=50, redraw=2)
+    batches = [sampler.draw() for _ in range(5)]  # from three draws: two batches each, and the fifth
+    assert len(asked) == 3 and all(len(x) == 50 for x in asked)
+    for i, batch in enumerate(batches):
+        near, known = batch.x[batch.on :].double().numpy(), asked[i // 2]
+        assert (np.abs(near[:, None] - known).max(axis=2).min(axis=1) == 0).all()
+        np.testing.assert_allclose(batch.distances, batch.x.norm(dim=1) - 1, atol=1e-6)
+    kept = DistanceSampler(cloud, cloud, 10, draw(), distances, count=50)
+    [kept.draw() for _ in range(5)]
+    assert len(asked) == 4
+
+
 # -- the training loop -------------------------------------------------------------------------------------------------
 
 
@@ -485,6 +505,60 @@ def test_a_surface_that_would_take_too_long_leaves_half_of_the_time_to_the_train
     assert seconds_to_extract(Slow(), points, 512, Run(seconds=100.0)) > 100
     assert 49 < reserve(Slow(), points, 512, Run(seconds=100.0)) <= 50
     assert 2 < reserve(Slow(), points, 64, Run(seconds=100.0)) < 20
+
+
+def test_the_time_is_told_where_a_field_does_most():
+    """Before its training IDF displaces what is near a sphere of half the radius, and nothing elsewhere."""
+
+    class Two:
+        def values(self, points):
+            time.sleep(0.05 if (np.linalg.norm(points, axis=1) < 0.6).all() else 0.001)
+
+    points = np.random.default_rng(0).normal(size=(10_000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    assert seconds_to_extract(Two(), points, 512, Run(seconds=100.0)) > 100
+
+
+def test_a_file_that_cannot_be_written_is_told_before_the_training(tmp_path):
+    for path in (tmp_path / "missing" / "field.safetensors", tmp_path):
+        run = Run()
+        with pytest.raises(BadInput, match=r"method.save=.*(no folder|cannot be written)"):
+            Siren(steps=10**6, save=str(path), **SMALL).reconstruct(ball(), run)
+
+
+def test_a_training_never_leaves_a_loaded_field_worse_than_it_was(tmp_path):
+    """On the batch by which states are compared; with a rate that spoils everything it stays as it was."""
+    path = str(tmp_path / "field.safetensors")
+    fitted, _ = Siren(steps=100, save=path, **SMALL).fit_to(ball(), Run(seed=1))
+    spoilt, _ = Siren(steps=5, load=path, **SMALL | {"learning_rate": 1.0}).fit_to(ball(), Run(seed=2))
+    for name, tensor in fitted.state_dict().items():
+        assert torch.equal(tensor, spoilt.state_dict()[name])
+
+
+def test_a_sphere_is_made_off_the_clock_once(tmp_path, monkeypatch):
+    """By ``prepare``, which the engine calls before the call that it measures; kept on the disk and in the process."""
+    from bench.methods.implicit import sphere
+
+    made = []
+    weights = {name: tensor.half() for name, tensor in SineNetwork(7, hidden_layers=1, width=8).state_dict().items()}
+    monkeypatch.setattr(sphere, "make", lambda *form: made.append(form) or weights)
+    monkeypatch.setattr(sphere, "_of_this_process", {})
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    method = Siren(omega=7.0, hidden_layers=1, width=8, sphere=0.4)
+    method.prepare()
+    method.prepare()
+    assert made == [(7.0, 1, 8, 0.4)]
+    assert torch.equal(method.field(draw()).network.weights[0], weights["weights.0"].float())
+    sphere._of_this_process.clear()
+    method.prepare()
+    next(tmp_path.rglob("*.safetensors")).write_bytes(b"damaged")
+    assert len(made) == 1
+    sphere._of_this_process.clear()
+    method.prepare()
+    assert len(made) == 2
+    Siren(sphere=0.0).prepare()
+    Siren(load="field.safetensors").prepare()
+    assert len(made) == 2
 
 
 def test_a_surface_for_which_there_is_no_time_is_coarser_and_says_so():

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 from bench.methods.implicit.chamfer_loss import ChamferLoss
+from bench.methods.implicit.d_sdf import DSdf
+from bench.methods.implicit.direct_residual import DirectResidual
 from bench.methods.implicit.fourier import Fourier
 from bench.methods.implicit.guidance import GuidedSampler, guided_loss
 from bench.methods.implicit.hash_grid import PRIMES, HashGrid
@@ -17,6 +20,7 @@ from bench.methods.implicit.hash_sdf import HashSdf
 from bench.methods.implicit.heat_field import HeatField, heat
 from bench.methods.implicit.hotspot import Hotspot
 from bench.methods.implicit.idf import Idf
+from bench.methods.implicit.idf_transfer import IdfTransfer
 from bench.methods.implicit.lattice_surface import pull, vertices
 from bench.methods.implicit.losses import OrientedLoss
 from bench.methods.implicit.sampling import Batch, Sampler
@@ -415,8 +419,9 @@ def test_sap_improves_what_it_begins_with():
     assert deviation(after) < 0.8 * deviation(before)
     assert same(after, Sap(steps=15, **settings).reconstruct(bent, Run(seed=1)))
     grown = Sap(steps=40, begin="sphere", points=2000, coarsest=16, resolution=32, learning_rate=1e-2)
-    assert grown.levels() == [16, 32]
-    assert Sap(begin="sphere").levels() == [32, 64, 128, 256]
+    assert grown.levels(32) == [16, 32]
+    assert Sap(begin="sphere").levels(256) == [32, 64, 128, 256]
+    assert Sap(begin="sphere").levels(24) == [24]
     assert deviation(grown.reconstruct(ball(3000), Run(seed=1))) < 0.02
 
 
@@ -429,6 +434,31 @@ def test_sap_offers_traces_and_stops_in_time():
     assert all(deviation(mesh) < 0.05 for mesh in seen)
     mesh = Sap(steps=10**6, resolution=24, seconds=0.5).reconstruct(ball(500), Run(seed=1))
     assert deviation(mesh) < 0.05
+
+
+def test_sap_has_a_coarser_lattice_where_the_time_is_short_and_moves_so_many_points_at_most(monkeypatch):
+    run = Run(seed=1, seconds=60.0)
+    run._started = time.perf_counter() - 56.0  # four seconds are left
+    assert deviation(Sap(steps=1).reconstruct(ball(), run)) < 0.05
+    assert run.notes == ["the lattice has 128 nodes along an axis: limit.seconds=60 is too short"]
+    monkeypatch.setattr("bench.methods.implicit.sap.MOST", 500)
+    run = Run(seed=1)
+    assert deviation(Sap(steps=2, resolution=48).reconstruct(ball(3000), run)) < 0.05
+    assert run.parameters == 6 * 500 and not run.notes
+
+
+def test_around_an_open_scan_there_are_no_walls():
+    """A periodic indicator changes its sign about a sheet, and once more where the lattice ends."""
+    rng = np.random.default_rng(0)
+    xy = rng.uniform(-1, 1, (5000, 2))
+    sheet = PointCloud(np.column_stack([xy, 0.1 * np.sin(3 * xy[:, 0])]), np.tile([0.0, 0.0, 1.0], (5000, 1)))
+    mesh = Sap(steps=0, resolution=64).reconstruct(sheet, Run())
+    assert np.abs(mesh.vertices[:, 2]).max() < 0.3
+    assert mesh.area < 2 * 2.1**2 * 1.1
+    points, normals = (torch.tensor(part, dtype=torch.float32) for part in (sheet.points / 1.5, sheet.normals))
+    assert (
+        indicator(points, normals, 64, 2.0).abs().max() < 10
+    )  # it was hundreds of times as large by the unit of a corner, where it is nothing
 
 
 # -- errors ------------------------------------------------------------------------------------------------------------
@@ -444,6 +474,13 @@ def test_sap_offers_traces_and_stops_in_time():
         (lambda: HashGrid(2, 100, 2, 4), "table: expected a power of two, got 100"),
         (lambda: Hotspot(absorption=0.0), "absorption: expected more than 0"),
         (lambda: Hotspot(heat=-1.0), "heat: expected at least 0"),
+        (lambda: Siren(omega=0.0), "omega: expected more than 0, got 0"),
+        (lambda: Siren(width=0), "width: expected at least 1, got 0"),
+        (lambda: Idf(hidden_layers=0), "hidden_layers: expected at least 1, got 0"),
+        (lambda: DirectResidual(sphere=-1.0), "sphere: expected at least 0"),
+        (lambda: IdfTransfer(base_loss=(1.0, 2.0)), "base_loss: expected four weights"),
+        (lambda: IdfTransfer(betas=(0.9, 1.0)), "betas: expected two numbers"),
+        (lambda: DSdf(redraw=-1), "redraw: expected at least 0"),
         (lambda: Sap(resolution=8), "resolution: expected 16 to 512"),
         (lambda: Sap(resolution=16, begin="sphere"), r"coarsest: expected 8 to 16 \(resolution\), got 32"),
         (lambda: Sap(steps=0, begin="sphere"), "steps: expected at least 0"),

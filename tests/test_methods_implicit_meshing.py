@@ -6,6 +6,8 @@ import tracemalloc
 import igl
 import numpy as np
 import pytest
+import torch
+from bench.methods.implicit.idf import Idf
 from bench.methods.implicit.lattice import CORNERS, Lattice
 from bench.methods.implicit.meshing import COARSE, extract, march
 from bench.methods.implicit.narrow_band import REACH, Sampler
@@ -153,6 +155,19 @@ def test_equal_to_the_dense_lattice(name):
     sampler = Sampler(field, (-2, 2))
     found = march(sampler, lattice)
     assert_same(found, dense(field, lattice), 2 * NEAREST * lattice.spacing)
+    assert sampler.count < 0.6 * np.prod(np.array(lattice.cells) + 1)
+
+
+def test_equal_to_the_dense_lattice_on_networks():
+    """Of high frequency, and displaced at random: what the mesher meets, whose slopes nobody knows."""
+    field = Idf(omega=60.0, omega_detail=60.0).field(torch.Generator().manual_seed(5))
+    with torch.no_grad():
+        field.displacement.weights[-1].mul_(20.0)  # as it is, a displacement begins as next to nothing
+    lattice = lattice_over(65)
+    sampler = Sampler(field.values, (-2, 2))
+    found = march(sampler, lattice)
+    assert np.ptp(np.linalg.norm(found[0], axis=1)) > 0.05  # no ball any more
+    assert_same(found, dense(field.values, lattice), 2 * NEAREST * lattice.spacing)
     assert sampler.count < 0.6 * np.prod(np.array(lattice.cells) + 1)
 
 

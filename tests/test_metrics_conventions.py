@@ -171,6 +171,9 @@ def test_concentric_spheres():
     assert 2 * 0.2**2 * 0.99 < found["hausdorff_sq_sum"] < 2 * (0.2**2 + 0.15**2)
     total = ChamferL1PointSum(samples=5000).score(large, case)["chamfer_l1_point_sum@5000"]
     assert total == pytest.approx(5000 * found["chamfer_l1_sum"])  # the very same samples
+    usual, same, fewer = (ChamferL1Sum(samples=samples).score(large, case) for samples in (0, 5000, 50))
+    assert same == {"chamfer_l1_sum@5000": usual["chamfer_l1_sum"]}
+    assert fewer["chamfer_l1_sum@50"] > usual["chamfer_l1_sum"]  # its floor is ten times as high
 
 
 @pytest.mark.parametrize("power, key", [(1, "chamfer_l1_sum"), (2, "hausdorff_sq_sum"), (1, "s2f_mean"), (0, "own")])

@@ -55,6 +55,9 @@ def test_against_a_naive_pairing():
     distances = NormalCosineDistance().score(output, case)
     assert distances["normal_cosine_distance_oriented_mean"] == pytest.approx(1 - found["normal_cosine_oriented"])
     assert distances["normal_cosine_distance_sum"] == pytest.approx(2 - 2 * found["normal_cosine"])
+    same = NormalCosineDistance(samples=500).score(output, case)
+    assert same == {f"{name}@500": value for name, value in distances.items()}
+    assert NormalCosineDistance(samples=100).score(output, case).keys() == {name.replace("500", "100") for name in same}
 
 
 def test_random_normals(plane):

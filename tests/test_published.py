@@ -1,5 +1,7 @@
 """A paper's own numbers beside ours."""
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
@@ -70,7 +72,16 @@ def test_the_numbers_stand_beside_ours():
     head, _, siren, poisson, *_ = [line for line in text.splitlines() if line.startswith("|")]
     column = [cell.strip() for cell in head.split("|")].index(next(c.strip() for c in head.split("|") if "paper" in c))
     assert siren.split("|")[column].strip() == "9.85" and poisson.split("|")[column].strip() == ""
-    assert "paper: somebody's table." in text
+    assert "paper: somebody's table." in text and "not among ours" not in text
+    others = (
+        Line({"CD (1e-3)": 1.35, "normal distance (1e-2)": 1.97}, "nglod", {"levels": 6}, name="NGLOD (LOD6)"),
+        Line({"CD (1e-3)": 3.0}, "siren", {"omega": 60.0}),
+        Line({"CD (1e-3)": 4.0}, "idf", sensor="other"),
+    )
+    table = replace(table, lines=(*table.lines, *others))
+    text = render(board, "terminal", convention=load_convention("idf"), published=table)
+    told = "NGLOD (LOD6): CD (1e-3) 1.35, normal distance (1e-2) 1.97; siren[omega=60]: CD (1e-3) 3.0"
+    assert f"paper, not among ours: {told}." in " ".join(text.split())
 
 
 def test_an_experiment_without_a_table_is_refused():

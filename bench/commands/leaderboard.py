@@ -128,6 +128,7 @@ def show(
         convention, by = table.convention, by or table.by
     paper = load_convention(convention) if convention else None
     if paper:
+        paper = paper.of(metrics_of(rows))
         filters["metric"] = paper.scores(metrics_of(rows))
     board = leaderboard(rows, level=level, by=by, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), by)

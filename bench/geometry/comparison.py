@@ -194,8 +194,11 @@ class Comparison:
 
 
 def compare(output: PointCloud | Trimesh, case: Case, samples: int) -> Comparison:
-    """A comparison with another number of samples, for the conventions that fix one; shared like the usual one."""
-    if samples == case.compare(output).samples:
+    """A comparison with another number of samples, for the conventions that fix one; shared like the usual one.
+
+    0 samples are the usual number.
+    """
+    if not samples or samples == case.compare(output).samples:
         return case.compare(output)
     known = case._cache.setdefault(f"comparisons of {samples}", [])
     for comparison in known:

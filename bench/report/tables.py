@@ -156,9 +156,20 @@ def _table(
             *([state] if state else []),
             *_notes(lines, columns, level),
             *(convention.notes(names) if convention else ()),
-            *([f"{published.short}: {published.source}."] if published else []),
+            *(_published_notes(published, [(m["method"], m["variant"]) for m in lines_shown], group[2])),
         ),
     )
+
+
+def _published_notes(published: Published | None, ours: list[tuple[str, str]], sensor: str) -> list[str]:
+    """Where a paper's numbers are from, and those that have no line of ours beside them."""
+    if published is None:
+        return []
+    others = published.others(ours, sensor)
+    return [
+        f"{published.short}: {published.source}.",
+        *([f"{published.short}, not among ours: {'; '.join(others)}."] if others else []),
+    ]
 
 
 def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int | None) -> Metric:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
+from .fitted import at_least
 from .supervised import Supervised
 
 if TYPE_CHECKING:
@@ -37,9 +38,11 @@ class DirectResidual(Supervised):
     sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
 
     free_on_load = ("sphere",)
+    sine_sphere = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        at_least(self, hidden_layers=1, width=1, sphere=0)
         for name in ("alpha", "nu", "omega", "omega_detail"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")

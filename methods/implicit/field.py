@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,7 +67,17 @@ def save(field: Field, path: str | Path, method: str, form: dict[str, Any], **fa
     from safetensors.torch import save_file
 
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in field.state_dict().items()}
-    save_file(tensors, str(path), {"format": "pt", "method": method, "form": json.dumps(form), **facts})
+    facts = {"format": "pt", "method": method, "form": json.dumps(form), **facts}
+    save_file(tensors, str(Path(path).expanduser()), facts)
+
+
+def check_writable(path: str | Path) -> None:
+    """Raise :class:`BadInput` where :func:`save` would fail: better before a training than after it."""
+    path = Path(path).expanduser()
+    if not path.parent.is_dir():
+        raise BadInput(f"method.save={path}: there is no folder {path.parent}; make it first")
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise BadInput(f"method.save={path}: cannot be written; expected a file in a folder that is yours")
 
 
 def saved_as(path: str | Path) -> tuple[str, dict[str, Any]]:
@@ -80,7 +91,7 @@ def saved_as(path: str | Path) -> tuple[str, dict[str, Any]]:
     from safetensors import SafetensorError, safe_open
 
     try:
-        with safe_open(str(path), "pt") as file:
+        with safe_open(str(Path(path).expanduser()), "pt") as file:
             facts = file.metadata() or {}
         return facts["method"], json.loads(facts["form"])
     except (OSError, SafetensorError) as error:
@@ -119,7 +130,7 @@ def load(field: Field, path: str | Path) -> None:
     """
     from safetensors.torch import load_file
 
-    tensors = load_file(str(path))
+    tensors = load_file(str(Path(path).expanduser()))
     mine = field.state_dict()
     differing = sorted(name for name in {*mine, *tensors} if _shape(mine, name) != _shape(tensors, name))
     if differing:

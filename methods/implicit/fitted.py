@@ -35,6 +35,8 @@ class Fitted:
 
     free_on_load: ClassVar[tuple[str, ...]] = ()  # own parameters that may differ from those a field was saved with
 
+    sine_sphere: ClassVar[bool] = False  # whether a sine network (omega, hidden_layers, width) begins as a sphere
+
     steps: int = 500  # of training, at most
     seconds: float = 0.0  # train for so long by the clock, with as many steps as that allows; 0 to count steps
     batch: int = 1024  # surface points of a step; as many of the space are added
@@ -42,7 +44,7 @@ class Fitted:
     betas: tuple[float, float] = (0.9, 0.999)  # of Adam: how much of the past its two averages keep
     resolution: int = 256  # samples of the marching cubes along the shortest axis, 16 to 1024
     traces: int = 0  # offer so many intermediate results, for error against time
-    save: str = ""  # write the fitted field to this .safetensors file
+    save: str = ""  # write the fitted field to this .safetensors file; of several cases, each over the one before
     load: str = ""  # begin with the field in this file; with steps=0 it is extracted as it is
 
     def __post_init__(self) -> None:
@@ -60,6 +62,13 @@ class Fitted:
             raise ValueError(f"resolution: expected 16 to 1024, got {self.resolution}")
         if self.traces < 0:
             raise ValueError(f"traces: expected at least 0, got {self.traces}")
+
+    def prepare(self) -> None:
+        """The sphere that a sine network begins as is made once, off the clock, and kept."""
+        if self.sine_sphere and self.first_sphere:
+            from .sphere import keep
+
+            keep(self.omega, self.hidden_layers, self.width, self.first_sphere)
 
     # -- what a method adds ----------------------------------------------------------------------------------------
 
@@ -83,6 +92,11 @@ class Fitted:
     def name(self) -> str:
         """The plugin's."""
         return snake_case(type(self).__name__)
+
+    @property
+    def uses_normals(self) -> bool:
+        """Whether the sampler does: none are estimated for one that does not."""
+        return True
 
     @property
     def first_sphere(self) -> float:
@@ -110,9 +124,11 @@ class Fitted:
         from .stages import reserve
 
         torch.set_num_threads(run.threads)
-        points, normals, frame = oriented(cloud, self.name)
+        points, normals, frame = oriented(cloud, self.name, self.uses_normals and self.steps > 0)
         if self.load:
             files.check_saved(self.load, self.name, self.form())
+        if self.save:
+            files.check_writable(self.save)
         field = self.field(torch.Generator().manual_seed(int(run.rng.integers(2**62)))).to(run.device)
         run.parameters = field.count()
         run.active_parameters = field.count_active(torch.as_tensor(points, dtype=torch.float32))
@@ -143,8 +159,17 @@ class Fitted:
         return mesh
 
 
-def oriented(cloud: PointCloud, method: str) -> tuple[np.ndarray, np.ndarray, Frame]:
+def at_least(method: Any, **bounds: float) -> None:
+    """Raise ValueError unless parameters of a method are at least so large."""
+    for name, least in bounds.items():
+        if not getattr(method, name) >= least:
+            raise ValueError(f"{name}: expected at least {least}, got {getattr(method, name)}")
+
+
+def oriented(cloud: PointCloud, method: str, normals: bool = True) -> tuple[np.ndarray, np.ndarray, Frame]:
     """Points in the frame in which the farthest is at radius 1, their normals, given or estimated, and that frame.
+
+    Where ``normals`` are not wanted they are all zero.
 
     Raises
     ------
@@ -153,9 +178,11 @@ def oriented(cloud: PointCloud, method: str) -> tuple[np.ndarray, np.ndarray, Fr
     """
     check_points(cloud.points, method, at_least=LEAST_POINTS)
     frame = Frame.of(cloud.points)
-    differing = len(np.unique(cloud.points, axis=0))
+    differing = len(np.unique(cloud.points[:1000], axis=0))
+    if differing < LEAST_POINTS:
+        differing = len(np.unique(cloud.points, axis=0))
     if differing < LEAST_POINTS:
         raise BadInput(f"{method}: only {differing} of {len(cloud)} points differ; expected at least {LEAST_POINTS}")
-    normals = with_normals(cloud).normals
-    assert normals is not None
-    return frame.apply(cloud.points), normals, frame
+    known = with_normals(cloud).normals if normals else np.zeros(cloud.points.shape)
+    assert known is not None
+    return frame.apply(cloud.points), known, frame

@@ -82,7 +82,8 @@ def fit(
 ) -> int:
     """Fit a field; afterwards it holds its best state. Returns the number of steps.
 
-    The best state is that with the least loss, as it counts at the end (t = 1), on one batch that is never trained on.
+    The best state is that with the least loss, as it counts at the end (t = 1), on one batch that is drawn beforehand.
+    (Its points of the space are met nowhere else; those of the surface are points of the input, as in all batches.)
 
     Parameters
     ----------
@@ -98,6 +99,7 @@ def fit(
     progress = Progress(training.steps, lambda: training.seconds - (run.elapsed() - begin))
     held_out = sampler.draw()
     best = _Best(field, held_out, training.chunk)
+    best.look()  # a field that was loaded may be better than what comes
     steps = 0
     while progress.t < 1:
         loss = _step(field, sampler.draw(), optimizer, progress.t, training)
@@ -153,8 +155,11 @@ class _Best:
         with torch.no_grad():
             loss = float(sum(self._field.loss(part, 1.0) for part in self._batch.chunks(self._chunk)))
         if loss < self._loss:
-            self._loss = loss
-            self._state = {name: tensor.detach().clone() for name, tensor in self._field.state_dict().items()}
+            self._loss, now = loss, self._field.state_dict()
+            if self._state is None:
+                self._state = {name: torch.empty_like(tensor) for name, tensor in now.items()}
+            for name, tensor in now.items():
+                self._state[name].copy_(tensor)
 
     def restore(self) -> None:
         """Back to the best state."""

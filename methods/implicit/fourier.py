@@ -39,7 +39,7 @@ class Fourier(Guided):
     width: int = 256  # of each layer
     sphere: float = 0.6  # radius of the sphere that the network begins as
 
-    free_on_load = ("sphere",)
+    free_on_load = ("sphere", "progressive")  # the window of a loaded field stays as it is
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -61,6 +61,7 @@ class Fourier(Guided):
         from .fourier_field import FourierField
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "radius": self.sphere}
+        progressive = 0.0 if self.load else self.progressive
         return FourierField(
-            self.oriented_loss(), self.bands, self.progressive, guided=self.guided, generator=generator, **form
+            self.oriented_loss(), self.bands, progressive, guided=self.guided, generator=generator, **form
         )

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from bench import Frame, PointCloud, Run, register
+from bench import register
 
 from .fitted import Fitted
 
@@ -43,6 +41,7 @@ class Hotspot(Fitted):
     sphere: float = 0.5  # radius of the sphere that the network begins as
 
     free_on_load = ("sphere", "surface", "eikonal", "heat", "absorption", "absorption_begin")
+    sine_sphere = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -67,7 +66,7 @@ class Hotspot(Fitted):
         weights = {"surface": self.surface, "eikonal": self.eikonal, "heat": self.heat}
         return HeatField(network, absorption=(self.absorption_begin, self.absorption), **weights)
 
-    def fit_to(self, cloud: PointCloud, run: Run) -> tuple[Field, Frame]:
-        """The field that is fitted to the points alone."""
-        # All normals the same: none are estimated, and none of the input are seen.
-        return super().fit_to(PointCloud(cloud.points, np.broadcast_to([0.0, 0.0, 1.0], cloud.points.shape)), run)
+    @property
+    def uses_normals(self) -> bool:
+        """It is fitted to the points alone."""
+        return False

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from bench import register
 
+from .fitted import at_least
 from .guided import Guided
 
 if TYPE_CHECKING:
@@ -34,9 +35,11 @@ class Idf(Guided):
     sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
 
     free_on_load = ("sphere", "schedule")
+    sine_sphere = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        at_least(self, hidden_layers=1, width=1, sphere=0)
         for name in ("alpha", "nu", "omega", "omega_detail"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from bench import Run, register
 from bench.geometry.check import check_mesh
 
-from .fitted import ENDLESS
+from .fitted import ENDLESS, at_least
 from .weights import OrientedWeights
 
 if TYPE_CHECKING:
@@ -22,10 +22,6 @@ if TYPE_CHECKING:
     from .stages import Stages
     from .transfer_field import TransferField
 
-# On the surface, in space, eikonal, normals. Released: 100, 50, 2, 50. The base's error is one of the transfer, so more
-# weight lies on the surface.
-BASE_LOSS = (1000.0, 50.0, 5.0, 40.0)
-BETAS = (0.9, 0.99)  # of Adam (released: 0.1 and 0.9, which left the bases a quarter more error after 1,000 steps)
 SHARES = (0.2, 0.2, 0.6)  # of the time: for the source's base, the target's base, and the displacement
 
 
@@ -45,8 +41,8 @@ class IdfTransfer(OrientedWeights):
     Where thesis and released code differ, or both leave it open:
 
     * FiLM sin((w + w/2 gamma)(Wh + b) + beta) of the code, see :class:`.film.FilmNetwork`; f-bar = tanh(f/nu) of the
-      thesis (the code's factor 0.8 is another nu); the condition is phi and the base's normal, as in the code, and
-      phi alone with ``normals=False``.
+      thesis (the code has tanh(0.8 f/nu), with the same nu in chi); the condition is phi and the base's normal, as in
+      the code, and phi alone with ``normals=False``.
     * The released code shows the encoder the *detailed* source while it learns, and a bare base when it transfers: the
       descriptor may learn to read details that will not be there. Here it sees the base in both, namely samples moved
       onto the fitted base, with its normals, which are to be had without a given base, too;
@@ -60,7 +56,11 @@ class IdfTransfer(OrientedWeights):
       a wide nu next to small details leaves f-bar with nothing to say.
     * The loss is Eq. 4.4 with the thesis's weights for fitting one shape; the released ones (for the
       shorts 500, 5, 0.1 and 100, for the vase 200, 10, 1 and 50) let f^ fade around the surface, which T can do since
-      it sees f, and learn little else for long.
+      it sees f, and learn little else for long. Likewise a base's error is one of the transfer, so more weight lies on
+      the surface than in the released fits; and Adam's betas there, 0.1 and 0.9, left the bases a quarter more error
+      after 1,000 steps.
+    * All rates fall to a tenth in the last fifth; the released ones stay. A released base sees twice as many points a
+      step as its displacement, here both see ``batch``.
 
     The released training is 24,000 steps at a rate of 1e-4. The defaults are for two processor cores: a FiLM network
     of a third of the frequency, with a mapping that begins stronger, learns details of some five periods around a body
@@ -75,6 +75,9 @@ class IdfTransfer(OrientedWeights):
     batch: int = 512  # surface points of a step; as many beside the surface are added (released: 2,048)
     learning_rate: float = 5e-4  # of Adam, of the displacement (released: 1e-4)
     base_rate: float = 1e-3  # of Adam, of the bases (released: 1e-4)
+    betas: tuple[float, float] = (0.9, 0.99)  # of Adam: how much of the past its two averages keep (released: 0.1, 0.9)
+    base_loss: tuple[float, ...] = (1000.0, 50.0, 5.0, 40.0)  # Eq. 4.4's four for the bases (released: 100, 50, 2, 50)
+    spread: float = 0.0  # of points near the surface, from it; 0 for nu (released: 0.1 in boxes of side 0.9)
     resolution: int = 128  # samples of the marching cubes along the shortest axis, 16 to 1024
     traces: int = 0  # offer so many intermediate results, for error against time
     omega: float = 5.0  # frequency of the bases
@@ -96,19 +99,26 @@ class IdfTransfer(OrientedWeights):
     every: int = 2  # the encoder and the U-Net run, and learn, in one of so many steps (released: 1)
 
     def __post_init__(self) -> None:
-        for name in ("steps", "base_steps", "batch", "points", "every"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        at_least(self, steps=1, base_steps=1, batch=1, points=1, every=1, hidden_layers=1, width=1)
         for name in ("learning_rate", "base_rate", "omega", "omega_detail", "gain"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
-        for name in ("seconds", "traces", "alpha", "nu", "noise", "sphere"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
+        at_least(self, seconds=0, traces=0, alpha=0, nu=0, noise=0, sphere=0, spread=0)
+        if len(self.betas) != 2 or not all(0 <= beta < 1 for beta in self.betas):
+            raise ValueError(f"betas: expected two numbers from 0 to below 1, got {self.betas}")
+        if len(self.base_loss) != 4 or not all(weight >= 0 for weight in self.base_loss):
+            raise ValueError(f"base_loss: expected four weights of at least 0, got {self.base_loss}")
         if not 16 <= self.resolution <= 1024:
             raise ValueError(f"resolution: expected 16 to 1024, got {self.resolution}")
         if self.cells < 8 or self.cells % 4:
             raise ValueError(f"cells: expected a multiple of 4 from 8 on, got {self.cells}")
+
+    def prepare(self) -> None:
+        """The sphere that the bases begin as is made once, off the clock, and kept."""
+        from .sphere import keep
+
+        if self.sphere:
+            keep(self.omega, self.hidden_layers, self.width, self.sphere)
 
     def detail_transfer(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, run: Run) -> Trimesh:
         """The zero level of the target's base, displaced as the source is from its own."""
@@ -144,12 +154,12 @@ class IdfTransfer(OrientedWeights):
             mesh.vertices = frame.invert(mesh.vertices)
             return mesh
 
-        sampler = NearSampler(*detailed, self.batch, draws, spread=field.nu)
+        sampler = NearSampler(*detailed, self.batch, draws, spread=self.spread or field.nu)
         training = Training(
             steps=ENDLESS if self.seconds else self.steps,
             seconds=stages.next(reserve(field, theirs_known[0], self.resolution, run)),
             learning_rate=self.learning_rate,
-            betas=BETAS,
+            betas=self.betas,
             chunk=2 * self.batch,  # the descriptor runs once a step
             traces=self.traces + 1 if self.traces else 0,  # the last one would be the result
         )
@@ -166,14 +176,14 @@ class IdfTransfer(OrientedWeights):
         from .sphere import begin_as_sphere
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": weights}
-        field = SineField(OrientedLoss(*BASE_LOSS), self.omega, **form)
+        field = SineField(OrientedLoss(*self.base_loss), self.omega, **form)
         begin_as_sphere(field.network, self.sphere)
         field = field.to(draws.device)
         training = Training(
             steps=ENDLESS if self.seconds else self.base_steps,
             seconds=stages.next(),
             learning_rate=self.base_rate,
-            betas=BETAS,
+            betas=self.betas,
         )
         fit(field, Sampler(*known, self.batch, draws), stages, training)
         return field.network.requires_grad_(False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,8 @@ from torch import Tensor
 
 from bench import InvalidOutput
 
-from .spectral_poisson import from_lattice
+from .fitted import REACH
+from .spectral_poisson import from_lattice, to_lattice
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -38,15 +40,29 @@ def vertices(chi: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         crossed = negative.narrow(axis, 0, r - 1) != negative.narrow(axis, 1, r - 1)
         nodes.append(crossed.nonzero())
         axes.append(torch.full_like(nodes[-1][:, 0], axis))
-    node, axis = torch.cat(nodes), torch.nn.functional.one_hot(torch.cat(axes), 3)
+    node, number = torch.cat(nodes), torch.cat(axes)
+    low, high = _within(r)
+    near = ((node >= low) & (node < high)).all(1)
+    node, number = node[near], number[near]
+    axis = torch.nn.functional.one_hot(number, 3)
     if not len(node):
         raise InvalidOutput("the indicator has no zero crossing any more; try a smaller learning_rate")
     first, flat = (node * strides).sum(1), chi.reshape(-1)
-    second = first + axis @ strides
+    second = first + strides[number]
     a, b = fixed.reshape(-1)[first], fixed.reshape(-1)[second]
     along = a / (a - b)
     gradient = _slope(fixed, node) * (1 - along)[:, None] + _slope(fixed, node + axis) * along[:, None]
     return node + axis * along[:, None], gradient, (1 - along) * flat[first] + along * flat[second]
+
+
+def _within(resolution: int) -> tuple[int, int]:
+    """The first and the last node of the box of the shape.
+
+    What is farther out is nobody's surface: around an open scan the indicator, being periodic, must change its sign
+    once more, and does so at the lattice's border.
+    """
+    places = to_lattice(torch.tensor([-REACH, REACH]), resolution)
+    return math.floor(places[0]), math.ceil(places[1])
 
 
 def _slope(chi: Tensor, node: Tensor) -> Tensor:
@@ -70,7 +86,7 @@ def pull(values: Tensor, gradient: Tensor, by_place: Tensor) -> Tensor:
 
 
 def mesh(chi: Tensor) -> Trimesh:
-    """The surface with faces towards positive values, in the frame of the shape.
+    """The surface with faces towards positive values, in the frame of the shape; open where it leaves the shape's box.
 
     Raises
     ------
@@ -80,10 +96,11 @@ def mesh(chi: Tensor) -> Trimesh:
     from skimage.measure import marching_cubes
     from trimesh import Trimesh
 
-    values = chi.detach().cpu().numpy()
+    first, last = _within(len(chi))
+    values = chi.detach()[3 * (slice(first, last + 1),)].cpu().numpy()
     low, high = values.min(), values.max()
     if not low < 0 < high:
         raise InvalidOutput(f"the indicator has no zero crossing: its values are {low:.3g} to {high:.3g}")
     V, F, _, _ = marching_cubes(values, 0.0, gradient_direction="descent")
-    V = from_lattice(torch.from_numpy(V.astype(np.float64)), len(values)).numpy()
+    V = from_lattice(torch.from_numpy(V.astype(np.float64)) + first, len(chi)).numpy()
     return Trimesh(V, F, process=False)

@@ -91,7 +91,9 @@ class DistanceSampler:
         As of :class:`Sampler`; ``2 * batch`` points are drawn, ``2/5`` of them on the surface.
     distances : function of (n, 3) points to (n,) distances
     count : int
-        Points that are sampled beforehand (released: 500,000, anew every tenth epoch).
+        Points that are sampled beforehand (NGLOD: 500,000).
+    redraw : int
+        They are drawn anew after so many batches, 0 for never (NGLOD: 9,770, which are ten epochs).
     """
 
     MIXTURE = (2, 2, 1)  # surface, near, uniform
@@ -105,25 +107,34 @@ class DistanceSampler:
         distances: Distances,
         *,
         count: int = 500_000,
+        redraw: int = 0,
         spread: float = 0.01,
     ):
-        self._generator, self._batch = generator, 2 * batch
-        device = generator.device
-        points = torch.as_tensor(np.asarray(points, dtype=np.float32), device=device)
-        self._normals = torch.as_tensor(np.asarray(normals, dtype=np.float32), device=device)
+        self._generator, self._batch, self._distances = generator, 2 * batch, distances
+        self._count, self._redraw, self._spread, self._drawn = count, redraw, spread, 0
+        self._points = torch.as_tensor(np.asarray(points, dtype=np.float32), device=generator.device)
+        self._normals = torch.as_tensor(np.asarray(normals, dtype=np.float32), device=generator.device)
+        self._sample()
+
+    def _sample(self) -> None:
+        """Points and their distances, from which batches are drawn."""
+        points, generator, count, device = self._points, self._generator, self._count, self._generator.device
         whole = sum(self.MIXTURE)
         rows = torch.randint(len(points), (count * self.MIXTURE[0] // whole,), generator=generator, device=device)
         near = torch.randint(len(points), (count * self.MIXTURE[1] // whole,), generator=generator, device=device)
-        offsets = torch.randn(len(near), 3, generator=generator, device=device) * spread
+        offsets = torch.randn(len(near), 3, generator=generator, device=device) * self._spread
         space = torch.rand(count * self.MIXTURE[2] // whole, 3, generator=generator, device=device) * 2 - 1
         self._rows, self._on = rows, points[rows]
         self._off = torch.cat([points[near] + offsets, space])
-        known = distances(torch.cat([self._on, self._off]).double().cpu().numpy())
+        known = self._distances(torch.cat([self._on, self._off]).double().cpu().numpy())
         known = torch.as_tensor(np.asarray(known, dtype=np.float32), device=device)
         self._on_distances, self._off_distances = known[: len(rows)], known[len(rows) :]
 
     def draw(self) -> Batch:
         """The next batch."""
+        if self._redraw and self._drawn and self._drawn % self._redraw == 0:
+            self._sample()
+        self._drawn += 1
         on = self._batch * self.MIXTURE[0] // sum(self.MIXTURE)
         device = self._generator.device
         i = torch.randint(len(self._on), (on,), generator=self._generator, device=device)

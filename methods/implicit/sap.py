@@ -19,6 +19,14 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
+MOST = 500_000  # points that are moved: a lattice of 256 nodes cannot use more, and each takes 700 bytes
+
+
+def seconds_for(resolution: int) -> float:
+    """What the last surface takes, generously."""
+    return 1 + 3e-7 * resolution**3
+
+
 @register("method", cite="Peng et al. 2021", requires=("torch", "trimesh", "igl", "skimage", "scipy"))
 @dataclass(frozen=True)
 class Sap:
@@ -71,7 +79,8 @@ class Sap:
         from .spectral_poisson import evenly, indicator
 
         torch.set_num_threads(run.threads)
-        points, normals, frame = oriented(cloud, "sap")
+        points, normals, frame = oriented(cloud, "sap", self.begin == "normals")
+        resolution = self._in_time(run)
 
         def tensor(values: np.ndarray) -> Tensor:
             return torch.as_tensor(np.asarray(values, dtype=np.float32), device=run.device)
@@ -89,22 +98,32 @@ class Sap:
             n = tensor(n / np.linalg.norm(n, axis=1, keepdims=True))
             x = self.sphere * n
         else:
-            x, n = tensor(points), tensor(normals)
+            some = run.rng.permutation(len(points))[:MOST] if len(points) > MOST else slice(None)
+            x, n = tensor(points[some]), tensor(normals[some])
             n = n * evenly(x)[:, None]
         run.parameters = x.numel() + n.numel()
         if self.steps or self.seconds:
-            x, n = self._fit(x, n, points, run, surface, in_input)
-        return in_input(surface(x, n, self.resolution))
+            x, n = self._fit(x, n, points, resolution, run, surface, in_input)
+        return in_input(surface(x, n, resolution))
 
-    def levels(self) -> list[int]:
-        """The lattices, one after the other."""
+    def levels(self, resolution: int) -> list[int]:
+        """The lattices, one after the other, up to this one."""
         if self.begin == "normals":
-            return [self.resolution]
-        count = max(0, round(math.log2(self.resolution / self.coarsest)))
-        return [max(self.coarsest, self.resolution >> (count - level)) for level in range(count + 1)]
+            return [resolution]
+        count = max(0, round(math.log2(resolution / self.coarsest)))
+        return [min(resolution, max(self.coarsest, resolution >> (count - level))) for level in range(count + 1)]
+
+    def _in_time(self, run: Run) -> int:
+        """The resolution, or a half, a quarter, ... of it where the surface alone would take half of the time."""
+        resolution = self.resolution
+        while resolution >= 32 and seconds_for(resolution) > run.seconds_left() / 2:
+            resolution //= 2
+        if resolution < self.resolution:
+            run.note(f"the lattice has {resolution} nodes along an axis: limit.seconds={run.seconds:g} is too short")
+        return resolution
 
     def _fit(
-        self, x: Tensor, n: Tensor, target: np.ndarray, run: Run, surface: Callable, in_input: Callable
+        self, x: Tensor, n: Tensor, target: np.ndarray, resolution: int, run: Run, surface: Callable, in_input: Callable
     ) -> tuple[Tensor, Tensor]:
         """Points and normals with the least loss on the finest lattice."""
         import torch
@@ -114,11 +133,10 @@ class Sap:
         from .lattice_surface import pull, vertices
         from .spectral_poisson import SIDE, from_lattice, indicator
 
-        loss, levels = ChamferLoss(target, self.batch, run.rng), self.levels()
+        loss, levels = ChamferLoss(target, self.batch, run.rng), self.levels(resolution)
         base = self.learning_rate or (1e-2 if self.begin == "sphere" else 1e-3)
         begin = run.elapsed()
-        reserve = 2 + 3e-7 * self.resolution**3  # for the last surface
-        limit = min(self.seconds or math.inf, max(0.1, run.seconds_left() - reserve))
+        limit = min(self.seconds or math.inf, max(0.1, run.seconds_left() - seconds_for(resolution)))
         progress = Progress(ENDLESS if self.seconds else self.steps, lambda: limit - (run.elapsed() - begin))
         level, paused = -1, 0.0
         while progress.t < 1:

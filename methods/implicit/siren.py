@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bench import register
 
+from .fitted import at_least
 from .guided import Guided
 
 if TYPE_CHECKING:
@@ -28,6 +29,13 @@ class Siren(Guided):
     clip: float = 0.0  # largest norm of the gradient; 0 for none
 
     free_on_load = ("sphere", "clip")
+    sine_sphere = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        at_least(self, hidden_layers=1, width=1, sphere=0, clip=0)
+        if not self.omega > 0:
+            raise ValueError(f"omega: expected more than 0, got {self.omega}")
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""

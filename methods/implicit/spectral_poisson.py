@@ -81,7 +81,10 @@ def solve(v: Tensor, sigma: float) -> Tensor:
 
 
 def indicator(points: Tensor, normals: Tensor, resolution: int, sigma: float) -> Tensor:
-    """chi (r, r, r) of oriented points: 0 on average at the points, and of size 1/2 in the corner of the cube.
+    """chi (r, r, r) of oriented points: 0 on average at the points, and of size 1/2 at half of the nodes.
+
+    Away from a closed surface that is +-1/2. (Shape as Points takes the size in the corner of the cube, which is next
+    to nothing for an open sheet, on either side of which chi has another sign.)
 
     Parameters
     ----------
@@ -94,7 +97,8 @@ def indicator(points: Tensor, normals: Tensor, resolution: int, sigma: float) ->
     places = to_lattice(points, resolution)
     chi = solve(spread(places, normals, resolution), sigma)
     chi = chi - interpolate(chi, places).mean()
-    return chi / (2 * chi[0, 0, 0].detach().abs()).clamp(min=1e-12)
+    some = chi.detach()[::2, ::2, ::2] if resolution > 64 else chi.detach()
+    return chi / (2 * some.abs().median()).clamp(min=1e-12)
 
 
 def evenly(points: Tensor, resolution: int = 64) -> Tensor:

@@ -3,7 +3,8 @@
 Random sine networks have zero levels all over the box, and Eq. 4.4 does not tell inside from outside; one that begins
 as a sphere has one surface, outside positive. The thesis trains it beforehand; so do we, once: the forms that its
 tables use are shipped, half precision, beside this file (``python -m bench.methods.implicit.sphere`` makes them anew),
-any other is made when it is first needed and kept in the user's cache.
+any other is made when it is first needed, off the clock (:meth:`.fitted.Fitted.prepare`), which takes minutes where it
+is wide or of high frequency, and kept in the user's cache.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ STEPS_PER_OMEGA, RATE_TIMES_OMEGA = 50, 3e-3  # the higher the frequency, the sm
 FORMS = ((15.0, 3, 256), (30.0, 3, 256), (40.0, 3, 256), (60.0, 3, 256), (30.0, 7, 256), (60.0, 7, 256), (5.0, 3, 96))
 RADIUS = 0.5
 
+_of_this_process: dict[tuple[float, int, int, float], dict[str, torch.Tensor]] = {}
+
 
 def begin_as_sphere(network: SineNetwork, radius: float = RADIUS) -> None:
     """Replace a network's weights by those of the signed distance |x| - radius; leave them for a radius of 0.
@@ -33,15 +36,23 @@ def begin_as_sphere(network: SineNetwork, radius: float = RADIUS) -> None:
     sphere is scaled and kept in float16: what a beginning is rounded to does not matter, but it must be the same
     whether it was made now or kept.
     """
-    if not radius:
-        return
-    name = f"omega{network.omega:g}-layers{len(network.weights) - 2}-width{len(network.weights[0])}-radius{radius:g}"
-    for folder in (SHIPPED, _cache()):
-        if _load(network, folder / f"{name}.safetensors"):
-            return
-    made = make(network.omega, len(network.weights) - 2, len(network.weights[0]), radius)
-    _keep(made, _cache() / f"{name}.safetensors")
-    _assign(network, made)
+    if radius:
+        form = (network.omega, len(network.weights) - 2, len(network.weights[0]), radius)
+        _assign(network, _of_this_process.get(form) or keep(*form))
+
+
+def keep(omega: float, hidden_layers: int, width: int, radius: float = RADIUS) -> dict[str, torch.Tensor]:
+    """The weights of a sphere: shipped, kept, or made and kept: in the user's cache and in this process."""
+    form = (omega, hidden_layers, width, radius)
+    if form not in _of_this_process:
+        name = f"omega{omega:g}-layers{hidden_layers}-width{width}-radius{radius:g}.safetensors"
+        like = SineNetwork(omega, hidden_layers=hidden_layers, width=width, generator=torch.Generator()).state_dict()
+        found = _load(SHIPPED / name, like) or _load(_cache() / name, like)
+        if not found:
+            found = make(*form)
+            _keep(found, _cache() / name)
+        _of_this_process[form] = found
+    return _of_this_process[form]
 
 
 def base_and_detail(omega: float, omega_detail: float, radius: float, **form: Any) -> tuple[SineNetwork, SineNetwork]:
@@ -84,17 +95,17 @@ def _assign(network: SineNetwork, weights: dict[str, torch.Tensor]) -> None:
     network.load_state_dict({name: tensor.float() for name, tensor in weights.items()})
 
 
-def _load(network: SineNetwork, path: Path) -> bool:
+def _load(path: Path, like: dict[str, torch.Tensor]) -> dict[str, torch.Tensor] | None:
+    """The weights in a file; None where there is none, or where it is damaged: they are made again."""
     from safetensors import SafetensorError
     from safetensors.torch import load_file
 
-    if not path.is_file():
-        return False
     try:
-        _assign(network, load_file(str(path)))
-    except (OSError, SafetensorError, RuntimeError, KeyError):
-        return False  # damaged: it is made again
-    return True
+        found = load_file(str(path)) if path.is_file() else {}
+    except (OSError, SafetensorError):
+        return None
+    shapes = {name: tensor.shape for name, tensor in found.items()}
+    return found if shapes == {name: tensor.shape for name, tensor in like.items()} else None
 
 
 def _cache() -> Path:

@@ -26,6 +26,7 @@ class Supervised(OrientedWeights, Fitted):
 
     supervision: Literal["distances", "oriented"] = "distances"  # true distances (thesis), or the points and Eq. 4.4
     samples: int = 500_000  # points whose true distances are sampled beforehand
+    redraw: int = 0  # draw them anew after so many steps (NGLOD: ten epochs, 9,770); 0 to keep them
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -33,6 +34,13 @@ class Supervised(OrientedWeights, Fitted):
             raise ValueError(f"supervision: expected distances or oriented, got {self.supervision!r}")
         if self.samples < 5:
             raise ValueError(f"samples: expected at least 5, got {self.samples}")
+        if self.redraw < 0:
+            raise ValueError(f"redraw: expected at least 0, got {self.redraw}")
+
+    @property
+    def uses_normals(self) -> bool:
+        """Distances have no need of them."""
+        return self.supervision == "oriented"
 
     def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
         """NGLOD's mixture of points with true distances, in the unit of the field's frame; or oriented points.
@@ -55,4 +63,5 @@ class Supervised(OrientedWeights, Fitted):
         def distances(x: np.ndarray) -> np.ndarray:
             return run.true_distances(frame.invert(x)) / frame.radius
 
-        return DistanceSampler(points, normals, self.batch, run.torch_generator(), distances, count=self.samples)
+        pool = {"count": self.samples, "redraw": self.redraw}
+        return DistanceSampler(points, normals, self.batch, run.torch_generator(), distances, **pool)

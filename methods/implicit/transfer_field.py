@@ -151,7 +151,7 @@ class TransferField(DisplacedField):
         return [phi], torch.cat([phi, normal], dim=1) if self._with_normal else phi, query
 
     def _scaled(self, f: Tensor) -> Tensor:
-        """f-bar: the thesis's tanh(f/nu); the released code has tanh(0.8 f/nu), which is the same with another nu."""
+        """f-bar: the thesis's tanh(f/nu); the released code has tanh(0.8 f/nu)."""
         return torch.tanh(f / self.nu) if self._scales else f.clone()
 
     @torch.no_grad()
