@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 SLACK = 1.5  # a field may be so much steeper between lattice points than they tell
-ROOM = 2.0  # the last level is triangulated too, and others may be busy: so much of what it should take is kept for it
+ROOM = 1.5  # the last level is triangulated too, and others may be busy: so much of what it should take is kept for it
 TYPICAL = 0.5  # of the ups and downs of a field near its zeros, so much happens in cells of at most its typical slope
 # From corner j of a cube of side 1 to the farthest point of its half-sized child at corner i.
 REACH = np.sqrt(np.where(CORNERS[:, None] == CORNERS, 0.25, 1.0).sum(axis=-1)) * (1 + 1e-9)
