@@ -33,8 +33,9 @@ class Idf(Guided):
     attenuate: bool = True  # let the displacement fade away from the base, by chi
     schedule: Literal["thesis", "released", "none"] = "released"  # how the weights pass from the base to the whole
     sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
+    guided: float = 0.2  # part of the training in which the sign of space is guessed from the points (thesis: 0)
 
-    free_on_load = ("sphere", "schedule")
+    free_on_load = ("sphere", "schedule", "guided")
     sine_sphere = True
 
     def __post_init__(self) -> None:
