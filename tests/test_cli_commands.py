@@ -244,10 +244,8 @@ def test_what_a_method_notes_is_shown_where_it_is_applied_and_below_leaderboards
     assert told.startswith("  noting: ") and told.endswith(": half as many; half as far")
 
 
-def test_apply_says_that_there_is_no_gpu(shell, cloud_file):
-    torch = pytest.importorskip("torch")
-    if torch.cuda.is_available():
-        pytest.skip("there is one")
+def test_apply_says_that_there_is_no_gpu(shell, cloud_file, monkeypatch):
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
     done = shell.call("apply", "method=siren", "scan.xyz", "mesh.ply", "device=cuda")
     assert done.returncode == 1
     assert "device=cuda: torch" in done.stderr and "sees no GPU on this machine; use device=cpu" in done.stderr
