@@ -37,8 +37,7 @@ def begin_as_sphere(network: SineNetwork, radius: float = RADIUS) -> None:
     whether it was made now or kept.
     """
     if radius:
-        form = (network.omega, len(network.weights) - 2, len(network.weights[0]), radius)
-        _assign(network, _of_this_process.get(form) or keep(*form))
+        _assign(network, keep(network.omega, len(network.weights) - 2, len(network.weights[0]), radius))
 
 
 def keep(omega: float, hidden_layers: int, width: int, radius: float = RADIUS) -> dict[str, torch.Tensor]:
