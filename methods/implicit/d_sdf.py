@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
+from .fitted import at_least
 from .supervised import Supervised
 
 if TYPE_CHECKING:
@@ -38,9 +39,7 @@ class DSdf(Supervised):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, least in (("bands", 0), ("layers", 1), ("width", 1)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name}: expected at least {least}, got {getattr(self, name)}")
+        at_least(self, bands=0, layers=1, width=1)
 
     def field(self, generator: torch.Generator) -> Field:
         """Both networks."""

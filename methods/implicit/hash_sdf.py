@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
+from .fitted import at_least
 from .guided import Guided
 
 if TYPE_CHECKING:
@@ -48,9 +49,7 @@ class HashSdf(Guided):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("levels", "coarsest", "features", "width", "hidden_layers"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        at_least(self, levels=1, coarsest=1, features=1, width=1, hidden_layers=1)
         if not self.coarsest <= self.finest <= 65536:
             raise ValueError(f"finest: expected {self.coarsest} (coarsest) to 65536, got {self.finest}")
         if not 4 <= self.log2_table <= 24:

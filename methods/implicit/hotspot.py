@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import Fitted
+from .fitted import Fitted, at_least
 
 if TYPE_CHECKING:
     import torch
@@ -48,12 +48,7 @@ class Hotspot(Fitted):
         for name in ("omega", "absorption", "absorption_begin", "sphere"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
-        for name in ("hidden_layers", "width"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
-        for name in ("surface", "eikonal", "heat"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
+        at_least(self, hidden_layers=1, width=1, surface=0, eikonal=0, heat=0)
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""

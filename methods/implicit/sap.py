@@ -12,7 +12,7 @@ import numpy as np
 
 from bench import PointCloud, Run, register
 
-from .fitted import ENDLESS, oriented
+from .fitted import ENDLESS, at_least, oriented
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -61,15 +61,10 @@ class Sap:
             raise ValueError(f"resolution: expected 16 to 512, got {self.resolution}")
         if self.begin == "sphere" and not 8 <= self.coarsest <= self.resolution:
             raise ValueError(f"coarsest: expected 8 to {self.resolution} (resolution), got {self.coarsest}")
-        for name in ("points", "batch"):
-            if getattr(self, name) < 10:
-                raise ValueError(f"{name}: expected at least 10, got {getattr(self, name)}")
+        at_least(self, points=10, batch=10, learning_rate=0, seconds=0, traces=0)
         for name in ("fall", "sigma", "sphere"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
-        for name in ("learning_rate", "seconds", "traces"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The Poisson surface of the fitted points."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
 LAST = 1.0  # seconds for what is done with a surface
-PROBES = 8192  # points by which the speed is told
+PROBES = 4096  # points by which the speed is told
 CELLS = 64  # along the longest side of the points' box, by which their surface's area is told, at most
 PER_CELL = 50  # at least so many points for each cell on a face of that box, or the cells are larger
 
