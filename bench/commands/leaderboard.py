@@ -128,8 +128,9 @@ def show(
         convention, by = table.convention, by or table.by
     paper = load_convention(convention) if convention else None
     if paper:
-        paper = paper.of(metrics_of(rows))
-        filters["metric"] = paper.scores(metrics_of(rows))
+        known = metrics_of(rows)
+        paper = paper.of(known)
+        filters["metric"] = paper.scores(known)
     board = leaderboard(rows, level=level, by=by, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), by)
     wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()

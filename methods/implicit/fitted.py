@@ -50,18 +50,12 @@ class Fitted:
     def __post_init__(self) -> None:
         if self.steps < (0 if self.load else 1):
             raise ValueError(f"steps: expected at least 1 (or 0 with load), got {self.steps}")
-        if not self.seconds >= 0:
-            raise ValueError(f"seconds: expected at least 0, got {self.seconds}")
-        if self.batch < 1:
-            raise ValueError(f"batch: expected at least 1, got {self.batch}")
+        at_least(self, seconds=0, batch=1, traces=0)
         if not self.learning_rate > 0:
             raise ValueError(f"learning_rate: expected more than 0, got {self.learning_rate}")
-        if len(self.betas) != 2 or not all(0 <= beta < 1 for beta in self.betas):
-            raise ValueError(f"betas: expected two numbers from 0 to below 1, got {self.betas}")
+        check_betas(self.betas)
         if not 16 <= self.resolution <= 1024:
             raise ValueError(f"resolution: expected 16 to 1024, got {self.resolution}")
-        if self.traces < 0:
-            raise ValueError(f"traces: expected at least 0, got {self.traces}")
 
     def prepare(self) -> None:
         """The sphere that a sine network begins as is made once, off the clock, and kept."""
@@ -164,6 +158,12 @@ def at_least(method: Any, **bounds: float) -> None:
     for name, least in bounds.items():
         if not getattr(method, name) >= least:
             raise ValueError(f"{name}: expected at least {least}, got {getattr(method, name)}")
+
+
+def check_betas(betas: tuple[float, ...]) -> None:
+    """Raise ValueError unless they are Adam's."""
+    if len(betas) != 2 or not all(0 <= beta < 1 for beta in betas):
+        raise ValueError(f"betas: expected two numbers from 0 to below 1, got {betas}")
 
 
 def oriented(cloud: PointCloud, method: str, normals: bool = True) -> tuple[np.ndarray, np.ndarray, Frame]:

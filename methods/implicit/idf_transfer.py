@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from bench import Run, register
 from bench.geometry.check import check_mesh
 
-from .fitted import ENDLESS, at_least
+from .fitted import ENDLESS, at_least, check_betas
 from .weights import OrientedWeights
 
 if TYPE_CHECKING:
@@ -104,8 +104,7 @@ class IdfTransfer(OrientedWeights):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
         at_least(self, seconds=0, traces=0, alpha=0, nu=0, noise=0, sphere=0, spread=0)
-        if len(self.betas) != 2 or not all(0 <= beta < 1 for beta in self.betas):
-            raise ValueError(f"betas: expected two numbers from 0 to below 1, got {self.betas}")
+        check_betas(self.betas)
         if len(self.base_loss) != 4 or not all(weight >= 0 for weight in self.base_loss):
             raise ValueError(f"base_loss: expected four weights of at least 0, got {self.base_loss}")
         if not 16 <= self.resolution <= 1024:

@@ -9,7 +9,7 @@ import numpy as np
 
 from bench import Frame, Run, UsageError
 
-from .fitted import Fitted
+from .fitted import Fitted, at_least
 from .weights import OrientedWeights
 
 if TYPE_CHECKING:
@@ -32,10 +32,7 @@ class Supervised(OrientedWeights, Fitted):
         super().__post_init__()
         if self.supervision not in ("distances", "oriented"):
             raise ValueError(f"supervision: expected distances or oriented, got {self.supervision!r}")
-        if self.samples < 5:
-            raise ValueError(f"samples: expected at least 5, got {self.samples}")
-        if self.redraw < 0:
-            raise ValueError(f"redraw: expected at least 0, got {self.redraw}")
+        at_least(self, samples=5, redraw=0)
 
     @property
     def uses_normals(self) -> bool:
