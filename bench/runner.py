@@ -103,13 +103,16 @@ def finished_rows(
 
 
 def _must_rerun(row: Mapping[str, Any], settings: Settings) -> bool:
-    """Whether a stored row should be made anew: a limit was raised, a library may be there now, or it is asked for."""
-    limit = settings.limit
+    """Whether a stored row should be made anew: a limit was raised, a library may be there now, or it is asked for.
+
+    A row with a note counts as one that the limit cut short: what a method left out for want of time may fit now.
+    """
+    limit, cut = settings.limit, row["status"] == "timeout" or (row["status"] == "ok" and row["message"])
     return (
         row["status"] == "skipped"
         or row.get("stage") == "plan"
         or (settings.rerun == "failed" and row["status"] != "ok")
-        or (row["status"] == "timeout" and limit.seconds > (row.get("limit_seconds") or 0))
+        or (cut and limit.seconds > (row.get("limit_seconds") or 0))
         or (row["status"] == "oom" and limit.memory_gb > (row.get("limit_memory_gb") or 0))
     )
 

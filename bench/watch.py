@@ -170,7 +170,8 @@ class Worker:
         if time.monotonic() > self._deadline:
             if self.stage == "method":
                 return "timeout", f"stopped after {self.limits.seconds:g} s (limit.seconds={self.limits.seconds:g})"
-            name = {"case": "making the case", "score": "scoring"}.get(self.stage, f"the stage {self.stage!r}")
+            names = {"case": "making the case", "prepare": "preparing the method", "score": "scoring"}
+            name = names.get(self.stage, f"the stage {self.stage!r}")
             return "timeout", f"{name} took longer than limit.setup_seconds={self.limits.setup_seconds:g}"
         limit = self.limits.memory_gb if self.stage == "method" else max(self.limits.memory_gb, SETUP_MEMORY_GB)
         taken = (self._resident_mb() + self._resident_below_mb() - self._base_mb) / 1024

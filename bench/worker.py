@@ -145,6 +145,7 @@ class _Session:
         cell = self.cell
         cell.method.plugin.require()
         method = cell.method.build()
+        self.channel.send("begin", index=index, stage="prepare")
         prepare(method)
         seed = int(generator(cell.seed, case.id, "run").integers(2**31))
         seed_globals(seed)

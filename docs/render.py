@@ -67,24 +67,30 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results")
     parser.add_argument("picture")
-    parser.add_argument("--task", default="reconstruct")
+    parser.add_argument("--task", default="", help="needed where outputs of several tasks were kept")
     parser.add_argument("--dataset", default="", help="one, or several with commas")
     parser.add_argument("--method", default="", help="one, or several with commas")
     parser.add_argument("--case", default="", help="parts of the names of cases, with commas")
     parser.add_argument("--limit", type=float, default=0.015, help="distance at the end of the colour scale")
     args = parser.parse_args()
     rows = Results(args.results).rows()
-    rows = rows[(rows["task"].str.partition("[")[0] == args.task) & (rows["seed"] == 0)]
-    rows = rows[rows["output"].fillna("") != ""]
+    rows = rows[(rows["output"].fillna("") != "") & (rows["seed"] == 0)]
+    kinds = rows["task"].str.partition("[")[0]
+    tasks = [args.task] if args.task else sorted(set(kinds))
+    if len(tasks) > 1:
+        parser.error(f"{args.results} has outputs of {', '.join(tasks)}: choose one with --task")
+    rows = rows[kinds.isin(tasks)]
     if args.dataset:
         rows = rows[rows["dataset"].str.startswith(tuple(args.dataset.split(",")))]
     if args.method:
         rows = rows[rows["method"].isin(args.method.split(","))]
     rows = rows[[any(part in case for part in args.case.split(",")) for case in rows["case"]]]
+    if rows.empty:
+        parser.error(f"{args.results} has no such outputs; expected a folder that a run with outputs=all wrote")
     rows = rows.assign(label=labels(rows))
     cases = sorted({(d, c) for d, c in zip(rows["dataset"], rows["case"], strict=True)})
     columns = sorted(rows["label"].unique())
-    is_mesh = registry().find("task", args.task).cls.output == "mesh"
+    is_mesh = registry().find("task", tasks[0]).cls.output == "mesh"
     plotter = pyvista.Plotter(
         off_screen=True, shape=(len(cases), 1 + len(columns)), window_size=(260 * (1 + len(columns)), 260 * len(cases))
     )

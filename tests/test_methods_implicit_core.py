@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from types import SimpleNamespace
 
@@ -337,7 +338,7 @@ def test_training_goes_to_its_minimum_and_says_how_far_it_is():
     said = []
     run = Run(on_progress=lambda done, total: said.append(done / total))
     field = Parabola()
-    assert fit(field, NOTHING, run, Training(steps=200, learning_rate=0.1, betas=(0.9, 0.999))) == 200
+    assert fit(field, NOTHING, run, Training(steps=200, learning_rate=0.1, betas=(0.9, 0.999))) == (200, True)
     assert field.number.item() == pytest.approx(3, abs=0.05)
     assert said == sorted(said) and said[-1] == 1
 
@@ -368,11 +369,63 @@ def test_a_loss_that_is_not_finite_is_a_clear_error():
 
 def test_progress_follows_steps_as_long_as_they_fit():
     """With time to spare t is a function of the steps alone."""
-    progress = Progress(10, lambda: 1e6)
+    clock = Clock()
+    progress = Progress(10, clock, 1e6)
     for i in range(10):
         assert progress.t == pytest.approx(i / 10)
+        clock.now += 1.0
         progress.step()
     assert progress.t == 1
+
+
+class Clock:
+    """Stands still until it is told."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize("steps_in_time", [3, 6, 20, 1000])
+def test_a_schedule_is_run_through_however_few_steps_there_is_time_for(steps_in_time):
+    """Without jumps: where time is very short even the first step tells the speed."""
+    clock, seen = Clock(), [0.0]
+    progress = Progress(10**6, clock, steps_in_time * 2.0)
+    while progress.t < 1:
+        clock.now += 2.0
+        progress.step()
+        seen.append(progress.t)
+    assert len(seen) == pytest.approx(steps_in_time, abs=2)
+    assert np.diff(seen).max() < 2.5 / steps_in_time + 0.01 if steps_in_time > 6 else np.diff(seen).max() < 0.7
+
+
+def test_a_pause_of_the_clock_does_not_hurry_a_training():
+    """While true distances are drawn anew the run's clock stands still."""
+
+    class Pausing(Parabola):
+        def loss(self, batch, t):
+            if torch.is_grad_enabled():
+                begin = time.perf_counter()
+                time.sleep(0.03)
+                run._paused += time.perf_counter() - begin
+            return super().loss(batch, t)
+
+    run = Run()
+    assert fit(Pausing(), NOTHING, run, Training(steps=40, seconds=0.9, learning_rate=1e-3)).steps == 40
+
+
+def test_a_loaded_field_begins_where_its_schedule_does():
+    seen = []
+
+    class Listening(Parabola):
+        def loss(self, batch, t):
+            seen.append(t)
+            return super().loss(batch, t)
+
+    fit(Listening(), NOTHING, Run(), Training(steps=10, learning_rate=1e-3, checkpoints=0, begin=0.5))
+    assert seen[1:] == pytest.approx([0.5 + 0.05 * i for i in range(10)])
+    assert Idf().begin_on_load == 0.5 and stage(0.5, "released").base_rate == 0
 
 
 def test_a_schedule_runs_to_its_end_in_the_time_there_is():
@@ -461,7 +514,7 @@ def test_a_field_is_loaded_by_what_saved_it_alone(tmp_path):
     """The same weights make another function with another omega, although nothing else would tell."""
     method = Idf(steps=1, **SMALL)
     path = tmp_path / "ball.safetensors"
-    files.save(method.field(draw()), path, method.name, method.form())
+    files.save(method.field(draw()), path, method.name, method.form(), ball().points)
     for other, message in (
         (Siren(steps=0, load=str(path), **SMALL), "ball.safetensors: was saved by idf, not by siren; say method=idf"),
         (Idf(steps=0, load=str(path), **SMALL, omega_detail=30.0), "omega_detail is 30.0 here; say .*_detail=60.0"),
@@ -530,9 +583,63 @@ def test_a_training_never_leaves_a_loaded_field_worse_than_it_was(tmp_path):
     """On the batch by which states are compared; with a rate that spoils everything it stays as it was."""
     path = str(tmp_path / "field.safetensors")
     fitted, _ = Siren(steps=100, save=path, **SMALL).fit_to(ball(), Run(seed=1))
-    spoilt, _ = Siren(steps=5, load=path, **SMALL | {"learning_rate": 1.0}).fit_to(ball(), Run(seed=2))
+    run = Run(seed=2)
+    spoilt, _ = Siren(steps=5, load=path, **SMALL | {"learning_rate": 1.0}).fit_to(ball(), run)
+    assert run.notes == [f"5 further steps found nothing better than the field of {path}: it is kept"]
     for name, tensor in fitted.state_dict().items():
         assert torch.equal(tensor, spoilt.state_dict()[name])
+
+
+def test_a_loaded_field_is_trained_by_the_clock_too(tmp_path):
+    path = str(tmp_path / "field.safetensors")
+    Siren(steps=1, save=path, **SMALL).fit_to(ball(), Run(seed=1))
+    said = []
+    run = Run(on_progress=lambda done, total: said.append(done))
+    Siren(steps=0, seconds=0.5, load=path, **SMALL).fit_to(ball(), run)
+    assert len(said) > 5
+
+
+def test_a_field_among_other_points_than_its_own_says_so(tmp_path):
+    """It lives in their frame: of a cropped cloud the surface would be moved and scaled."""
+    path = str(tmp_path / "field.safetensors")
+    cloud = ball()
+    method = Siren(steps=50, save=path, **SMALL)
+    method.fit_to(cloud, Run(seed=1))
+    asked = Siren(steps=0, load=path, **SMALL)
+    half = cloud.points[:, 0] > 5
+    cropped = PointCloud(cloud.points[half], cloud.normals[half])
+    for points, notes in ((cloud, 0), (PointCloud(7 * cloud.points[::-1], cloud.normals[::-1]), 0), (cropped, 1)):
+        run = Run()
+        asked.fit_to(points, run)
+        assert len(run.notes) == notes
+    assert "was fitted to other points: their boxes differ by" in run.notes[0]
+
+
+def test_a_training_that_the_limit_cuts_short_says_so():
+    """Of steps, and of seconds; and where there was time for next to nothing."""
+    run = Run(seed=1, seconds=5.0)
+    Siren(steps=10**6, **SMALL).reconstruct(ball(), run)
+    assert re.fullmatch(r"trained for [\d,]+ of 1,000,000 steps: limit.seconds=5 is too short", run.notes[0])
+    run = Run(seed=1, seconds=5.0)
+    Siren(seconds=60.0, **SMALL).reconstruct(ball(), run)
+    assert re.fullmatch(r"trained for [\d.]+ of 60 s: limit.seconds=5 is too short", run.notes[0])
+    run = Run(seed=1)
+    Siren(seconds=0.01, **SMALL).reconstruct(ball(), run)
+    assert re.fullmatch(r"trained for \d steps alone, in 0.01 s", run.notes[0])
+    run = Run(seed=1, seconds=100.0)
+    Siren(steps=5, **SMALL).reconstruct(ball(), run)
+    assert not run.notes
+
+
+def test_of_very_many_points_without_normals_a_part_is_used(monkeypatch):
+    monkeypatch.setattr("bench.methods.implicit.fitted.MOST_ESTIMATED", 1000)
+    run = Run(seed=1)
+    mesh = Siren(steps=30, **SMALL).reconstruct(PointCloud(ball().points), run)
+    assert run.notes == ["normals were estimated for 1,000 of the 4,000 points, and those used"]
+    assert np.abs(np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) - 1).mean() < 0.2
+    run = Run(seed=1)
+    Siren(steps=1, **SMALL).reconstruct(ball(), run)
+    assert not run.notes
 
 
 def test_a_sphere_is_made_off_the_clock_once(tmp_path, monkeypatch):

@@ -38,7 +38,7 @@ from bench.methods.implicit.spectral_poisson import (
     to_lattice,
 )
 
-from bench import BadInput, PointCloud, Run
+from bench import BadInput, InvalidOutput, PointCloud, Run
 from bench.geometry.mesh_surface import MeshSurface
 from bench.registry import snake_case
 
@@ -425,6 +425,34 @@ def test_sap_improves_what_it_begins_with():
     assert deviation(grown.reconstruct(ball(3000), Run(seed=1))) < 0.02
 
 
+def test_sap_is_the_same_on_two_threads():
+    """Of so many points that the gradient of a look-up by ``[...]`` is summed in any order."""
+    torch.set_num_threads(2)
+    try:
+        method = Sap(steps=3, resolution=96)
+        assert same(*(method.reconstruct(ball(6000), Run(seed=1, threads=2)) for _ in range(2)))
+    finally:
+        torch.set_num_threads(1)
+
+
+def test_sap_keeps_the_best_when_the_surface_is_lost(monkeypatch):
+    """A rate that is far too large: the surface of before is returned, and the row says why."""
+    from bench.methods.implicit import lattice_surface
+
+    def vertices(chi, real=lattice_surface.vertices, calls=[]):  # noqa: B006
+        calls.append(1)
+        if len(calls) > 3:
+            raise InvalidOutput("the indicator has no zero crossing any more")
+        return real(chi)
+
+    monkeypatch.setattr(lattice_surface, "vertices", vertices)
+    run = Run(seed=1)
+    assert deviation(Sap(steps=20, resolution=48).reconstruct(ball(), run)) < 0.05
+    assert run.notes == [
+        "stopped after 3 steps, with the best surface so far: the indicator has no zero crossing any more"
+    ]
+
+
 def test_sap_offers_traces_and_stops_in_time():
     """Traces in the coordinates of the input; a limit ends the optimisation."""
     seen = []
@@ -478,6 +506,10 @@ def test_around_an_open_scan_there_are_no_walls():
         (lambda: Siren(width=0), "width: expected at least 1, got 0"),
         (lambda: Idf(hidden_layers=0), "hidden_layers: expected at least 1, got 0"),
         (lambda: DirectResidual(sphere=-1.0), "sphere: expected at least 0"),
+        (lambda: Siren(surface=-400.0), "surface: expected at least 0, got -400"),
+        (lambda: DSdf(normal=float("nan")), "normal: expected at least 0, got nan"),
+        (lambda: IdfTransfer(space=-1.0), "space: expected at least 0"),
+        (lambda: Fourier(sphere=-0.6), "sphere: expected at least 0"),
         (lambda: IdfTransfer(base_loss=(1.0, 2.0)), "base_loss: expected four weights"),
         (lambda: IdfTransfer(betas=(0.9, 1.0)), "betas: expected two numbers"),
         (lambda: DSdf(redraw=-1), "redraw: expected at least 0"),

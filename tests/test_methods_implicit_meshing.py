@@ -277,6 +277,25 @@ def test_a_surface_is_coarser_where_the_time_is_short():
         assert np.abs(torus(mesh.vertices)).max() < mesh.metadata["spacing"] ** 2 / 0.25
 
 
+def test_a_flat_shape_is_in_time_too():
+    """Its coarsest level has many points, all near the surface: where that would take too long it is coarser, too."""
+
+    def slab(points):
+        near = np.abs(points[:, 2]) < 0.35
+        time.sleep(4e-6 * np.count_nonzero(near))
+        q = np.abs(points) - (1.0, 1.0, 0.2)
+        return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+
+    began = time.perf_counter()
+    mesh = extract(slab, resolution=129, domain=(-1.05, 1.05), seconds=1.0)
+    taken = time.perf_counter() - began
+    assert mesh.is_watertight and mesh.metadata["coarser"] >= 8
+    assert mesh.volume == pytest.approx(1.6, rel=0.05)
+    began = time.perf_counter()
+    assert extract(slab, resolution=129, domain=(-1.05, 1.05)).metadata["coarser"] == 1
+    assert time.perf_counter() - began > 3 * taken
+
+
 def test_few_evaluations_on_a_sphere_at_256():
     mesh = extract(sphere, resolution=256)
     assert mesh.metadata["evaluations"] < 256**3 / 10

@@ -87,7 +87,8 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     if not Path(output).absolute().parent.is_dir():
         raise UsageError(f"{output}: there is no folder {Path(output).absolute().parent}")
     # A file of one's own may take its time; a benchmark's limits are for those who ask for them.
-    limit = values["limit"] if any(w.lstrip("+").startswith("limit.") for w in overrides) else {}
+    asked = {w.lstrip("+").split("=")[0] for w in overrides}
+    limit = {name: value for name, value in values["limit"].items() if f"limit.{name}" in asked}
     return Application(
         task=task,
         method=Choice.of("method", values["method"]),

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from bench import BadInput
+from bench import BadInput, Run
 
 from .sampling import Batch
 
@@ -60,14 +60,16 @@ class Field(nn.Module):
 
 
 PART = 4096  # points that are evaluated at once: their features stay in the cache
+SAME_BOX = 1e-4  # of the radius: boxes of points that differ by less are one
 
 
-def save(field: Field, path: str | Path, method: str, form: dict[str, Any], **facts: str) -> None:
-    """Write the weights to a safetensors file, with the method's name, its parameters ``form``, and further facts."""
+def save(field: Field, path: str | Path, method: str, form: dict[str, Any], points: np.ndarray) -> None:
+    """Write the weights to a safetensors file, with the method's name, its parameters ``form``, and the box of the
+    points (n, 3) that it was fitted to."""
     from safetensors.torch import save_file
 
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in field.state_dict().items()}
-    facts = {"format": "pt", "method": method, "form": json.dumps(form), **facts}
+    facts = {"format": "pt", "method": method, "form": json.dumps(form), "box": json.dumps(_box(points))}
     save_file(tensors, str(Path(path).expanduser()), facts)
 
 
@@ -88,16 +90,21 @@ def saved_as(path: str | Path) -> tuple[str, dict[str, Any]]:
     BadInput
         Naming the file, if it cannot be read or was not written by :func:`save`.
     """
+    facts = _facts(path)
+    try:
+        return facts["method"], json.loads(facts["form"])
+    except (KeyError, ValueError) as error:
+        raise BadInput(f"{path}: expected a field that a method saved (method.save=FILE), and found none") from error
+
+
+def _facts(path: str | Path) -> dict[str, str]:
     from safetensors import SafetensorError, safe_open
 
     try:
         with safe_open(str(Path(path).expanduser()), "pt") as file:
-            facts = file.metadata() or {}
-        return facts["method"], json.loads(facts["form"])
+            return file.metadata() or {}
     except (OSError, SafetensorError) as error:
         raise BadInput(f"{path}: expected a safetensors file that this method saved ({error})") from error
-    except (KeyError, ValueError) as error:
-        raise BadInput(f"{path}: expected a field that a method saved (method.save=FILE), and found none") from error
 
 
 def check_saved(path: str | Path, method: str, form: dict[str, Any]) -> None:
@@ -140,6 +147,24 @@ def load(field: Field, path: str | Path) -> None:
             f"{_shape(mine, name) or 'missing'} here; give the method the parameters that it was saved with"
         )
     field.load_state_dict(tensors)
+
+
+def note_other_points(path: str | Path, points: np.ndarray, run: Run) -> None:
+    """Say so where a field is placed among points (n, 3) that are not those that it was fitted to.
+
+    A field lives in the frame of its points, whose farthest is at radius 1. A cloud that was cropped has another frame,
+    and a surface that is extracted in it is moved and scaled.
+    """
+    there, here = _facts(path).get("box"), _box(points)
+    if there and (off := float(np.abs(np.subtract(json.loads(there), here)).max())) > SAME_BOX:
+        run.note(
+            f"{path} was fitted to other points: their boxes differ by {off:.2g} of the radius, and the surface "
+            "is moved and scaled as much; give the points that it was fitted to, or train it further (method.steps)"
+        )
+
+
+def _box(points: np.ndarray) -> list[list[float]]:
+    return [points.min(axis=0).tolist(), points.max(axis=0).tolist()]
 
 
 def _shape(tensors: dict[str, Tensor], name: str) -> tuple[int, ...] | None:

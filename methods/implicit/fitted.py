@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .fitting import Sampling
 
 LEAST_POINTS = 10
+MOST_ESTIMATED = 1_000_000  # points that normals are estimated for
 ENDLESS = 10**9  # steps: the clock ends the training
 REACH = 1.05  # half a side of the box that is marched: a fitted surface may leave the points' by a little
 
@@ -34,7 +35,7 @@ class Fitted:
     """
 
     free_on_load: ClassVar[tuple[str, ...]] = ()  # own parameters that may differ from those a field was saved with
-
+    begin_on_load: ClassVar[float] = 0.0  # progress of its schedule from which a loaded field is trained further
     sine_sphere: ClassVar[bool] = False  # whether a sine network (omega, hidden_layers, width) begins as a sphere
 
     steps: int = 500  # of training, at most
@@ -115,10 +116,11 @@ class Fitted:
 
         from . import field as files
         from .fitting import Training, fit
-        from .stages import reserve
+        from .stages import note_shortage, reserve
 
         torch.set_num_threads(run.threads)
-        points, normals, frame = oriented(cloud, self.name, self.uses_normals and self.steps > 0)
+        trains = self.steps > 0 or self.seconds > 0
+        points, normals, frame = oriented(cloud, self.name, run, self.uses_normals and trains)
         if self.load:
             files.check_saved(self.load, self.name, self.form())
         if self.save:
@@ -128,7 +130,9 @@ class Fitted:
         run.active_parameters = field.count_active(torch.as_tensor(points, dtype=torch.float32))
         if self.load:
             files.load(field, self.load)
-        if self.steps:
+            if not trains:
+                files.note_other_points(self.load, points, run)
+        if trains:
             sampler = self.sampler(points, normals, frame, run)
             left = run.seconds_left() - reserve(field, points, self.resolution, run)
             training = Training(
@@ -136,12 +140,16 @@ class Fitted:
                 seconds=min(self.seconds or math.inf, max(left, 0.1)),
                 learning_rate=self.learning_rate,
                 traces=self.traces + 1 if self.traces else 0,  # the last one would be the result
+                begin=self.begin_on_load if self.load else 0.0,
                 **({"betas": self.betas} | self.training()),
             )
             coarse = max(16, self.resolution // 2)
-            fit(field, sampler, run, training, lambda: run.trace(lambda: self.extract(field, frame, coarse)))
+            done = fit(field, sampler, run, training, lambda: run.trace(lambda: self.extract(field, frame, coarse)))
+            note_shortage(run, done.steps, self.steps, training.seconds, self.seconds)
+            if self.load and not done.improved:
+                run.note(f"{done.steps:,} further steps found nothing better than the field of {self.load}: it is kept")
         if self.save:
-            files.save(field, self.save, self.name, self.form(), frame=repr(frame))
+            files.save(field, self.save, self.name, self.form(), points)
         return field, frame
 
     def extract(self, field: Field, frame: Frame, resolution: int, seconds: float = math.inf) -> Trimesh:
@@ -166,10 +174,11 @@ def check_betas(betas: tuple[float, ...]) -> None:
         raise ValueError(f"betas: expected two numbers from 0 to below 1, got {betas}")
 
 
-def oriented(cloud: PointCloud, method: str, normals: bool = True) -> tuple[np.ndarray, np.ndarray, Frame]:
+def oriented(cloud: PointCloud, method: str, run: Run, normals: bool = True) -> tuple[np.ndarray, np.ndarray, Frame]:
     """Points in the frame in which the farthest is at radius 1, their normals, given or estimated, and that frame.
 
-    Where ``normals`` are not wanted they are all zero.
+    Where ``normals`` are not wanted they are all zero. Of very many points without normals a random part is left, as
+    the run's note says: estimating them takes a kilobyte for each and a minute for a million, and a training draws few.
 
     Raises
     ------
@@ -183,6 +192,11 @@ def oriented(cloud: PointCloud, method: str, normals: bool = True) -> tuple[np.n
         differing = len(np.unique(cloud.points, axis=0))
     if differing < LEAST_POINTS:
         raise BadInput(f"{method}: only {differing} of {len(cloud)} points differ; expected at least {LEAST_POINTS}")
-    known = with_normals(cloud).normals if normals else np.zeros(cloud.points.shape)
+    if not normals:
+        return frame.apply(cloud.points), np.zeros(cloud.points.shape), frame
+    if cloud.normals is None and len(cloud) > MOST_ESTIMATED:
+        run.note(f"normals were estimated for {MOST_ESTIMATED:,} of the {len(cloud):,} points, and those used")
+        cloud = PointCloud(cloud.points[np.sort(run.rng.permutation(len(cloud))[:MOST_ESTIMATED])])
+    known = with_normals(cloud).normals
     assert known is not None
     return frame.apply(cloud.points), known, frame

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import torch
 
@@ -36,6 +35,14 @@ class Training:
     clip: float = 0.0  # largest norm of the gradient; 0 for none
     checkpoints: int = 20  # how often the state is compared with the best one, over the whole training
     traces: int = 0  # how often an intermediate result is offered
+    begin: float = 0.0  # progress at which a schedule begins: a field that was loaded is beyond its first stages
+
+
+class Fit(NamedTuple):
+    """What became of a training."""
+
+    steps: int
+    improved: bool  # whether a state was better than the one that it began with
 
 
 class Progress:
@@ -44,23 +51,33 @@ class Progress:
     As long as the steps fit into the time left, t does not depend on the clock, and the training is repeatable to the
     bit. When the speed so far says that they will not fit, each step covers a larger part of the schedule, so that a
     schedule always runs to its end.
+
+    Parameters
+    ----------
+    steps : int
+    elapsed : function without arguments
+        The clock, in seconds: it stands still while intermediate results are scored, or true distances are measured.
+    seconds : float
+        The time that there is, by that clock.
     """
 
-    WARM_UP = 5  # steps that say nothing of the speed: buffers and threads are being made
+    WARM_UP = 5  # steps that say little of the speed: buffers and threads are being made
 
-    def __init__(self, steps: int, seconds_left: Callable[[], float]):
-        self._steps, self._left = steps, seconds_left
-        self._done, self._per_step, self._last = 0, 0.0, time.perf_counter()
+    def __init__(self, steps: int, elapsed: Callable[[], float], seconds: float = math.inf):
+        self._steps, self._elapsed = steps, elapsed
+        self._last = elapsed()
+        self._end = self._last + seconds
+        self._done, self._measured, self._per_step = 0, 0, 0.0
         self.t = 0.0
 
-    def step(self, paused: float = 0.0) -> None:
-        """One step is done; ``paused`` seconds of it were not training."""
-        now = time.perf_counter()
-        seconds, self._last = now - self._last - paused, now
+    def step(self) -> None:
+        """One step is done."""
+        now = self._elapsed()
+        seconds, self._last, left = now - self._last, now, self._end - now
         self._done += 1
-        if self._done > self.WARM_UP:
-            self._per_step += (seconds - self._per_step) / min(20, self._done - self.WARM_UP)
-        left = self._left()
+        if self._done > self.WARM_UP or self.WARM_UP * seconds > left:
+            self._measured += 1
+            self._per_step += (seconds - self._per_step) / min(20, self._measured)
         part = 1 / self._steps
         if self._per_step > 0 and left < math.inf:
             part = max(part, (1 - self.t) * self._per_step / max(left, 1e-9))
@@ -79,8 +96,8 @@ def fit(
     run: Run,
     training: Training,
     offer: Callable[[], None] = lambda: None,
-) -> int:
-    """Fit a field; afterwards it holds its best state. Returns the number of steps.
+) -> Fit:
+    """Fit a field; afterwards it holds its best state.
 
     The best state is that with the least loss, as it counts at the end (t = 1), on one batch that is drawn beforehand.
     (Its points of the space are met nowhere else; those of the surface are points of the input, as in all batches.)
@@ -95,14 +112,14 @@ def fit(
         If the loss is NaN or infinite.
     """
     optimizer = field.optimizer(training)
-    begin = run.elapsed()
-    progress = Progress(training.steps, lambda: training.seconds - (run.elapsed() - begin))
+    progress = Progress(training.steps, run.elapsed, training.seconds)
     held_out = sampler.draw()
     best = _Best(field, held_out, training.chunk)
     best.look()  # a field that was loaded may be better than what comes
     steps = 0
     while progress.t < 1:
-        loss = _step(field, sampler.draw(), optimizer, progress.t, training)
+        t = training.begin + (1 - training.begin) * progress.t
+        loss = _step(field, sampler.draw(), optimizer, t, training)
         if not math.isfinite(loss):
             raise Diverged(
                 f"the training diverged: the loss is {loss} after {steps} of {training.steps} steps; "
@@ -115,9 +132,8 @@ def fit(
             best.look()
         if progress.t < 1 and _passed(before, progress.t, training.traces):
             offer()
-            progress._last = time.perf_counter()
     best.restore()
-    return steps
+    return Fit(steps, best.improved)
 
 
 def _passed(before: float, now: float, marks: int) -> bool:
@@ -148,13 +164,16 @@ class _Best:
 
     def __init__(self, field: Field, batch: Batch, chunk: int):
         self._field, self._batch, self._chunk = field, batch, chunk
-        self._loss, self._state = math.inf, None
+        self._loss, self._state, self._looks = math.inf, None, 0
+        self.improved = False
 
     def look(self) -> None:
         """Keep the state of now if it is better."""
         with torch.no_grad():
             loss = float(sum(self._field.loss(part, 1.0) for part in self._batch.chunks(self._chunk)))
+        self._looks += 1
         if loss < self._loss:
+            self.improved = self._looks > 1
             self._loss, now = loss, self._field.state_dict()
             if self._state is None:
                 self._state = {name: torch.empty_like(tensor) for name, tensor in now.items()}

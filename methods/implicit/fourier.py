@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
+from .fitted import at_least
 from .guided import Guided
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ class Fourier(Guided):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        at_least(self, sphere=0)
         if self.bands < 1:
             raise ValueError(f"bands: expected at least 1, got {self.bands}")
         latest = 1 - 1 / self.bands

@@ -24,6 +24,7 @@ class Guided(OrientedWeights, Fitted):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.check_weights()
         if not 0 <= self.guided <= 1:
             raise ValueError(f"guided: expected 0 to 1, got {self.guided}")
 

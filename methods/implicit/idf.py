@@ -9,6 +9,7 @@ from bench import register
 
 from .fitted import at_least
 from .guided import Guided
+from .schedules import BASE_FROZEN
 
 if TYPE_CHECKING:
     import torch
@@ -36,6 +37,7 @@ class Idf(Guided):
     guided: float = 0.2  # part of the training in which the sign of space is guessed from the points (thesis: 0)
 
     free_on_load = ("sphere", "schedule", "guided")
+    begin_on_load = BASE_FROZEN
     sine_sphere = True
 
     def __post_init__(self) -> None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
     from .descriptor import Cloud
+    from .fitting import Fit
     from .oriented_samples import Samples
     from .sine_network import SineNetwork
     from .stages import Stages
@@ -99,6 +100,7 @@ class IdfTransfer(OrientedWeights):
     every: int = 2  # the encoder and the U-Net run, and learn, in one of so many steps (released: 1)
 
     def __post_init__(self) -> None:
+        self.check_weights()
         at_least(self, steps=1, base_steps=1, batch=1, points=1, every=1, hidden_layers=1, width=1)
         for name in ("learning_rate", "base_rate", "omega", "omega_detail", "gain"):
             if not getattr(self, name) > 0:
@@ -126,7 +128,7 @@ class IdfTransfer(OrientedWeights):
         from .fitting import Training, fit
         from .meshing import extract
         from .oriented_samples import cloud_of, frame_of, on_base, samples
-        from .stages import Stages, in_time, reserve
+        from .stages import Stages, in_time, note_shortage, reserve
         from .transfer_field import NearSampler
 
         torch.set_num_threads(run.threads)
@@ -140,8 +142,8 @@ class IdfTransfer(OrientedWeights):
         ours_known = detailed if source_base is None else samples(source_base, frame, run.rng)
         stages = Stages(run, self.seconds, SHARES)
 
-        ours = self._base(ours_known, weights, draws, stages)
-        theirs = self._base(theirs_known, weights, draws, stages)
+        ours, of_ours = self._base(ours_known, weights, draws, stages)
+        theirs, of_theirs = self._base(theirs_known, weights, draws, stages)
         seen = cloud_of(detailed if self.cloud == "detailed" else ours_known, run.device)
         seen = on_base(ours, seen) if self.cloud == "base" else seen
         target = on_base(theirs, cloud_of(theirs_known, run.device))
@@ -163,11 +165,16 @@ class IdfTransfer(OrientedWeights):
             traces=self.traces + 1 if self.traces else 0,  # the last one would be the result
         )
         coarse = max(16, self.resolution // 2)
-        fit(field, sampler, stages, training, lambda: run.trace(lambda: transferred(coarse)))
+        done = fit(field, sampler, stages, training, lambda: run.trace(lambda: transferred(coarse)))
+        steps = of_ours.steps + of_theirs.steps + done.steps
+        left = run.elapsed() - stages.begin if stages.cut else math.inf
+        note_shortage(run, steps, 2 * self.base_steps + self.steps, left, self.seconds)
         return in_time(lambda seconds: transferred(self.resolution, seconds), run)
 
-    def _base(self, known: Samples, weights: torch.Generator, draws: torch.Generator, stages: Stages) -> SineNetwork:
-        """A sine network fitted to samples of a base by Eq. 4.4."""
+    def _base(
+        self, known: Samples, weights: torch.Generator, draws: torch.Generator, stages: Stages
+    ) -> tuple[SineNetwork, Fit]:
+        """A sine network fitted to samples of a base by Eq. 4.4, and what became of its training."""
         from .fitting import Training, fit
         from .losses import OrientedLoss
         from .sampling import Sampler
@@ -184,8 +191,8 @@ class IdfTransfer(OrientedWeights):
             learning_rate=self.base_rate,
             betas=self.betas,
         )
-        fit(field, Sampler(*known, self.batch, draws), stages, training)
-        return field.network.requires_grad_(False)
+        done = fit(field, Sampler(*known, self.batch, draws), stages, training)
+        return field.network.requires_grad_(False), done
 
     def _field(
         self, base: SineNetwork, seen: Cloud, detailed: Samples, weights: torch.Generator, draws: torch.Generator

@@ -28,12 +28,21 @@ class Lattice:
 
     @classmethod
     def over(
-        cls, low: np.ndarray, high: np.ndarray, axes: np.ndarray, samples: int, max_aspect: float = np.inf
+        cls,
+        low: np.ndarray,
+        high: np.ndarray,
+        axes: np.ndarray,
+        samples: int,
+        max_aspect: float = np.inf,
+        base: int = BASE,
     ) -> Lattice:
-        """The lattice about a box, given in the coordinates of ``axes``, with ``samples`` along its shortest side."""
+        """The lattice about a box, given in the coordinates of ``axes``, with ``samples`` along its shortest side.
+
+        Its coarsest level has about ``base`` cells along that side.
+        """
         extent = high - low
         spacing = float(max(extent.min(), extent.max() / max_aspect)) / (samples - 1)
-        levels = max(0, round(np.log2((samples - 1) / BASE)))
+        levels = max(0, round(np.log2((samples - 1) / base)))
         # Whole blocks: the lattice juts out of the box a little, which in a narrow band costs nothing.
         cells = np.ceil(extent / (spacing * 2**levels) - 1e-6).astype(int) * 2**levels
         origin = ((low + high - cells * spacing) / 2) @ axes

@@ -52,7 +52,8 @@ def vertices(chi: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     a, b = fixed.reshape(-1)[first], fixed.reshape(-1)[second]
     along = a / (a - b)
     gradient = _slope(fixed, node) * (1 - along)[:, None] + _slope(fixed, node + axis) * along[:, None]
-    return node + axis * along[:, None], gradient, (1 - along) * flat[first] + along * flat[second]
+    values = (1 - along) * flat.gather(0, first) + along * flat.gather(0, second)
+    return node + axis * along[:, None], gradient, values
 
 
 def _within(resolution: int) -> tuple[int, int]:

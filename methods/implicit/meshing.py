@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .lattice import Band, Lattice
-from .narrow_band import Sampler, children_of, finest_band
+from .lattice import BASE, Band, Lattice
+from .narrow_band import ROOM, Sampler, children_of, finest_band
 from .triangles import triangulate
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ def extract(
         With more cells than this near the surface the field counts as noise. A cell takes up to 100 bytes.
     seconds : float
         The time there is. The spacing is halved from level to level, and a level for which the time would not do is
-        left out: the surface is ``coarser`` by 2, 4 or more, 32 samples along the shortest side at least.
+        left out: the surface is ``coarser`` by 2, 4 or more, 32 samples along the shortest side at least (8 where
+        even those would take too long).
     on_progress : function of steps done and steps in all
 
     Returns
@@ -98,7 +99,7 @@ def extract(
         raise ValueError(f"max_aspect: expected at least 1, got {max_aspect}")
     until = time.perf_counter() + seconds
     sampler = Sampler(field, domain, batch, on_progress)
-    lattice = _fitted_lattice(sampler, resolution, align, margin, max_aspect, lipschitz, max_cells)
+    lattice = _fitted_lattice(sampler, resolution, align, margin, max_aspect, lipschitz, max_cells, until)
     band = _surface_band(sampler, lattice, lipschitz, max_cells, until)
     vertices, faces = triangulate(band)
     sampler.report(1.0)
@@ -169,8 +170,14 @@ def _fitted_lattice(
     max_aspect: float,
     lipschitz: float | None,
     max_cells: int,
+    until: float,
 ) -> Lattice:
-    """The lattice over a box of all that may be surface, by a coarse look at the domain."""
+    """The lattice over a box of all that may be surface, by a coarse look at the domain.
+
+    The coarsest level of a flat box has many points, all of them near the surface. Where it would not be done ``until``
+    then, it is made coarser, but not by so much that it has fewer points than the look had.
+    """
+    started = time.perf_counter()
     coarse = Lattice.over(sampler.low, sampler.high, np.eye(3), COARSE + 1)
     band, bound = finest_band(sampler, coarse, lipschitz, max_cells, (0.0, 0.1))
     level, children = children_of(band, bound)
@@ -189,7 +196,19 @@ def _fitted_lattice(
     half = level.spacing / 2 * np.abs(axes).sum(axis=1)
     low = np.minimum((surface @ axes.T).min(axis=0) - margin, (middles @ axes.T).min(axis=0) - half)
     high = np.maximum((surface @ axes.T).max(axis=0) + margin, (middles @ axes.T).max(axis=0) + half)
-    return Lattice.over(low, high, axes, resolution, max_aspect)
+    lattice = Lattice.over(low, high, axes, resolution, max_aspect)
+    each = ROOM * (time.perf_counter() - started) / sampler.count
+    for base in (BASE // 2, BASE // 4):
+        coarser = Lattice.over(low, high, axes, resolution, max_aspect, base)
+        in_time = time.perf_counter() + each * _coarsest_points(lattice) < until
+        if in_time or _coarsest_points(coarser) < sampler.count:
+            break
+        lattice = coarser
+    return lattice
+
+
+def _coarsest_points(lattice: Lattice) -> int:
+    return math.prod(lattice.level(lattice.levels).shape)
 
 
 def _principal_axes(triangles: np.ndarray) -> np.ndarray:

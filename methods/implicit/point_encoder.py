@@ -59,7 +59,9 @@ class PointEncoder(nn.Module):
         occupied, place, count = torch.unique(cells, return_inverse=True, return_counts=True)
         h = self.blocks[0](self.first(normals))
         for block in self.blocks[1:]:
-            h = block(torch.cat([h, _pooled(h, place, len(occupied), "amax")[place]], dim=1))
+            largest = _pooled(h, place, len(occupied), "amax")
+            largest = largest.gather(0, place[:, None].expand_as(h))  # by [...] its gradient would not be repeatable
+            h = block(torch.cat([h, largest], dim=1))
         return occupied, _pooled(self.last(h), place, len(occupied), "sum") / count[:, None]
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from bench import PointCloud, Run, register
+from bench import InvalidOutput, PointCloud, Run, register
 
 from .fitted import ENDLESS, at_least, oriented
 
@@ -74,7 +73,7 @@ class Sap:
         from .spectral_poisson import evenly, indicator
 
         torch.set_num_threads(run.threads)
-        points, normals, frame = oriented(cloud, "sap", self.begin == "normals")
+        points, normals, frame = oriented(cloud, "sap", run, self.begin == "normals")
         resolution = self._in_time(run)
 
         def tensor(values: np.ndarray) -> Tensor:
@@ -127,13 +126,13 @@ class Sap:
         from .fitting import Progress
         from .lattice_surface import pull, vertices
         from .spectral_poisson import SIDE, from_lattice, indicator
+        from .stages import note_shortage
 
         loss, levels = ChamferLoss(target, self.batch, run.rng), self.levels(resolution)
         base = self.learning_rate or (1e-2 if self.begin == "sphere" else 1e-3)
-        begin = run.elapsed()
         limit = min(self.seconds or math.inf, max(0.1, run.seconds_left() - seconds_for(resolution)))
-        progress = Progress(ENDLESS if self.seconds else self.steps, lambda: limit - (run.elapsed() - begin))
-        level, paused = -1, 0.0
+        progress = Progress(ENDLESS if self.seconds else self.steps, run.elapsed, limit)
+        level, steps = -1, 0
         while progress.t < 1:
             if (now := min(len(levels) - 1, int(progress.t * len(levels)))) != level:
                 if level >= 0:
@@ -142,20 +141,25 @@ class Sap:
                 x, n = x.detach().clone().requires_grad_(), n.detach().clone().requires_grad_()
                 rate = base * self.fall**level
                 optimizer = torch.optim.Adam([{"params": [x], "lr": rate * SIDE}, {"params": [n], "lr": rate}])
-            places, gradient, values = vertices(indicator(x, n, r, self.sigma))
+            try:
+                places, gradient, values = vertices(indicator(x, n, r, self.sigma))
+            except InvalidOutput as error:
+                if best[0] == math.inf:
+                    raise
+                run.note(f"stopped after {steps} steps, with the best surface so far: {error}")
+                return best[1:]
             value, by_place = loss(from_lattice(places, r))
             if value < best[0]:
                 best = (value, x.detach().clone(), n.detach().clone())
             optimizer.zero_grad(set_to_none=True)
             pull(values, gradient, by_place * (SIDE / r)).backward()
             optimizer.step()
-            before = progress.t
-            progress.step(paused)
+            before, steps = progress.t, steps + 1
+            progress.step()
             run.progress(round(1000 * progress.t), 1000)
-            paused = time.perf_counter()
             if progress.t < 1 and int(before * (self.traces + 1)) < int(progress.t * (self.traces + 1)):
                 run.trace(lambda x=x, n=n, r=r: in_input(surface(x, n, r)))
-            paused = time.perf_counter() - paused
+        note_shortage(run, steps, self.steps, limit, self.seconds)
         return best[1:]
 
     def _sampled(self, mesh: Trimesh, like: Tensor, run: Run) -> tuple[Tensor, Tensor]:

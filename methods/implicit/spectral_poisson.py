@@ -2,7 +2,8 @@
 
 Oriented points are spread onto a periodic lattice as a vector field v, and the indicator is the function whose gradient
 fits it, laplace chi = div v: in frequencies, one product. Everything is differentiable by the points and the normals.
-Here chi is negative inside, as all fields of this family, and normals point outwards.
+Here chi is negative inside, as all fields of this family, and normals point outwards. (Numbers are looked up by
+``gather``: on CPUs the gradient of ``[...]`` is summed by several threads in the order in which they come.)
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def spread(places: Tensor, values: Tensor, resolution: int) -> Tensor:
 def interpolate(lattice: Tensor, places: Tensor) -> Tensor:
     """The values (n,) of a lattice (r, r, r) at places (n, 3): the transpose of :func:`spread`."""
     rows, weights = _corners(places, len(lattice))
-    return (lattice.reshape(-1)[rows] * weights).sum(0)
+    return (lattice.reshape(-1).gather(0, rows.view(-1)).view_as(weights) * weights).sum(0)
 
 
 def frequencies(resolution: int, device: torch.device) -> tuple[Tensor, Tensor, Tensor]:

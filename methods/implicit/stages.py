@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 MESHING = 3e-6  # seconds per evaluation that the marching cubes take besides
+FEW = 20  # steps in which hardly any schedule can be kept to
 LAST = 1.0  # seconds for what is done with a surface
 PROBES = 4096  # points by which the speed is told
 CELLS = 64  # along the longest side of the points' box, by which their surface's area is told, at most
@@ -37,12 +38,16 @@ class Stages:
 
     def __init__(self, run: Run, seconds: float, shares: Sequence[float]):
         self._run, self._shares, self._stage = run, tuple(shares), -1
-        self._end = run.elapsed() + (seconds or math.inf)
+        self.begin = run.elapsed()
+        self._end = self.begin + (seconds or math.inf)
+        self.cut = False  # whether the run's limit left less time than that
 
     def next(self, reserve: float = 0.0) -> float:
         """Begin the next training; the seconds that it may take, with ``reserve`` kept of the run's limit."""
         self._stage += 1
-        left = min(self._end - self.elapsed(), self._run.seconds_left() - reserve)
+        wanted, left = self._end - self.elapsed(), self._run.seconds_left() - reserve
+        self.cut = left < wanted < math.inf
+        left = min(wanted, left)
         return max(0.1, left * self._shares[self._stage] / sum(self._shares[self._stage :]))
 
     def elapsed(self) -> float:
@@ -94,6 +99,25 @@ def area_about(points: np.ndarray) -> float:
     side = max(a, b, c) / across
     cells = np.floor((points - points.min(axis=0)) / side).astype(np.int64) @ [1, 2 * across, 4 * across**2]
     return max(2 * (a * b + b * c + c * a), len(np.unique(cells)) * side**2)
+
+
+def note_shortage(run: Run, done: int, steps: int, given: float, seconds: float) -> None:
+    """Tell the reader of the row where a training was shorter than asked for: a method is judged by what it was given.
+
+    Parameters
+    ----------
+    done, steps : int
+        Steps that were done, and that were asked for.
+    given, seconds : float
+        The time that the run's limit left to the training, and the time that was asked for, 0 if steps were counted.
+    """
+    too_short = f"limit.seconds={run.seconds:g} is too short"
+    if seconds and given < seconds:
+        run.note(f"trained for {given:.3g} of {seconds:g} s: {too_short}")
+    elif not seconds and done < steps:
+        run.note(f"trained for {done:,} of {steps:,} steps: {too_short}")
+    elif seconds and done < FEW:
+        run.note(f"trained for {done} steps alone, in {seconds:g} s")
 
 
 def in_time(extract: Callable[[float], Trimesh], run: Run) -> Trimesh:

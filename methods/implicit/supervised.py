@@ -30,6 +30,7 @@ class Supervised(OrientedWeights, Fitted):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.check_weights()
         if self.supervision not in ("distances", "oriented"):
             raise ValueError(f"supervision: expected distances or oriented, got {self.supervision!r}")
         at_least(self, samples=5, redraw=0)

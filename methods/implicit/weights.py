@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from .fitted import at_least
+
 if TYPE_CHECKING:
     from .losses import OrientedLoss
 
@@ -17,6 +19,10 @@ class OrientedWeights:
     space: float = 50.0  # of Eq. 4.4: weight of exp(-100 |f|) elsewhere, lambda_3
     eikonal: float = 5.0  # of Eq. 4.4: weight of the gradient's length, lambda_0
     normal: float = 40.0  # of Eq. 4.4: weight of the normals, lambda_2
+
+    def check_weights(self) -> None:
+        """Raise ValueError unless they are weights."""
+        at_least(self, surface=0, space=0, eikonal=0, normal=0)
 
     def oriented_loss(self) -> OrientedLoss:
         """Eq. 4.4 with these weights."""
