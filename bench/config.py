@@ -135,6 +135,30 @@ def is_sweep(overrides: Sequence[str]) -> bool:
         return OmegaConf.select(config, "hydra.mode") == RunMode.MULTIRUN
 
 
+def settled_by_job(overrides: Sequence[str]) -> list[str]:
+    """The words of a sweep as Hydra can take them: ``method=a,b method.x=1`` as ``method=a,b method.x=choice(1)``.
+
+    Hydra first composes a sweep's config without all that is swept, and so with the default method, which may have no
+    parameter x. As a sweep of one value it is left to the jobs, each with its own method.
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    from .registry import KINDS
+
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    fixed = {o.key_or_group for o in parsed if not o.is_sweep_override()}
+    swept = {o.key_or_group for o in parsed} - fixed
+    words = []
+    for word, override in zip(overrides, parsed, strict=True):
+        kind, _, parameter = override.key_or_group.partition(".")
+        open_still = kind in swept or ("experiment" in fixed and kind not in fixed)
+        if kind in KINDS and parameter and open_still and not (override.is_sweep_override() or override.is_delete()):
+            key, _, value = word.partition("=")
+            word = f"{key}=choice({value})"
+        words.append(word)
+    return words
+
+
 def enumerate_jobs(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
     """The overrides of every job that Hydra's basic sweeper would launch, in its order."""
     from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
@@ -144,6 +168,7 @@ def enumerate_jobs(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
+    overrides = settled_by_job(overrides) if multirun else overrides
     if not any("hydra" in o or "experiment" in o or "glob(" in o for o in overrides):
         # Nothing but the command line can sweep: the config need not be composed to count the jobs.
         if not multirun:

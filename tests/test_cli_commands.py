@@ -244,6 +244,40 @@ def test_what_a_method_notes_is_shown_where_it_is_applied_and_below_leaderboards
     assert told.startswith("  noting: ") and told.endswith(": half as many; half as far")
 
 
+LIMITED = '''
+from dataclasses import dataclass
+from bench import register
+
+@register("method")
+@dataclass(frozen=True)
+class Limited:
+    """Tells its limit."""
+
+    def denoise(self, cloud, run):
+        run.note(f"{run.seconds:g} s")
+        return cloud
+'''
+
+
+def test_a_limit_of_apply_is_that_one_and_no_other(shell, cloud_file):
+    """A file of one's own may take a day; a word on memory does not bring in the benchmark's minute."""
+    plugin = shell.folder / "limited.py"
+    plugin.write_text(LIMITED)
+    for words, seconds in ((), 86400), (("limit.memory_gb=2",), 86400), (("limit.seconds=30",), 30):
+        done = shell.call("apply", "--plugin", plugin, "method=limited", *words, "scan.xyz", "clean.xyz")
+        assert done.stdout.splitlines()[-1] == f"limited: note: {seconds} s"
+
+
+def test_what_was_noted_is_made_again_under_a_larger_limit(shell):
+    """What was left out for want of time may fit now."""
+    plugin = shell.folder / "limited.py"
+    plugin.write_text(LIMITED)
+    for seconds, message in (20, "20 s"), (10, "20 s"), (30, "30 s"):
+        done = shell.run("method=limited", f"limit.seconds={seconds}", plugins=(TOYS, plugin))
+        assert done.returncode == 0, done.stderr
+        assert set(shell.rows()["message"]) == {message}
+
+
 def test_apply_says_that_there_is_no_gpu(shell, cloud_file, monkeypatch):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
     done = shell.call("apply", "method=siren", "scan.xyz", "mesh.ply", "device=cuda")

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, and say with the exit code whether every case was solved."""
-    from ..config import is_sweep
+    from ..config import is_sweep, settled_by_job
 
     listing()  # kept for this start and the next: the processes below import only what they need
     plugins = load_plugins(args.plugin)
@@ -57,7 +57,8 @@ def run(args: argparse.Namespace) -> int:
     with session.open():
         interrupted = False
         try:
-            code = _launch([*flags, *overrides, *private], multirun, total)
+            words = settled_by_job(overrides) if multirun else overrides
+            code = _launch([*flags, *words, *private], multirun, total)
         except KeyboardInterrupt:
             code, interrupted = 130, True
         finally:
@@ -178,7 +179,8 @@ def conventions_of(overrides: list[str]) -> list[str]:
     named = [name for name in chosen("convention", overrides) if name not in ("None", "null", "")]
     if named or not any(word.lstrip("+").startswith("experiment=") for word in overrides):
         return list(dict.fromkeys(named))
-    words = [word for word in overrides if "," not in word]  # values that are swept cannot be composed
+    # Values that are swept cannot be composed, nor parameters of plugins that are.
+    words = [word for word in overrides if "," not in word and "." not in word.partition("=")[0]]
     name = OmegaConf.select(compose(words), "convention.name")
     return [name] if name else []
 
