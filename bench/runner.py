@@ -107,12 +107,12 @@ def _must_rerun(row: Mapping[str, Any], settings: Settings) -> bool:
 
     A row with a note counts as one that the limit cut short: what a method left out for want of time may fit now.
     """
-    limit, cut = settings.limit, row["status"] == "timeout" or (row["status"] == "ok" and row["message"])
+    limit, noted = settings.limit, row["status"] == "ok" and bool(row.get("message"))
     return (
         row["status"] == "skipped"
         or row.get("stage") == "plan"
         or (settings.rerun == "failed" and row["status"] != "ok")
-        or (cut and limit.seconds > (row.get("limit_seconds") or 0))
+        or ((noted or row["status"] == "timeout") and limit.seconds > (row.get("limit_seconds") or 0))
         or (row["status"] == "oom" and limit.memory_gb > (row.get("limit_memory_gb") or 0))
     )
 

@@ -100,6 +100,15 @@ def test_an_experiment_that_is_a_sweep_takes_several_values(shell):
     assert "2 cells, 2/2 cases solved" in done.stderr
 
 
+def test_a_sweep_over_methods_takes_a_parameter_that_the_default_method_lacks(shell):
+    done = shell.run("method=jet,bilateral", "method.k=9", "sensor=samples", "sensor.count=300", "cases=1")
+    assert done.returncode == 0, done.stderr
+    assert set(shell.rows()[["method", "variant"]].itertuples(index=False, name=None)) == {
+        ("jet", "k=9"),
+        ("bilateral", "k=9"),
+    }
+
+
 def test_a_method_that_does_not_solve_the_task(shell):
     done = shell.run("method=fine", "task=reconstruct", sweep=False)
     assert done.returncode == 1

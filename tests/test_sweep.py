@@ -2,6 +2,9 @@
 
 from itertools import product
 
+import pytest
+
+from bench.config import enumerate_jobs, settled_by_job
 from bench.sweep import representatives
 
 
@@ -22,3 +25,26 @@ def test_a_parameter_is_tried_with_every_plugin_of_its_group():
 def test_one_job_stands_for_itself():
     assert representatives([[]]) == []
     assert representatives([["+method.typo=3"]]) == [["+method.typo=3"]]
+
+
+@pytest.mark.parametrize(
+    ("words", "handed_on"),
+    [
+        ("method=a,b method.x=1", "method=a,b method.x=choice(1)"),
+        ("method=a,b method.x=1,2 dataset.y=[3,4]", "method=a,b method.x=1,2 dataset.y=[3,4]"),
+        ("method=a method.x=1", "method=a method.x=1"),
+        ("experiment=e method.x=[1,2] sensor.y=3", "experiment=e method.x=choice([1,2]) sensor.y=choice(3)"),
+        ("experiment=e method=a method.x=1 limit.seconds=5", "experiment=e method=a method.x=1 limit.seconds=5"),
+        ("method=a,b ~method.x +method.y=1", "method=a,b ~method.x +method.y=choice(1)"),
+    ],
+)
+def test_a_parameter_of_plugins_that_are_swept_is_left_to_the_jobs(words, handed_on):
+    """Hydra composes a sweep's config without what is swept first, and so with the default plugin's parameters."""
+    assert settled_by_job(words.split()) == handed_on.split()
+
+
+def test_one_value_for_an_experiment_s_methods():
+    """Of what the experiment sweeps, and of what it does not."""
+    for word, count in ("method.alpha=0.1", 1), ("method.traces=2", 5):
+        jobs = enumerate_jobs(["experiment=table_4_3", word], multirun=True)
+        assert len(jobs) == count and all(word in job for job in jobs)

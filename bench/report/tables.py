@@ -275,7 +275,7 @@ def _label(line: Line) -> str:
 
 def label(method: str, variant: str) -> str:
     """``poisson (depth=9, trim=0.1)``."""
-    return f"{method} ({variant.replace(',', ', ')})" if variant else method
+    return f"{method} ({', '.join(part.strip() for part in variant.split(','))})" if variant else method
 
 
 def _seconds(value: float) -> str:
