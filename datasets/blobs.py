@@ -80,7 +80,7 @@ def _joined_balls(rng: np.random.Generator, balls: int, looseness: float) -> tup
         candidates = centres[parent] + distance * candidates / np.linalg.norm(candidates, axis=1, keepdims=True)
         # Of some places, that in the greatest free room: balls do not pile up.
         room = ((candidates[:, None] - centres[:k]) ** 2).sum(axis=-1).min(axis=1)
-        centres[k] = candidates[room.argmax()]
+        centres[k] = candidates[room.round(9).argmax()]  # often the parent is the nearest, and all have the same
     return centres - centres.mean(axis=0), reach
 
 
