@@ -407,12 +407,12 @@ def test_a_pause_of_the_clock_does_not_hurry_a_training():
         def loss(self, batch, t):
             if torch.is_grad_enabled():
                 begin = time.perf_counter()
-                time.sleep(0.03)
+                time.sleep(0.25)
                 run._paused += time.perf_counter() - begin
             return super().loss(batch, t)
 
     run = Run()
-    assert fit(Pausing(), NOTHING, run, Training(steps=40, seconds=0.9, learning_rate=1e-3)).steps == 40
+    assert fit(Pausing(), NOTHING, run, Training(steps=12, seconds=1.5, learning_rate=1e-3)).steps == 12
 
 
 def test_a_loaded_field_begins_where_its_schedule_does():
@@ -596,7 +596,7 @@ def test_a_loaded_field_is_trained_by_the_clock_too(tmp_path):
     said = []
     run = Run(on_progress=lambda done, total: said.append(done))
     Siren(steps=0, seconds=0.5, load=path, **SMALL).fit_to(ball(), run)
-    assert len(said) > 5
+    assert len(said) >= 2
 
 
 def test_a_field_among_other_points_than_its_own_says_so(tmp_path):
