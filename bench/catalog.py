@@ -71,11 +71,9 @@ def mesh_measures(mesh: Trimesh) -> list[float]:
     A hash is equal or not. Where libraries of mathematics round otherwise, a pole or a threshold may move a vertex by
     more than its last digits; these tell such a mesh from one of another shape.
     """
-    sides = mesh.triangles[:, 1:] - mesh.triangles[:, :1]
-    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2
-    middle = mesh.triangles.mean(axis=1)
-    products = [area @ (middle[:, i] * middle[:, j]) / area.sum() for i in range(3) for j in range(i, 3)]
-    return [round(float(x), 9) for x in (area.sum(), mesh.volume, *(area @ middle / area.sum()), *products)]
+    middle = mesh.triangles_center
+    second = np.einsum("f,fi,fj->ij", mesh.area_faces / mesh.area, middle, middle)[np.triu_indices(3)]
+    return [round(float(x), 9) for x in (mesh.area, mesh.volume, *mesh.centroid, *second)]
 
 
 def known(plugin: Plugin) -> dict[str, Any] | None:

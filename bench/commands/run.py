@@ -177,11 +177,11 @@ def conventions_of(overrides: list[str]) -> list[str]:
     from ..overrides import chosen
 
     named = [name for name in chosen("convention", overrides) if name not in ("None", "null", "")]
-    if named or not any(word.lstrip("+").startswith("experiment=") for word in overrides):
+    experiment = [word for word in overrides if word.lstrip("+").startswith("experiment=")]
+    if named or not experiment:
         return list(dict.fromkeys(named))
-    # Values that are swept cannot be composed, nor parameters of plugins that are.
-    words = [word for word in overrides if "," not in word and "." not in word.partition("=")[0]]
-    name = OmegaConf.select(compose(words), "convention.name")
+    # The other words may be swept, or parameters of what is, which cannot be composed; none of them has a say here.
+    name = OmegaConf.select(compose([word for word in experiment if "," not in word]), "convention.name")
     return [name] if name else []
 
 

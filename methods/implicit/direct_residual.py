@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import at_least
+from .fitted import at_least, positive
 from .supervised import Supervised
 
 if TYPE_CHECKING:
@@ -43,9 +43,7 @@ class DirectResidual(Supervised):
     def __post_init__(self) -> None:
         super().__post_init__()
         at_least(self, hidden_layers=1, width=1, sphere=0)
-        for name in ("alpha", "nu", "omega", "omega_detail"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        positive(self, "alpha", "nu", "omega", "omega_detail")
 
     def field(self, generator: torch.Generator) -> Field:
         """Both networks, the base a sphere to begin with."""

@@ -52,8 +52,7 @@ class Fitted:
         if self.steps < (0 if self.load else 1):
             raise ValueError(f"steps: expected at least 1 (or 0 with load), got {self.steps}")
         at_least(self, seconds=0, batch=1, traces=0)
-        if not self.learning_rate > 0:
-            raise ValueError(f"learning_rate: expected more than 0, got {self.learning_rate}")
+        positive(self, "learning_rate")
         check_betas(self.betas)
         if not 16 <= self.resolution <= 1024:
             raise ValueError(f"resolution: expected 16 to 1024, got {self.resolution}")
@@ -166,6 +165,13 @@ def at_least(method: Any, **bounds: float) -> None:
     for name, least in bounds.items():
         if not getattr(method, name) >= least:
             raise ValueError(f"{name}: expected at least {least}, got {getattr(method, name)}")
+
+
+def positive(method: Any, *names: str) -> None:
+    """Raise ValueError unless parameters of a method are more than 0."""
+    for name in names:
+        if not getattr(method, name) > 0:
+            raise ValueError(f"{name}: expected more than 0, got {getattr(method, name)}")
 
 
 def check_betas(betas: tuple[float, ...]) -> None:

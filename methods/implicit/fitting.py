@@ -116,6 +116,7 @@ def fit(
     held_out = sampler.draw()
     best = _Best(field, held_out, training.chunk)
     best.look()  # a field that was loaded may be better than what comes
+    at_first = best.loss
     steps = 0
     while progress.t < 1:
         t = training.begin + (1 - training.begin) * progress.t
@@ -133,7 +134,7 @@ def fit(
         if progress.t < 1 and _passed(before, progress.t, training.traces):
             offer()
     best.restore()
-    return Fit(steps, best.improved)
+    return Fit(steps, best.loss < at_first)
 
 
 def _passed(before: float, now: float, marks: int) -> bool:
@@ -164,17 +165,14 @@ class _Best:
 
     def __init__(self, field: Field, batch: Batch, chunk: int):
         self._field, self._batch, self._chunk = field, batch, chunk
-        self._loss, self._state, self._looks = math.inf, None, 0
-        self.improved = False
+        self.loss, self._state = math.inf, None
 
     def look(self) -> None:
         """Keep the state of now if it is better."""
         with torch.no_grad():
             loss = float(sum(self._field.loss(part, 1.0) for part in self._batch.chunks(self._chunk)))
-        self._looks += 1
-        if loss < self._loss:
-            self.improved = self._looks > 1
-            self._loss, now = loss, self._field.state_dict()
+        if loss < self.loss:
+            self.loss, now = loss, self._field.state_dict()
             if self._state is None:
                 self._state = {name: torch.empty_like(tensor) for name, tensor in now.items()}
             for name, tensor in now.items():

@@ -44,17 +44,13 @@ class Fourier(Guided):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        at_least(self, sphere=0)
-        if self.bands < 1:
-            raise ValueError(f"bands: expected at least 1, got {self.bands}")
+        at_least(self, sphere=0, bands=1, hidden_layers=1)
         latest = 1 - 1 / self.bands
         if not 0 <= self.progressive <= latest:
             raise ValueError(
                 f"progressive: expected 0 to {latest:g}, so that the last of {self.bands} bands opens before the end, "
                 f"got {self.progressive}"
             )
-        if self.hidden_layers < 1:
-            raise ValueError(f"hidden_layers: expected at least 1, got {self.hidden_layers}")
         if self.width <= 3 + 6 * self.bands:
             raise ValueError(f"width: expected more than 3 + 6 bands = {3 + 6 * self.bands}, got {self.width}")
 

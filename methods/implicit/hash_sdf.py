@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import at_least
+from .fitted import at_least, positive
 from .guided import Guided
 
 if TYPE_CHECKING:
@@ -54,9 +54,7 @@ class HashSdf(Guided):
             raise ValueError(f"finest: expected {self.coarsest} (coarsest) to 65536, got {self.finest}")
         if not 4 <= self.log2_table <= 24:
             raise ValueError(f"log2_table: expected 4 to 24, got {self.log2_table}")
-        for name in ("network_rate", "sphere"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        positive(self, "network_rate", "sphere")
 
     def field(self, generator: torch.Generator) -> Field:
         """The grid and the network, a sphere to begin with."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import Fitted, at_least
+from .fitted import Fitted, at_least, positive
 
 if TYPE_CHECKING:
     import torch
@@ -45,9 +45,7 @@ class Hotspot(Fitted):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("omega", "absorption", "absorption_begin", "sphere"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        positive(self, "omega", "absorption", "absorption_begin", "sphere")
         at_least(self, hidden_layers=1, width=1, surface=0, eikonal=0, heat=0)
 
     def field(self, generator: torch.Generator) -> Field:

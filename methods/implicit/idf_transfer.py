@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from bench import Run, register
 from bench.geometry.check import check_mesh
 
-from .fitted import ENDLESS, at_least, check_betas
+from .fitted import ENDLESS, at_least, check_betas, positive
 from .weights import OrientedWeights
 
 if TYPE_CHECKING:
@@ -102,9 +102,7 @@ class IdfTransfer(OrientedWeights):
     def __post_init__(self) -> None:
         self.check_weights()
         at_least(self, steps=1, base_steps=1, batch=1, points=1, every=1, hidden_layers=1, width=1)
-        for name in ("learning_rate", "base_rate", "omega", "omega_detail", "gain"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        positive(self, "learning_rate", "base_rate", "omega", "omega_detail", "gain")
         at_least(self, seconds=0, traces=0, alpha=0, nu=0, noise=0, sphere=0, spread=0)
         check_betas(self.betas)
         if len(self.base_loss) != 4 or not all(weight >= 0 for weight in self.base_loss):

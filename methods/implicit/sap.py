@@ -11,7 +11,7 @@ import numpy as np
 
 from bench import InvalidOutput, PointCloud, Run, register
 
-from .fitted import ENDLESS, at_least, oriented
+from .fitted import ENDLESS, at_least, oriented, positive
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -61,9 +61,7 @@ class Sap:
         if self.begin == "sphere" and not 8 <= self.coarsest <= self.resolution:
             raise ValueError(f"coarsest: expected 8 to {self.resolution} (resolution), got {self.coarsest}")
         at_least(self, points=10, batch=10, learning_rate=0, seconds=0, traces=0)
-        for name in ("fall", "sigma", "sphere"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name)}")
+        positive(self, "fall", "sigma", "sphere")
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The Poisson surface of the fitted points."""

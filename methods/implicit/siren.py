@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bench import register
 
-from .fitted import at_least
+from .fitted import at_least, positive
 from .guided import Guided
 
 if TYPE_CHECKING:
@@ -34,8 +34,7 @@ class Siren(Guided):
     def __post_init__(self) -> None:
         super().__post_init__()
         at_least(self, hidden_layers=1, width=1, sphere=0, clip=0)
-        if not self.omega > 0:
-            raise ValueError(f"omega: expected more than 0, got {self.omega}")
+        positive(self, "omega")
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""
