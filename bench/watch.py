@@ -167,16 +167,17 @@ class Worker:
     # -- what it takes ---------------------------------------------------------------------------------------------
 
     def _passed_limit(self) -> tuple[str, str] | None:
+        # Memory first: a look that comes late on a busy machine may find both limits passed.
+        limit = self.limits.memory_gb if self.stage == "method" else max(self.limits.memory_gb, SETUP_MEMORY_GB)
+        taken = (self._resident_mb() + self._resident_below_mb() - self._base_mb) / 1024
+        if taken > limit:
+            return "oom", f"took {taken:.1f} GB (limit.memory_gb={self.limits.memory_gb:g})"
         if time.monotonic() > self._deadline:
             if self.stage == "method":
                 return "timeout", f"stopped after {self.limits.seconds:g} s (limit.seconds={self.limits.seconds:g})"
             names = {"case": "making the case", "prepare": "preparing the method", "score": "scoring"}
             name = names.get(self.stage, f"the stage {self.stage!r}")
             return "timeout", f"{name} took longer than limit.setup_seconds={self.limits.setup_seconds:g}"
-        limit = self.limits.memory_gb if self.stage == "method" else max(self.limits.memory_gb, SETUP_MEMORY_GB)
-        taken = (self._resident_mb() + self._resident_below_mb() - self._base_mb) / 1024
-        if taken > limit:
-            return "oom", f"took {taken:.1f} GB (limit.memory_gb={self.limits.memory_gb:g})"
         return None
 
     def _resident_mb(self) -> float:

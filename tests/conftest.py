@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -19,6 +20,8 @@ MARK = "DETAILBENCH_TEST_MARK"  # in the environment of a command: all that desc
 TOYS = Path(__file__).parent / "faults" / "toys.py"
 FORKS = Path(__file__).with_name("forks.py")
 WORDS = ("task=denoise", "dataset=ball", "sensor=dots", "metric=[spread]", "cases=2")
+# Where the suite is started in the background of a script, Ctrl-C is ignored by it and by all that it starts.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 LAUNCHERS = {"basic": (), "joblib": ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")}
 
 
