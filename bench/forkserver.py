@@ -11,6 +11,7 @@ is found and killed when the cell ends.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import gc
@@ -21,8 +22,11 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+from .affinity import available
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
@@ -60,30 +64,33 @@ def _prctl(option: int, value: int) -> None:
 
 
 class ForkServer:
-    """The runner's handle on one server.
+    """The runner's handle on one server, which at once begins to import what every worker needs.
 
     Parameters
     ----------
-    preload : import names
-        Imported by the server before the first fork.
-    plugins : paths
-        Plugin files, loaded by the server like ``--plugin``.
     threads : int
         How many processors the workers will be pinned to; pools are sized by it.
     """
 
-    def __init__(self, preload: tuple[str, ...], plugins: tuple[str, ...], threads: int):
+    def __init__(self, threads: int):
+        self.threads = threads
+        self._loaded = False
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with there:
+            code = "from bench.forkserver import serve; serve()"
             self._process = subprocess.Popen(
-                [sys.executable, "-c", "from bench.forkserver import serve; serve()", str(there.fileno())],
+                [sys.executable, "-c", code, str(there.fileno()), str(threads)],
                 pass_fds=[there.fileno()],
                 stdin=subprocess.DEVNULL,
                 env={**os.environ, **dict.fromkeys(THREAD_VARIABLES, str(threads))},
                 start_new_session=True,  # Ctrl-C in the terminal is the runner's business
             )
         self._socket = here
-        self._ask({"preload": preload, "plugins": plugins, "threads": threads})
+
+    def load(self, preload: tuple[str, ...], plugins: tuple[str, ...]) -> None:
+        """Have it import libraries by name, and plugin files like ``--plugin``, and wait; before the first fork."""
+        self._ask({"preload": preload, "plugins": plugins})
+        self._loaded = True
 
     def _ask(self, request: dict[str, Any], fds: tuple[int, ...] = ()) -> dict[str, Any]:
         try:
@@ -106,10 +113,11 @@ class ForkServer:
     def close(self) -> None:
         """End the server and everything below it."""
         self._socket.close()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=5)
-            return
-        self._process.kill()
+        if self._loaded:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=5)
+                return
+        self._process.kill()  # one that has not answered yet has nothing below it
         self._process.wait()
 
 
@@ -117,15 +125,51 @@ class ServerDied(RuntimeError):
     """The fork server is gone: something killed it."""
 
 
+_begun: list[ForkServer] = []
+
+
+def begin(threads: int) -> None:
+    """Start a server before it is known what it will serve: it imports while this process reads its configs.
+
+    Of use where there is a second processor only. The one that asks :func:`begun` for as many threads gets it;
+    otherwise it ends with this process.
+    """
+    if len(available()) > 1 and not _begun:
+        _begun.append(ForkServer(threads))
+        atexit.register(_end_begun)
+
+
+def begun(threads: int) -> ForkServer:
+    """The server that was begun for so many threads, or a new one."""
+    if _begun and _begun[0].threads == threads:
+        return _begun.pop()
+    return ForkServer(threads)
+
+
+def threads_of(overrides: Sequence[str]) -> int:
+    """How many threads the words of a command ask for first; 1 where they do not say, or what cannot be."""
+    asked = [value for key, _, value in (word.partition("=") for word in overrides) if key == "threads"]
+    first = asked[-1].partition(",")[0] if asked else ""
+    return max(int(first), 1) if first.isdecimal() else 1
+
+
+def _end_begun() -> None:
+    while _begun:
+        _begun.pop().close()
+
+
 # -- the side of the server --------------------------------------------------------------------------------------------
 
 
 def serve() -> None:
-    """The server's main loop; the socket's file descriptor is the first argument."""
+    """The server's main loop; the arguments are the socket's file descriptor and the number of threads."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
-    channel = socket.socket(fileno=int(sys.argv[1]))
+    channel, threads = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
+    if hasattr(os, "sched_setaffinity"):  # before all else: libraries count processors when they are imported
+        os.sched_setaffinity(0, available()[:threads])
     try:
+        _import(ALWAYS)
         while True:
             message, fds, _, _ = socket.recv_fds(channel, _MAX_MESSAGE, 2)
             if not message:
@@ -145,20 +189,22 @@ def serve() -> None:
 
 
 def _load(request: dict[str, Any]) -> dict[str, Any]:
-    """Import what workers will need. Affinity first: libraries count processors when they are imported."""
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: request["threads"]])
+    """Import what the workers of this server will need beyond :data:`ALWAYS`."""
     from .registry import registry
 
     found = registry()
     for path in request["plugins"]:
         found.load_file(path)
-    for module in (*ALWAYS, *request["preload"]):
-        with contextlib.suppress(ImportError):  # the worker says which library is missing
-            importlib.import_module(module)
+    _import(request["preload"])
     gc.collect()
     gc.freeze()  # pages that the collector never touches stay shared with the workers
     return {"ready": True}
+
+
+def _import(modules: Iterable[str]) -> None:
+    for module in modules:
+        with contextlib.suppress(ImportError):  # the worker says which library is missing
+            importlib.import_module(module)
 
 
 def _fork(spec: dict[str, Any], channel: socket.socket, messages: int, output: int) -> int:

@@ -7,7 +7,7 @@ from typing import Any
 
 from .affinity import claim
 from .config import Limits
-from .forkserver import ForkServer
+from .forkserver import begun
 from .runner import of_death
 from .watch import Worker
 
@@ -22,7 +22,8 @@ class Isolation:
 
     def __init__(self, preload: tuple[str, ...] = (), plugins: tuple[str, ...] = (), threads: int = 1):
         self.threads = threads
-        self._server = ForkServer(preload, plugins, threads)
+        self._server = begun(threads)
+        self._server.load(preload, plugins)
 
     def __enter__(self) -> Isolation:
         return self

@@ -75,7 +75,7 @@ def as_json(plugin: Plugin) -> dict[str, Any]:
     }
     if plugin.kind == "dataset":
         facts["shapes"] = catalog.known(plugin)
-    presets_of = [p for p in presets(plugin.kind).values() if p.plugin == plugin.name]
+    presets_of = list(presets(plugin.kind, of=plugin.name).values())
     if presets_of:
         facts["presets"] = {p.name: {"help": p.help, **p.values} for p in presets_of}
     if plugin.kind == "method":

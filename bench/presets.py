@@ -38,22 +38,32 @@ def names(group: str) -> list[str]:
     return sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml"))
 
 
+def presets(kind: str, of: str = "") -> dict[str, Preset]:
+    """The presets of a kind of plugin, by name; of all plugins, or of one."""
+    if kind == "metric":
+        return {}  # those of metrics choose several plugins
+    # A file that does not mention the plugin need not be parsed, which is slow.
+    found = {name: _read(kind, name) for name in names(kind) if of in _text(kind, name)}
+    return {name: preset for name, preset in found.items() if of in ("", preset.plugin)}
+
+
 @functools.cache
-def presets(kind: str) -> dict[str, Preset]:
-    """The presets of a kind of plugin, by name."""
+def _text(kind: str, name: str) -> str:
     from importlib.resources import files
 
+    return (files("bench.conf") / kind / f"{name}.yaml").read_text(encoding="utf-8")
+
+
+@functools.cache
+def _read(kind: str, name: str) -> Preset:
     from omegaconf import OmegaConf
 
-    found = {}
-    for name in names(kind) if kind != "metric" else []:  # those of metrics choose several plugins
-        text = (files("bench.conf") / kind / f"{name}.yaml").read_text(encoding="utf-8")
-        content = OmegaConf.to_container(OmegaConf.create(text))
-        assert isinstance(content, dict)
-        plugin = next(entry for entry in content.pop("defaults") if entry != "_self_")
-        comment = [line.lstrip("# ").rstrip() for line in text.splitlines() if line.startswith("#")]
-        found[name] = Preset(name, plugin, content, " ".join(comment))
-    return found
+    text = _text(kind, name)
+    content = OmegaConf.to_container(OmegaConf.create(text))
+    assert isinstance(content, dict)
+    plugin = next(entry for entry in content.pop("defaults") if entry != "_self_")
+    comment = [line.lstrip("# ").rstrip() for line in text.splitlines() if line.startswith("#")]
+    return Preset(name, plugin, content, " ".join(comment))
 
 
 def name_of(plugin: Plugin, values: Mapping[str, Any]) -> str | None:
@@ -64,8 +74,8 @@ def name_of(plugin: Plugin, values: Mapping[str, Any]) -> str | None:
 @functools.cache
 def _known(kind: str, name: str) -> dict[str, str]:
     plugin = registry().find(kind, name)
-    mine = [p for p in presets(plugin.kind).values() if p.plugin == plugin.name]
-    return {_key(parameters(plugin, build(plugin, p.values))): p.name for p in reversed(mine)}
+    mine = reversed(presets(kind, name).values())
+    return {_key(parameters(plugin, build(plugin, preset.values))): preset.name for preset in mine}
 
 
 def _key(values: Mapping[str, Any]) -> str:
@@ -78,5 +88,4 @@ def resolve(kind: str, name: str) -> str:
     """The plugin behind a name: that of the preset, or of the plugin itself."""
     if name in registry().names(kind):
         return name
-    known = presets(kind)
-    return known[name].plugin if name in known else name
+    return _read(kind, name).plugin if kind != "metric" and name in names(kind) else name

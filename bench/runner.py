@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from .affinity import claim
 from .errors import UsageError
-from .forkserver import ForkServer, ServerDied
+from .forkserver import ForkServer, ServerDied, begun
 from .plan import Cell, Settings
 from .provenance import fingerprint, ingredients, memory_keys, provenance, source_digest
 from .store import COLUMNS, SCHEMA_VERSION, Record, Results
@@ -298,8 +298,10 @@ def server_for(cell: Cell, settings: Settings) -> ForkServer:
     while len(_servers) >= MAX_SERVERS:
         _servers.pop(next(iter(_servers))).close()
     preload = tuple(sorted({library for plugin in plugins for library in plugin.requires}))
-    _servers[key] = ForkServer(preload, settings.plugins, cell.threads)
-    return _servers[key]
+    server = begun(cell.threads)
+    server.load(preload, settings.plugins)
+    _servers[key] = server
+    return server
 
 
 def forget_servers() -> None:

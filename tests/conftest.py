@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import signal
@@ -9,7 +10,6 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Sequence
 from pathlib import Path
 
 import psutil
@@ -56,7 +56,10 @@ class Shell:
         )
 
     def call(self, *words: str, timeout: float = 120, **options) -> subprocess.CompletedProcess[str]:
-        """Run ``detailbench WORDS`` to its end."""
+        """Run ``detailbench WORDS`` to its end: in a fork of a process that has the imports, or, with any option of
+        :meth:`start`, from nothing."""
+        if not options:
+            return in_a_fork(list(map(str, words)), self.work, self.environment(), timeout)
         process = self.start(*words, **options)
         try:
             out, err = process.communicate(timeout=timeout)
@@ -64,14 +67,6 @@ class Shell:
             self.kill_all()
             raise
         return subprocess.CompletedProcess(process.args, process.returncode, out, err)
-
-    def call_each(self, *lines: Sequence[str]) -> list[subprocess.CompletedProcess[str]]:
-        """Run many ``detailbench WORDS``, each in a fork of a process that has imported what most of them need."""
-        given = (json.dumps([str(word) for word in line]) for line in lines)
-        done = self.call(*given, command=[sys.executable, str(FORKS)], timeout=300)
-        assert done.returncode == 0, done.stderr
-        answers = json.loads(done.stdout)
-        return [subprocess.CompletedProcess(line, *answer) for line, answer in zip(lines, answers, strict=True)]
 
     def run(self, *words: str, launcher: str = "basic", sweep: bool = True, plugins=(TOYS,), **options):
         """``detailbench run`` with the toy plugins, into this shell's results."""
@@ -139,6 +134,28 @@ class Shell:
     def files(self) -> list[Path]:
         """The files of finished cells."""
         return sorted(self.results.glob("cells/*/*.parquet"))
+
+
+@functools.cache
+def _forks() -> subprocess.Popen[str]:
+    """The process that answers commands in forks; it ends with this one, whose end of the pipe it reads."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # no threads that a fork would leave behind
+    return subprocess.Popen(
+        [sys.executable, str(FORKS)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, text=True
+    )
+
+
+def in_a_fork(
+    words: list[str], folder: Path, environment: dict[str, str], timeout: float
+) -> subprocess.CompletedProcess[str]:
+    """Run ``detailbench WORDS`` to its end, like :func:`subprocess.run`."""
+    forks = _forks()
+    request = {"words": words, "folder": str(folder), "environment": environment, "timeout": timeout}
+    print(json.dumps(request), file=forks.stdin, flush=True)
+    code, out, err = json.loads(forks.stdout.readline())
+    if code is None:
+        raise subprocess.TimeoutExpired(words, timeout, out, err)
+    return subprocess.CompletedProcess(words, code, out, err)
 
 
 @pytest.fixture

@@ -90,8 +90,7 @@ WRONG = {
 def answers(shells):
     """What each wrong command line was answered."""
     shell = shells("wrong")
-    done = shell.call_each(*(words for words, _ in WRONG.values()))
-    return shell, dict(zip(WRONG, done, strict=True))
+    return shell, {what: shell.call(*words) for what, (words, _) in WRONG.items()}
 
 
 @pytest.mark.parametrize("what", WRONG)

@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read, call the method in a child process, write; say what was made."""
     from ..application import apply
+    from ..forkserver import begin, threads_of
     from ..overrides import is_override
     from ..progress import Steps
 
@@ -44,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
     files = [w for w in args.words if not is_override(w)]
     if len(files) < 2:
         raise UsageError(f"expected an INPUT and an OUTPUT file, got {', '.join(files) or 'none'}")
+    begin(threads_of(overrides))
     job = job_of(overrides, files, plugins)
     with Steps(f"{job.method.label}") as steps:
         result = apply(job, steps.event)

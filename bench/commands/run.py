@@ -22,7 +22,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from .. import sweep
+from .. import forkserver, sweep
 from ..cli import add_plugin_argument
 from ..errors import UsageError, did_you_mean
 from ..listing import listing
@@ -52,6 +52,8 @@ def run(args: argparse.Namespace) -> int:
     total = plan_size(overrides, multirun)
     results = Results(results_folder(overrides))
     results.prepare()
+    if not any(word.lstrip("+~").startswith("hydra") for word in args.rest):  # no launcher, no environment of jobs
+        forkserver.begin(forkserver.threads_of(overrides))
     session = sweep.Session.new(results.folder)
     private = [f"session='{session.name}'", *([f"plugins={_hydra_list(plugins)}"] if plugins else [])]
     with session.open():
