@@ -219,21 +219,26 @@ def representatives(batch: Sequence[Sequence[str]]) -> list[Sequence[str]]:
 
 
 @contextlib.contextmanager
-def _short_validation() -> Iterator[None]:
-    """Hydra composes every job of a sweep once before the first starts, which takes minutes for thousands.
+def _few_compositions(mode_is_known: bool) -> Iterator[None]:
+    """Let Hydra compose less often.
 
-    A job that is the only one says itself what is wrong with it.
+    It composes every job of a sweep once before the first starts, which takes minutes for thousands, and all but the
+    swept words only to see whether ``hydra.mode`` says that this is a sweep, which the front door has found out. A job
+    that is the only one says itself what is wrong with it.
     """
+    from hydra._internal.hydra import Hydra
     from hydra.plugins.sweeper import Sweeper
 
-    original = Sweeper.validate_batch_is_legal
-    Sweeper.validate_batch_is_legal = lambda self, batch: original(
+    validate, get_mode = Sweeper.validate_batch_is_legal, Hydra.get_mode
+    Sweeper.validate_batch_is_legal = lambda self, batch: validate(
         self, representatives(batch) if len(batch) > 1 else ()
     )
+    if mode_is_known:
+        Hydra.get_mode = lambda self, config_name, overrides: None
     try:
         yield
     finally:
-        Sweeper.validate_batch_is_legal = original
+        Sweeper.validate_batch_is_legal, Hydra.get_mode = validate, get_mode
 
 
 def launch(overrides: list[str], multirun: bool) -> int:
@@ -257,7 +262,7 @@ def launch(overrides: list[str], multirun: bool) -> int:
     sys.argv = ["detailbench", *(["--multirun"] if multirun else []), *overrides]
     os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise Hydra prints a traceback of its own and ends the process
     try:
-        with _short_validation():
+        with _few_compositions(mode_is_known=not any(word.startswith("hydra.") for word in overrides)):
             hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 1
