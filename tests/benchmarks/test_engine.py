@@ -11,7 +11,7 @@ import pytest
 
 from bench.store import Results
 
-CELLS = 40 if "DETAILBENCH_SHORT" in os.environ else 200  # `make test` is short, `make bench` is not
+CELLS = 28 if "DETAILBENCH_SHORT" in os.environ else 200  # `make test` is short, `make bench` is not
 PART = CELLS // 4
 PLUGIN = Path(__file__).with_name("nothing.py")
 

@@ -20,7 +20,7 @@ from bench.registry import registry
 SHORT = "DETAILBENCH_SHORT" in os.environ
 ROUNDS = 3 if SHORT else 9
 LEAST_STEP = 1.5
-SECONDS = 20 if SHORT else 60  # of siren
+SECONDS = 12 if SHORT else 60  # of siren
 LEAST_SOONER = 5
 CHUNK = 2048
 

@@ -101,8 +101,9 @@ def seconds(figures):
 
 @pytest.mark.slow
 def test_ten_times_as_many_cells(tmp_path):
-    # `make test` takes 250 and 2,500 cells, `make bench` 1,000 and 10,000.
-    seeds = 5 if "DETAILBENCH_SHORT" in os.environ else 20
+    # `make test` takes 150 and 1,500 cells, `make bench` 1,000 and 10,000.
+    short = "DETAILBENCH_SHORT" in os.environ
+    seeds = 3 if short else 20
     assert write_cells(tmp_path / "few", datasets=5, seeds=seeds) == 50 * seeds
     assert write_cells(tmp_path / "many", datasets=25, seeds=2 * seeds) == 500 * seeds
     small, first, second = measure(tmp_path / "few"), measure(tmp_path / "many"), measure(tmp_path / "many")
@@ -111,5 +112,6 @@ def test_ten_times_as_many_cells(tmp_path):
     assert first["rows"] == second["rows"] == 500 * seeds * CASES
     assert first["lines"] == second["lines"] == 25 * METHODS * len(METRICS)
     assert seconds(first) <= 12 * seconds(small)
-    assert seconds(first) >= 5 * seconds(second)
+    assert first["read"] >= 10 * second["read"]
+    assert short or seconds(first) >= 5 * seconds(second)  # of few cells the table takes longest
     assert max(first["peak"], second["peak"]) < 500
