@@ -131,8 +131,8 @@ _begun: list[ForkServer] = []
 def begin(threads: int) -> None:
     """Start a server before it is known what it will serve: it imports while this process reads its configs.
 
-    Of use where there is a second processor only. The one that asks :func:`begun` for as many threads gets it;
-    otherwise it ends with this process.
+    Of use where there is a second processor only. The first that asks :func:`begun` for as many threads gets it;
+    otherwise it is ended then, or with this process.
     """
     if len(available()) > 1 and not _begun:
         _begun.append(ForkServer(threads))
@@ -140,9 +140,10 @@ def begin(threads: int) -> None:
 
 
 def begun(threads: int) -> ForkServer:
-    """The server that was begun for so many threads, or a new one."""
+    """The server that was begun, if it is for so many threads, or a new one."""
     if _begun and _begun[0].threads == threads:
         return _begun.pop()
+    _end_begun()
     return ForkServer(threads)
 
 

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from bench import forkserver
 from bench.errors import BadInput, InvalidOutput, MissingLibrary
 from bench.meter import Meter
 from bench.run import Run
@@ -140,3 +141,36 @@ def test_a_torch_generator_follows_the_seed():
 
     first, again, other = (torch.rand(4, generator=Run(seed=s).torch_generator()) for s in (1, 1, 2))
     assert torch.equal(first, again) and not torch.equal(first, other)
+
+
+@pytest.mark.parametrize(
+    ("words", "threads"),
+    [((), 1), (("threads=3",), 3), (("threads=2,4", "seed=1"), 2), (("threads=1", "threads=2"), 2)]
+    + [((f"threads={word}",), 1) for word in ("0", "-2", "many", "", "range(1,3)")],
+)
+def test_the_threads_that_words_ask_for_first(words, threads):
+    assert forkserver.threads_of(words) == threads
+
+
+def test_a_server_that_was_begun_is_had_once_and_for_its_threads_only(monkeypatch):
+    monkeypatch.setattr(forkserver, "available", lambda: [0, 1])
+    forkserver.begin(2)
+    (early,) = forkserver._begun
+    forkserver.begin(2)  # there is one already
+    assert forkserver.begun(2) is early
+    forkserver.begin(2)
+    (unused,) = forkserver._begun
+    other = forkserver.begun(1)
+    assert other.threads == 1
+    assert unused._process.returncode is not None  # ended, for nobody will ask for it
+    assert forkserver._begun == []
+    other.load((), ())
+    for server in (early, other):
+        server.close()
+        assert server._process.returncode is not None
+
+
+def test_one_processor_imports_nothing_in_advance(monkeypatch):
+    monkeypatch.setattr(forkserver, "available", lambda: [0])
+    forkserver.begin(1)
+    assert forkserver._begun == []
