@@ -74,6 +74,8 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
         solver, promised = method.build(), task.build()
         inputs, frame = promised.read(call["inputs"])
         meter = Meter(spec["memory_gb"], call["device"])
+        stage = "prepare"
+        channel.send("begin", index=0, stage=stage)
         prepare(solver)
         run = _run(spec, channel)
         stage = "method"

@@ -5,6 +5,7 @@ It behaves the same under every launcher: a launcher only decides in which proce
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -99,20 +100,24 @@ def finished_rows(
         return {}, stored
     rows = stored.rows if stored else []
     rows = rows + results.partial_rows(cell.id, mark)
-    return {row["case_index"]: row for row in rows if not _must_rerun(row, settings)}, stored
+    before = stored.meta["settings"]["limit"] if stored else {}
+    return {row["case_index"]: row for row in rows if not _must_rerun(row, settings, before)}, stored
 
 
-def _must_rerun(row: Mapping[str, Any], settings: Settings) -> bool:
+def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str, float]) -> bool:
     """Whether a stored row should be made anew: a limit was raised, a library may be there now, or it is asked for.
 
     A row with a note counts as one that the limit cut short: what a method left out for want of time may fit now.
+    ``before`` are the limits that its cell was last run under, for those that are no columns.
     """
     limit, noted = settings.limit, row["status"] == "ok" and bool(row.get("message"))
+    off_the_clock = row["status"] == "timeout" and row.get("stage") != "method"
     return (
         row["status"] == "skipped"
         or row.get("stage") == "plan"
         or (settings.rerun == "failed" and row["status"] != "ok")
         or ((noted or row["status"] == "timeout") and limit.seconds > (row.get("limit_seconds") or 0))
+        or (off_the_clock and limit.setup_seconds > before.get("setup_seconds", math.inf))
         or (row["status"] == "oom" and limit.memory_gb > (row.get("limit_memory_gb") or 0))
     )
 

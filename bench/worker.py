@@ -78,6 +78,7 @@ class _Session:
         self.cell = Cell.from_json(spec["cell"])
         self.done = set(spec["done"])  # indices of cases that need not be run
         self.meter = Meter(spec["memory_gb"], self.cell.device)
+        self.stage = "plan"
         # All that is remembered depends on the dataset; what depends on more says so where it is remembered.
         self.memo = Memo(Path(spec["cache"]), spec["keys"]["dataset"], spec["cache_gb"])
 
@@ -119,33 +120,36 @@ class _Session:
 
     def run_case(self, index: int, recipe: Any, task: Any) -> dict[str, Any]:
         """The row of one case; whatever is raised on the way is its status."""
-        stage, cell = "case", self.cell
+        cell = self.cell
         row: dict[str, Any] = {}
         try:
-            self.channel.send("begin", index=index, stage=stage)
+            self.enter("case", index)
             case = recipe.build()
             case._memo = self.memo.at("case", cell.split, cell.seed, case.id)
             row["tags"] = ",".join(case.tags)
             row |= conditions(task, case)
-            stage = "method"
             output = self.call_method(index, case, task, row)
             task.validate(output, case.input)
-            stage = "score"
-            self.channel.send("begin", index=index, stage=stage)
+            self.enter("score", index)
             row |= sizes(output) | self.score(output, case)
             row["output"] = self.keep(index, case, output)
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
                 os._exit(1)
-            return row | {"stage": stage} | failure(error, stage)
+            return row | {"stage": self.stage} | failure(error, self.stage)
         return {"message": ""} | row | {"status": "ok", "stage": "", "traceback": ""}
+
+    def enter(self, stage: str, index: int) -> None:
+        """What is done from now on, for the runner, which watches the limits, and for the row."""
+        self.stage = stage
+        self.channel.send("begin", index=index, stage=stage)
 
     def call_method(self, index: int, case: Case, task: Any, row: dict[str, Any]) -> Any:
         """The output of the method; into the row goes what clock and memory say of that call alone."""
         cell = self.cell
+        self.enter("prepare", index)
         cell.method.plugin.require()
         method = cell.method.build()
-        self.channel.send("begin", index=index, stage="prepare")
         prepare(method)
         seed = int(generator(cell.seed, case.id, "run").integers(2**31))
         seed_globals(seed)
@@ -159,7 +163,7 @@ class _Session:
             on_trace=lambda output, seconds: self.traced(output, seconds, case, task, trace),
             on_distances=(lambda points: self.distances(points, case)) if len(case.reference.mesh.faces) else None,
         )
-        self.channel.send("begin", index=index, stage="method")
+        self.enter("method", index)
         try:
             with self.meter:
                 run._started, run._paused = time.perf_counter(), 0.0
@@ -255,7 +259,7 @@ def failure(error: BaseException, stage: str) -> dict[str, str]:
         status, message = "invalid", text
     elif isinstance(error, MemoryError) or _is_out_of_memory(error):
         status, message = "oom", f"{message} (past the memory limit)"
-    elif isinstance(error, ImportError) and stage in ("method", "plan") and not _is_ours(error):
+    elif isinstance(error, ImportError) and stage in ("method", "prepare", "plan") and not _is_ours(error):
         missing = error if isinstance(error, MissingLibrary) else missing_library(error)
         status, message = "skipped", str(missing)
     elif isinstance(error, (BadInput, UsageError)):

@@ -181,6 +181,28 @@ def test_a_raised_limit_runs_the_timeouts_again_and_nothing_else(shell):
     assert list(shell.rows()["status"]) == ["ok"] * 3
 
 
+def test_a_method_may_fail_and_take_too_long_before_it_is_called(shell):
+    """What it does there is off the clock, has a limit of its own, and is tried again where that was raised."""
+    words = ("method=prepared", "cases=2", "limit.seconds=1")
+    assert shell.run(*words, "method.fail=true", sweep=False).returncode == 3
+    failed = shell.rows()
+    assert list(failed["status"]) == ["error", "error"]
+    assert list(failed["stage"]) == ["prepare", "prepare"]
+    assert set(failed["message"]) == {"OSError: no weights can be had"}
+    slow = (*words, "method.take=1.5")
+    assert shell.run(*slow, "limit.setup_seconds=1", sweep=False).returncode == 3
+    late = shell.rows(variant="take=1.5")
+    assert list(late["status"]) == ["timeout", "timeout"]
+    assert set(late["message"]) == {"preparing the method took longer than limit.setup_seconds=1"}
+    same = shell.run(*slow, "limit.setup_seconds=1", sweep=False)
+    assert "0 run now, 2 there already" in same.stderr
+    assert shell.calls() == []
+    more = shell.run(*slow, "limit.setup_seconds=60", sweep=False)
+    assert more.returncode == 0, more.stderr
+    assert list(shell.rows(variant="take=1.5")["status"]) == ["ok", "ok"]
+    assert (shell.rows(variant="take=1.5")["seconds"] < 1).all()
+
+
 def test_rerun_failed_and_always(shell):
     from test_faults_methods import MISBEHAVING
 

@@ -74,6 +74,24 @@ def called(name: str, cloud: PointCloud, run: Run, seed: int = 0) -> int:
 
 @register("method")
 @dataclass(frozen=True)
+class Prepared:
+    """Takes its time, or fails, before it is called."""
+
+    take: float = 0.0  # seconds
+    fail: bool = False
+
+    def prepare(self) -> None:
+        time.sleep(self.take)
+        if self.fail:
+            raise OSError("no weights can be had")
+
+    def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
+        called("prepared", cloud, run)
+        return cloud
+
+
+@register("method")
+@dataclass(frozen=True)
 class Fine:
     """Does nothing, well."""
 
