@@ -218,6 +218,11 @@ def representatives(batch: Sequence[Sequence[str]]) -> list[Sequence[str]]:
     return chosen
 
 
+def is_hydras(override: str) -> bool:
+    """Whether an override is about Hydra itself: its launcher, say."""
+    return override.lstrip("+~").startswith("hydra")
+
+
 @contextlib.contextmanager
 def _few_compositions(mode_is_known: bool) -> Iterator[None]:
     """Let Hydra compose less often.
@@ -262,7 +267,7 @@ def launch(overrides: list[str], multirun: bool) -> int:
     sys.argv = ["detailbench", *(["--multirun"] if multirun else []), *overrides]
     os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise Hydra prints a traceback of its own and ends the process
     try:
-        with _few_compositions(mode_is_known=not any(word.startswith("hydra.") for word in overrides)):
+        with _few_compositions(mode_is_known=not any(is_hydras(word) for word in overrides)):
             hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 1

@@ -56,8 +56,10 @@ class Shell:
         )
 
     def call(self, *words: str, timeout: float = 120, **options) -> subprocess.CompletedProcess[str]:
-        """Run ``detailbench WORDS`` to its end: in a fork of a process that has the imports, or, with any option of
-        :meth:`start`, from nothing."""
+        """Run ``detailbench WORDS`` to its end.
+
+        In a fork of a process that has the imports; with an option of :meth:`start`, from nothing.
+        """
         if not options:
             return in_a_fork(list(map(str, words)), self.work, self.environment(), timeout)
         process = self.start(*words, **options)

@@ -100,6 +100,24 @@ def test_an_experiment_that_is_a_sweep_takes_several_values(shell):
     assert "2 cells, 2/2 cases solved" in done.stderr
 
 
+@pytest.mark.parametrize("words", [("method=fine",), ("experiment=demo",), ("method=fine", "--resolve")])
+def test_a_config_is_shown_and_nothing_is_run(shell, words):
+    done = shell.run(*words, "threads=3", "--cfg", "job", sweep=False)
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    assert {"threads: 3", "cases: 2", "session: none"} <= set(done.stdout.splitlines())
+    assert not shell.results.exists()
+    assert not list(shell.work.iterdir())
+
+
+@pytest.mark.parametrize("flag", ["--hydra-help", "--info"])
+def test_hydra_tells_of_itself(shell, flag):
+    done = shell.call("run", flag)
+    assert done.returncode == 0, done.stderr
+    assert "Hydra" in done.stdout or "hydra" in done.stdout
+    assert not list(shell.work.iterdir())
+
+
 def test_a_sweep_over_methods_takes_a_parameter_that_the_default_method_lacks(shell):
     done = shell.run("method=jet,bilateral", "method.k=9", "sensor=samples", "sensor.count=300", "cases=1")
     assert done.returncode == 0, done.stderr

@@ -30,7 +30,7 @@ NOT_OURS = {"build", "dist", "results", "outputs", "multirun", "__pycache__"}
 
 # Who may import whom: a module imports its own floor and those below. From the top to the ground.
 FLOORS = (
-    "cli commands sweep __main__",
+    "cli commands sweep hydra_flags __main__",
     "overview",
     "leaderboard selection report statistics runner isolate application conformance testing templates progress catalog "
     "listing",

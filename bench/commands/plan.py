@@ -27,12 +27,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compose every job, look each cell up, print the table."""
     from ..config import enumerate_jobs, is_sweep
+    from ..hydra_flags import split_words
     from ..overrides import check_overrides
     from ..store import Results
-    from .run import results_folder, split_words
+    from .run import results_folder
 
     plugins = load_plugins(args.plugin)
-    overrides, _ = split_words(args.rest)
+    overrides, flags = split_words(args.rest)
+    if flags:
+        raise UsageError(f"{flags[0]}: no option of plan; `detailbench run {' '.join(flags)} ...` shows a config")
     multirun = args.multirun or is_sweep(overrides)
     check_overrides(overrides, multirun=multirun)
     results = Results(results_folder(overrides))

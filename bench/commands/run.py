@@ -9,7 +9,8 @@
 Everything after the options is a Hydra override. The keys: task, dataset, sensor, method, metric (plugins, with their
 parameters behind a dot), seed, cases, split, threads, device, results, outputs=none|first|all,
 rerun=never|failed|always, convention (a paper's metrics, printed as its columns), limit.seconds, limit.memory_gb,
-limit.setup_seconds, profile=quick|study|paper, experiment, verbose.
+limit.setup_seconds, profile=quick|study|paper, experiment, verbose. `--cfg job` shows them all as they would be, and
+runs nothing.
 
 A finished case is never run twice: start the same command again after an interruption, or with more methods, and it
 goes on from there. `detailbench plan ...` with the same words says what would be run.
@@ -24,7 +25,8 @@ from typing import Any
 
 from .. import forkserver, sweep
 from ..cli import add_plugin_argument
-from ..errors import UsageError, did_you_mean
+from ..errors import UsageError
+from ..hydra_flags import split_words
 from ..listing import listing
 from ..overrides import check_overrides
 from ..progress import Bars, Lines
@@ -48,11 +50,13 @@ def run(args: argparse.Namespace) -> int:
     listing()  # kept for this start and the next: the processes below import only what they need
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
+    if flags:
+        return show_config(flags, overrides, args.multirun)
     multirun = args.multirun or is_sweep(overrides)
     total = plan_size(overrides, multirun)
     results = Results(results_folder(overrides))
     results.prepare()
-    if not any(word.lstrip("+~").startswith("hydra") for word in args.rest):  # no launcher, no environment of jobs
+    if not any(sweep.is_hydras(word) for word in overrides):  # no launcher, no environment of jobs
         forkserver.begin(forkserver.threads_of(overrides))
     session = sweep.Session.new(results.folder)
     private = [f"session='{session.name}'", *([f"plugins={_hydra_list(plugins)}"] if plugins else [])]
@@ -60,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
         interrupted = False
         try:
             words = settled_by_job(overrides) if multirun else overrides
-            code = _launch([*flags, *words, *private], multirun, total)
+            code = _launch([*words, *private], multirun, total)
         except KeyboardInterrupt:
             code, interrupted = 130, True
         finally:
@@ -77,6 +81,14 @@ def run(args: argparse.Namespace) -> int:
         )
         return 130
     return _report(args, results, done, cells, code, overrides)
+
+
+def show_config(flags: list[str], overrides: list[str], multirun: bool) -> int:
+    """Let Hydra show what its flags ask for; nothing is run or written."""
+    if multirun:
+        raise UsageError(f"{flags[0]} shows the config of one run: leave out -m, and give each key one value")
+    check_overrides(overrides, multirun=False)
+    return sweep.launch([*flags, *overrides], multirun=False)
 
 
 def _launch(overrides: list[str], multirun: bool, total: int | None) -> int:
@@ -104,7 +116,7 @@ def _report(
             print(f"error: {entry['title']}: {entry['message']}", file=sys.stderr)
             code = code or 1
     if not cells:
-        return code or (0 if any(w.startswith("--") for w in args.rest) else 1)
+        return code or 1
     if not args.no_leaderboard:
         from .leaderboard import show
 
@@ -123,32 +135,6 @@ def _report(
         file=sys.stderr,
     )
     return code or (0 if solved == planned else 3)
-
-
-HYDRA_FLAGS = ("--cfg", "--resolve", "--package", "--info", "--hydra-help")
-
-
-def split_words(words: list[str]) -> tuple[list[str], list[str]]:
-    """Overrides, and flags that Hydra knows.
-
-    Raises
-    ------
-    UsageError
-        For any other flag, with the nearest right one.
-    """
-    overrides: list[str] = []
-    flags: list[str] = []
-    for word in words:
-        if flags and flags[-1] in ("--cfg", "--package", "--info") and "=" not in word and not word.startswith("-"):
-            flags.append(word)  # the flag's value
-        elif not word.startswith("-"):
-            overrides.append(word)
-        elif word.partition("=")[0] in HYDRA_FLAGS:
-            flags.append(word)
-        else:
-            known = ("-m", "--multirun", "--plugin", "--no-leaderboard", "--help", *HYDRA_FLAGS)
-            raise UsageError(f"unknown option {word!r}. {did_you_mean(word, known)}")
-    return overrides, flags
 
 
 def results_folder(overrides: list[str]) -> str:
