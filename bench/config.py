@@ -114,7 +114,7 @@ def hydra_message(error: BaseException) -> str:
     for launcher, extra in (("joblib", "joblib"), ("submitit", "slurm"), ("ray", "ray")):
         if f"hydra/launcher/{launcher}" in parts[0]:
             lines.append(f'This launcher is an extra: pip install "detailbench[{extra}]"')
-    return "\n".join(line for line in lines if line.strip() and "append with" not in line and "prepend" not in line)
+    return "\n".join(line for line in lines if line.strip() and "append" not in line and "prepend" not in line)
 
 
 def is_sweep(overrides: Sequence[str]) -> bool:

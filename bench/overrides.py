@@ -64,10 +64,28 @@ def _parse(overrides: Sequence[str]) -> list[Any]:
 
 def _values(override: Any) -> list[Any]:
     """The values of an override: one, those of a sweep, or those of a list."""
+    from hydra.core.override_parser.types import Glob
+
+    if isinstance(override.value(), Glob):
+        return _matching(override)
+    if override.is_interval_sweep():
+        raise UsageError(f"{override.input_line}: an interval has no end of values; list some, or use range(...)")
     if override.is_sweep_override() and override.is_choice_sweep():
         return [_text(v) for v in override.value().list]
     value = override.value()
     return [_text(v) for v in value] if isinstance(value, list) else [_text(value)]
+
+
+def _matching(override: Any) -> list[str]:
+    """The plugins and presets that ``method=glob(p*)`` means."""
+    group = override.key_or_group
+    if group not in GROUPS:
+        raise UsageError(f"{override.input_line}: glob() is for names of plugins; list the values of {group}")
+    known = {*presets.names(group), *(registry().names(group) if group in KINDS else ())}
+    found = override.value().filter(sorted(known))
+    if not found:
+        raise UsageError(f"{override.input_line}: no {group} matches. Known: {', '.join(sorted(known))}")
+    return found
 
 
 def _text(value: Any) -> Any:

@@ -118,6 +118,14 @@ def test_hydra_tells_of_itself(shell, flag):
     assert not list(shell.work.iterdir())
 
 
+def test_a_glob_is_all_methods_of_that_name(shell):
+    words = ("method=glob(id*tity)", "method.nothing=1")
+    assert "identity has no parameter 'nothing'" in shell.run(*words).stderr
+    done = shell.run("method=glob(fin*)", "cases=1")
+    assert done.returncode == 0, done.stderr
+    assert set(shell.rows()["method"]) == {"fine"}
+
+
 def test_a_sweep_over_methods_takes_a_parameter_that_the_default_method_lacks(shell):
     done = shell.run("method=jet,bilateral", "method.k=9", "sensor=samples", "sensor.count=300", "cases=1")
     assert done.returncode == 0, done.stderr
