@@ -100,15 +100,14 @@ WRONG = {
 
 
 @pytest.fixture(scope="module")
-def answers(shells):
-    """What each wrong command line was answered."""
-    shell = shells("wrong")
-    return shell, {what: shell.call(*words) for what, (words, _) in WRONG.items()}
+def there(shells):
+    """Where all of them are said."""
+    return shells("wrong")
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_wrong_words_get_one_message_with_the_right_ones(answers, what):
-    done = answers[1][what]
+def test_wrong_words_get_one_message_with_the_right_ones(there, what):
+    done = there.call(*WRONG[what][0])
     assert done.returncode == 1, done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr, done.stderr
     assert "HYDRA_FULL_ERROR" not in done.stderr
@@ -118,9 +117,9 @@ def test_wrong_words_get_one_message_with_the_right_ones(answers, what):
     assert len(done.stderr.strip().splitlines()) <= 4
 
 
-def test_wrong_words_run_nothing_and_write_nothing(answers):
-    shell, _ = answers
-    assert shell.calls() == []
-    assert list(shell.work.rglob("*.parquet")) == []
-    assert {p.name for p in shell.work.iterdir()} <= {"results"}  # never outputs/ or multirun/
-    assert not shell.left_over()
+def test_wrong_words_run_nothing_and_write_nothing(there):
+    """Of all that was said before this test."""
+    assert there.calls() == []
+    assert list(there.work.rglob("*.parquet")) == []
+    assert {p.name for p in there.work.iterdir()} <= {"results"}  # never outputs/ or multirun/
+    assert not there.left_over()
