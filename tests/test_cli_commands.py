@@ -409,6 +409,16 @@ def test_check_judges_by_name_and_as_json(shell):
     assert {entry["plugin"] for entry in report} == {"method identity"}
 
 
+def test_check_takes_a_preset(shell):
+    done = shell.call("check", "noisy", "--json")
+    assert done.returncode == 0, done.stderr
+    assert {entry["plugin"] for entry in json.loads(done.stdout)} == {"sensor noisy"}
+    refused = shell.call("check", "noisy", "sensor.source.count=-1")
+    assert refused.returncode == 1
+    assert "count" in refused.stderr  # a parameter of the plugin behind it
+    assert "Did you mean 'noisy'" in shell.call("check", "nosiy").stderr
+
+
 def test_check_with_other_parameters_and_limits(shell):
     done = shell.call("check", "--plugin", TOYS, "fine", "method.take=5", "limit.seconds=0.5")
     assert done.returncode == 3, done.stderr

@@ -2,6 +2,7 @@
 
   detailbench check my_method.py        every plugin in the file
   detailbench check poisson jet         plugins by name
+  detailbench check poisson_9           a plugin with the parameters of a preset
   detailbench check siren method.steps=50 method.resolution=64    with other parameters, for instance a short training
 
 Every trial runs in a child process: a plugin that crashes or hangs is a failed check. It hangs when it takes longer
@@ -21,6 +22,7 @@ from typing import Any
 from ..cli import add_plugin_argument
 from ..config import Limits
 from ..errors import UsageError, did_you_mean
+from ..presets import presets
 from ..registry import KINDS, Plugin, load_plugins, registry
 
 MARKS = {"ok": "ok  ", "warn": "warn", "fail": "FAIL"}
@@ -54,14 +56,14 @@ def run(args: argparse.Namespace) -> int:
             if not args.json:
                 print(f"{MARKS['fail']}  {broken.origin}: {broken.reason}\n{broken.details}")
     plugins = _plugins(what, files, already=bool(report))
-    _refuse_foreign(overrides, plugins)
-    given = [settings(plugin, overrides) for plugin in plugins]
-    for plugin, (values, limit) in zip(plugins, given, strict=True):
+    _refuse_foreign(overrides, [plugin for plugin, _ in plugins])
+    given = [settings(plugin, name, overrides) for plugin, name in plugins]
+    for (plugin, name), (values, limit) in zip(plugins, given, strict=True):
         if not args.json:
-            print(f"{plugin.kind} {plugin.name} ({plugin.file})")
+            print(f"{plugin.kind} {name} ({plugin.file})")
         for check in check_plugin(plugin, loaded, values, limit):
             failed = failed or check.verdict == "fail"
-            report.append({"plugin": f"{plugin.kind} {plugin.name}", "check": check.name} | vars(check))
+            report.append({"plugin": f"{plugin.kind} {name}", "check": check.name} | vars(check))
             if not args.json:
                 print(f"  {MARKS[check.verdict]}  {check.name}{': ' if check.detail else ''}{check.detail}")
                 sys.stdout.flush()
@@ -82,8 +84,8 @@ def _refuse_foreign(overrides: Sequence[str], plugins: Sequence[Plugin]) -> None
             raise UsageError(f"{word}: expected limit.seconds=..., or for what is checked here: {known}")
 
 
-def settings(plugin: Plugin, overrides: Sequence[str]) -> tuple[dict[str, Any], Limits]:
-    """The parameters of a plugin and the limits of its trials, as the words ``overrides`` have them."""
+def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[str, Any], Limits]:
+    """The parameters of a plugin, or of its preset called ``name``, and the limits, as the words have them."""
     from omegaconf import OmegaConf
 
     from ..config import compose
@@ -93,9 +95,11 @@ def settings(plugin: Plugin, overrides: Sequence[str]) -> tuple[dict[str, Any], 
 
     limits = [word for word in overrides if word.lstrip("+").startswith("limit.")]
     own = [word for word in overrides if word.lstrip("+").startswith(f"{plugin.kind}.")]
+    if own or name != plugin.name:
+        own = [f"{plugin.kind}={name}", *own]
     if not (limits or own):
         return {}, LIMIT
-    words = [*([f"{plugin.kind}={plugin.name}"] if own else []), *own, *limits]
+    words = [*own, *limits]
     check_overrides(words, multirun=False)
     values = OmegaConf.to_container(compose(words), resolve=True)
     parameters = values[plugin.kind] if own else {}
@@ -105,19 +109,21 @@ def settings(plugin: Plugin, overrides: Sequence[str]) -> tuple[dict[str, Any], 
     return parameters, replace(LIMIT, **{name: values["limit"][name] for name in said})
 
 
-def _plugins(what: list[str], files: list[str], already: bool) -> list[Plugin]:
-    """The plugins of the files, and those named."""
+def _plugins(what: list[str], files: list[str], already: bool) -> list[tuple[Plugin, str]]:
+    """The plugins of the files, and those named, with the names that they or their presets have."""
     everything = [p for kind in KINDS for p in registry().all(kind)]
+    known = {(p.kind, p.name): presets(p.kind, of=p.name) for p in everything}
     chosen = []
     for word in what:
         if word in files:
             path = Path(word).expanduser().resolve()
-            found = [p for p in everything if p.file == path]
+            found = [(p, p.name) for p in everything if p.file == path]
             if not found and not already:
                 raise UsageError(f"{word}: registers no plugin; decorate a class with @register(...) from bench")
         else:
-            found = [p for p in everything if p.name == word]
+            found = [(p, word) for p in everything if p.name == word or word in known[p.kind, p.name]]
             if not found:
-                raise UsageError(f"no plugin is called {word!r}. {did_you_mean(word, [p.name for p in everything])}")
+                names = [*(p.name for p in everything), *(name for some in known.values() for name in some)]
+                raise UsageError(f"no plugin is called {word!r}. {did_you_mean(word, names)}")
         chosen.extend(p for p in found if p not in chosen)
     return chosen
