@@ -60,11 +60,12 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
 
 def call(spec: Mapping[str, Any], channel: Channel) -> None:
     """The worker's side: read, call, validate, write."""
+    from .geometry.files import check_target
     from .meter import Meter
     from .worker import check_device, failure, plain, prepare
 
     call = spec["arguments"]
-    stage = "case"
+    stage = "prepare"
     try:
         channel.send("begin", index=0, stage=stage)
         task, method = Choice(**call["task"]), Choice(**call["method"])
@@ -72,6 +73,9 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
         if call["device"] != "cpu":
             check_device(call["device"])
         solver, promised = method.build(), task.build()
+        check_target(call["output"], promised.output)  # nobody should wait for what cannot be written
+        stage = "case"
+        channel.send("begin", index=0, stage=stage)
         inputs, frame = promised.read(call["inputs"])
         meter = Meter(spec["memory_gb"], call["device"])
         stage = "prepare"

@@ -266,7 +266,8 @@ def failure(error: BaseException, stage: str) -> dict[str, str]:
         message = text
     elif isinstance(error, SystemExit):
         message = f"called sys.exit({error.code!r})"
-    trace = "" if status in ("invalid", "skipped") else "".join(traceback.format_exception(error))
+    told = status in ("invalid", "skipped") or isinstance(error, (BadInput, UsageError))  # by the message, wholly
+    trace = "" if told else "".join(traceback.format_exception(error))
     return {"status": status, "message": message + notes, "traceback": trace}
 
 

@@ -321,7 +321,7 @@ def test_apply_says_that_there_is_no_gpu(shell, cloud_file, monkeypatch):
 
 
 BAD_METHODS = {
-    "raises_always": ("raise ArithmeticError('no pivot')", "error: ArithmeticError: no pivot"),
+    "raises_always": ("raise ArithmeticError('no pivot')", "ArithmeticError: no pivot"),
     "dies": ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crashed: killed by SIGSEGV"),
     "hangs": ("while True: pass", "timeout: stopped after 1 s"),
     "returns_none": ("return None", "invalid: promised a PointCloud"),
@@ -370,6 +370,17 @@ def test_apply_refuses_poor_files_by_name(shell, cloud_file, words, said):
     for word in said:
         assert word in done.stderr
     assert not list(shell.work.glob("out.*"))
+
+
+@pytest.mark.parametrize("output", ["out.docx", "out", "folder.xyz", "/proc/out.xyz"])
+def test_apply_refuses_an_output_that_cannot_be_written_before_it_is_made(shell, cloud_file, output):
+    (shell.work / "folder.xyz").mkdir()
+    before = sorted(shell.work.iterdir())
+    done = shell.call("apply", "--plugin", TOYS, "method=fine", "scan.xyz", output)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"error: fine: {output}: ")
+    assert shell.calls() == []
+    assert sorted(shell.work.iterdir()) == before
 
 
 # -- new and check -----------------------------------------------------------------------------------------------------

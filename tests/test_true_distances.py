@@ -142,7 +142,7 @@ def test_a_file_of_one_s_own_has_no_truth(ran):
     words = ("apply", "--plugin", plugin, "method=told", "ball.ply", "out.ply")
     refused = shell.call(*words)
     assert refused.returncode != 0 and "Traceback" not in refused.stdout
-    assert "told: error: true distances: there is no reference here" in refused.stderr
+    assert "told: true distances: there is no reference here" in refused.stderr
     assert not (shell.work / "out.ply").exists()
     done = shell.call(*words, "method.asks=false")
     assert done.returncode == 0, done.stderr

@@ -52,7 +52,8 @@ def run(args: argparse.Namespace) -> int:
     if result["status"] != "ok":
         if args.plugin and result.get("traceback"):
             print(result["traceback"], file=sys.stderr)
-        raise DetailbenchError(f"{job.method.label}: {result['status']}: {result['message']}")
+        status = "" if result["status"] in ("error", "skipped") else f"{result['status']}: "
+        raise DetailbenchError(f"{job.method.label}: {status}{result['message']}")
     print(f"{' '.join(files[:-1])} ({result['input']}) -> {job.output} ({result['output']})")
     print(f"{job.method.label}: {result['seconds']:.3g} s, peak {result['peak_rss_mb']:.0f} MB")
     if result["message"]:

@@ -7,14 +7,15 @@ degenerate faces among good ones.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import re
 import uuid
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -86,26 +87,46 @@ def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
         If the suffix is not one of these, or the file cannot be written.
     """
     path = Path(path)
-    writers = CLOUD_WRITERS if isinstance(geometry, PointCloud) else MESH_WRITERS
+    content = _writer(path, "cloud" if isinstance(geometry, PointCloud) else "mesh")(geometry)
+    with _beside(path) as temporary:
+        temporary.write_bytes(content)
+        os.replace(temporary, path)
+
+
+def check_target(path: str | Path, kind: str) -> None:
+    """Raise :class:`UsageError` where :func:`save` would, for a ``"mesh"`` or a ``"cloud"``, before it is made."""
+    path = Path(path)
+    _writer(path, kind)
+    if path.is_dir():
+        raise UsageError(f"{path}: is a folder; expected the name of a file")
+    with _beside(path) as temporary:
+        temporary.touch()
+
+
+def _writer(path: Path, kind: str) -> Callable[[Any], bytes]:
+    writers = CLOUD_WRITERS if kind == "cloud" else MESH_WRITERS
     writer = writers.get(path.suffix.lower())
     if writer is None:
-        kind = "point cloud" if isinstance(geometry, PointCloud) else "mesh"
-        raise UsageError(
-            f"{path}: cannot write a {kind} as {path.suffix or 'a file without a suffix'!r}; "
-            f"expected one of {' '.join(writers)}"
-        )
-    content = writer(geometry)
+        what = "point cloud" if kind == "cloud" else "mesh"
+        suffix = repr(path.suffix) if path.suffix else "a file without a suffix"
+        raise UsageError(f"{path}: cannot write a {what} as {suffix}; expected one of {' '.join(writers)}")
+    return writer
+
+
+@contextlib.contextmanager
+def _beside(path: Path) -> Iterator[Path]:
+    """The name of a temporary file in the same folder, which is gone in the end."""
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
+        yield temporary
     except OSError as error:
         raise UsageError(
             f"{path}: cannot be written ({error.strerror or error}); the old file, if any, is intact"
         ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # of a folder that is none, or that nobody may write to
+            temporary.unlink()
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------
