@@ -136,6 +136,16 @@ def test_tracing_costs_a_method_no_time():
     assert 0 <= scored[0][1] <= scored[1][1] < 0.1
 
 
+def test_the_clock_of_traces_never_goes_back(monkeypatch):
+    """However long the process is held up between two looks at the clock."""
+    told, now = [], iter([0, 1, 10, 11, 12, 12.1, 12.2, 12.3, 30, 30.1, 30.2, 30.3, 30.4, 30.5, 30.6, 30.7])
+    monkeypatch.setattr(time, "perf_counter", lambda: next(now))
+    run = Run(on_trace=lambda output, seconds: told.append(seconds))
+    for _ in range(5):
+        run.trace("output")
+    assert told == sorted(told)
+
+
 def test_a_torch_generator_follows_the_seed():
     import torch
 
