@@ -65,35 +65,30 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
     from .worker import check_device, failure, plain, prepare
 
     call = spec["arguments"]
-    stage = "prepare"
     try:
-        channel.send("begin", index=0, stage=stage)
+        channel.enter("prepare", 0)
         task, method = Choice(**call["task"]), Choice(**call["method"])
         method.plugin.require()
         if call["device"] != "cpu":
             check_device(call["device"])
         solver, promised = method.build(), task.build()
         check_target(call["output"], promised.output)  # nobody should wait for what cannot be written
-        stage = "case"
-        channel.send("begin", index=0, stage=stage)
+        channel.enter("case", 0)
         inputs, frame = promised.read(call["inputs"])
         meter = Meter(spec["memory_gb"], call["device"])
-        stage = "prepare"
-        channel.send("begin", index=0, stage=stage)
+        channel.enter("prepare", 0)
         prepare(solver)
         run = _run(spec, channel)
-        stage = "method"
-        channel.send("begin", index=0, stage=stage)
+        channel.enter("method", 0)
         with meter:
             run._started = time.perf_counter()
             output = promised.solve(solver, task.name, dict(inputs), run)
         promised.validate(output, inputs)
-        stage = "write"
-        channel.send("begin", index=0, stage=stage)
+        channel.enter("write", 0)
         row = meter.figures() | _write(promised.restore(output, frame), call["output"])
         row |= {"status": "ok", "message": "; ".join(run.notes), "input": _words(inputs.values())}
     except BaseException as error:  # the boundary: shown as one message
-        row = {"stage": stage} | failure(error, stage)
+        row = {"stage": channel.stage} | failure(error, channel.stage)
     channel.send("result", row=plain(row))
 
 

@@ -245,7 +245,7 @@ def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel:
         seconds=spec["seconds"],
         on_distances=lambda points: signed_distances(case.reference.mesh, points),
     )
-    channel.send("begin", index=0, stage="method")
+    channel.enter("method", 0)
     begin = time.perf_counter()
     output = task.solve(build(plugin, asked["values"]), asked["task"], dict(case.input), run)
     seconds = time.perf_counter() - begin

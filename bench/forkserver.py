@@ -22,7 +22,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -145,13 +145,6 @@ def begun(threads: int) -> ForkServer:
         return _begun.pop()
     _end_begun()
     return ForkServer(threads)
-
-
-def threads_of(overrides: Sequence[str]) -> int:
-    """How many threads the words of a command ask for first; 1 where they do not say, or what cannot be."""
-    asked = [value for key, _, value in (word.partition("=") for word in overrides) if key == "threads"]
-    first = asked[-1].partition(",")[0] if asked else ""
-    return max(int(first), 1) if first.isdecimal() else 1
 
 
 def _end_begun() -> None:

@@ -107,6 +107,13 @@ def chosen(kind: str, overrides: Sequence[str]) -> list[str]:
     return names if names or preset else [n for n in (_default_choice(kind),) if n]
 
 
+def threads_of(overrides: Sequence[str]) -> int:
+    """How many threads the words of a command ask for first; 1 where they do not say, or what cannot be."""
+    asked = [value for key, _, value in (word.partition("=") for word in overrides) if key == "threads"]
+    first = asked[-1].partition(",")[0] if asked else ""
+    return max(int(first), 1) if first.isdecimal() else 1
+
+
 def _default_choice(group: str) -> str | None:
     """What the main config chooses."""
     from importlib.resources import files

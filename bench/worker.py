@@ -34,11 +34,18 @@ from .shapes import Case, PointCloud
 
 
 class Channel:
-    """Lines of JSON to the runner."""
+    """Lines of JSON to the runner.
+
+    Attributes
+    ----------
+    stage : str
+        What is being done, as the runner was told last.
+    """
 
     def __init__(self, fd: int):
         self._file = os.fdopen(fd, "wb", buffering=0)
         self._owner = os.getpid()
+        self.stage = "start"
 
     def send(self, event: str, **values: Any) -> None:
         """Send one event. A process that a method forked has nothing to say here, and ends."""
@@ -47,6 +54,11 @@ class Channel:
         line = json.dumps({"event": event, **values}).encode() + b"\n"
         while line:
             line = line[self._file.write(line) or 0 :]
+
+    def enter(self, stage: str, index: int) -> None:
+        """Say what is done from now on, for which case: the runner watches the limits of that stage."""
+        self.stage = stage
+        self.send("begin", index=index, stage=stage)
 
 
 def work(spec: dict[str, Any], fd: int) -> None:
@@ -78,13 +90,12 @@ class _Session:
         self.cell = Cell.from_json(spec["cell"])
         self.done = set(spec["done"])  # indices of cases that need not be run
         self.meter = Meter(spec["memory_gb"], self.cell.device)
-        self.stage = "plan"
         # All that is remembered depends on the dataset; what depends on more says so where it is remembered.
         self.memo = Memo(Path(spec["cache"]), spec["keys"]["dataset"], spec["cache_gb"])
 
     def run(self) -> None:
         """Plan the cases, then run those that are not done."""
-        self.channel.send("begin", index=-1, stage="plan")
+        self.channel.enter("plan", -1)
         try:
             task, recipes = self.plan()
         except BaseException as error:  # the boundary: the runner writes it on every planned case
@@ -123,31 +134,26 @@ class _Session:
         cell = self.cell
         row: dict[str, Any] = {}
         try:
-            self.enter("case", index)
+            self.channel.enter("case", index)
             case = recipe.build()
             case._memo = self.memo.at("case", cell.split, cell.seed, case.id)
             row["tags"] = ",".join(case.tags)
             row |= conditions(task, case)
             output = self.call_method(index, case, task, row)
             task.validate(output, case.input)
-            self.enter("score", index)
+            self.channel.enter("score", index)
             row |= sizes(output) | self.score(output, case)
             row["output"] = self.keep(index, case, output)
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
                 os._exit(1)
-            return row | {"stage": self.stage} | failure(error, self.stage)
+            return row | {"stage": self.channel.stage} | failure(error, self.channel.stage)
         return {"message": ""} | row | {"status": "ok", "stage": "", "traceback": ""}
-
-    def enter(self, stage: str, index: int) -> None:
-        """What is done from now on, for the runner, which watches the limits, and for the row."""
-        self.stage = stage
-        self.channel.send("begin", index=index, stage=stage)
 
     def call_method(self, index: int, case: Case, task: Any, row: dict[str, Any]) -> Any:
         """The output of the method; into the row goes what clock and memory say of that call alone."""
         cell = self.cell
-        self.enter("prepare", index)
+        self.channel.enter("prepare", index)
         cell.method.plugin.require()
         method = cell.method.build()
         prepare(method)
@@ -163,7 +169,7 @@ class _Session:
             on_trace=lambda output, seconds: self.traced(output, seconds, case, task, trace),
             on_distances=(lambda points: self.distances(points, case)) if len(case.reference.mesh.faces) else None,
         )
-        self.enter("method", index)
+        self.channel.enter("method", index)
         try:
             with self.meter:
                 run._started, run._paused = time.perf_counter(), 0.0

@@ -11,6 +11,7 @@ import pytest
 from bench import forkserver
 from bench.errors import BadInput, InvalidOutput, MissingLibrary
 from bench.meter import Meter
+from bench.overrides import threads_of
 from bench.run import Run
 from bench.worker import failure, plain
 
@@ -159,7 +160,7 @@ def test_a_torch_generator_follows_the_seed():
     + [((f"threads={word}",), 1) for word in ("0", "-2", "many", "", "range(1,3)")],
 )
 def test_the_threads_that_words_ask_for_first(words, threads):
-    assert forkserver.threads_of(words) == threads
+    assert threads_of(words) == threads
 
 
 def test_a_server_that_was_begun_is_had_once_and_for_its_threads_only(monkeypatch):

@@ -36,8 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read, call the method in a child process, write; say what was made."""
     from ..application import apply
-    from ..forkserver import begin, threads_of
-    from ..overrides import is_override
+    from ..forkserver import begin
+    from ..overrides import is_override, threads_of
     from ..progress import Steps
 
     plugins = load_plugins(args.plugin)

@@ -19,10 +19,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from .. import presets
 from ..cli import add_plugin_argument
 from ..config import Limits
 from ..errors import UsageError, did_you_mean
-from ..presets import presets
 from ..registry import KINDS, Plugin, load_plugins, registry
 
 MARKS = {"ok": "ok  ", "warn": "warn", "fail": "FAIL"}
@@ -112,7 +112,6 @@ def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[
 def _plugins(what: list[str], files: list[str], already: bool) -> list[tuple[Plugin, str]]:
     """The plugins of the files, and those named, with the names that they or their presets have."""
     everything = [p for kind in KINDS for p in registry().all(kind)]
-    known = {(p.kind, p.name): presets(p.kind, of=p.name) for p in everything}
     chosen = []
     for word in what:
         if word in files:
@@ -121,9 +120,10 @@ def _plugins(what: list[str], files: list[str], already: bool) -> list[tuple[Plu
             if not found and not already:
                 raise UsageError(f"{word}: registers no plugin; decorate a class with @register(...) from bench")
         else:
-            found = [(p, word) for p in everything if p.name == word or word in known[p.kind, p.name]]
+            found = [(p, word) for p in everything if p.name == presets.resolve(p.kind, word)]
             if not found:
-                names = [*(p.name for p in everything), *(name for some in known.values() for name in some)]
+                of_presets = (name for kind in KINDS if kind != "metric" for name in presets.names(kind))
+                names = [*(p.name for p in everything), *of_presets]
                 raise UsageError(f"no plugin is called {word!r}. {did_you_mean(word, names)}")
         chosen.extend(p for p in found if p not in chosen)
     return chosen

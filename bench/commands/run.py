@@ -28,7 +28,7 @@ from ..cli import add_plugin_argument
 from ..errors import UsageError
 from ..hydra_flags import split_words
 from ..listing import listing
-from ..overrides import check_overrides
+from ..overrides import check_overrides, threads_of
 from ..progress import Bars, Lines
 from ..registry import load_plugins
 from ..store import Results
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     results = Results(results_folder(overrides))
     results.prepare()
     if not any(sweep.is_hydras(word) for word in overrides):  # no launcher, no environment of jobs
-        forkserver.begin(forkserver.threads_of(overrides))
+        forkserver.begin(threads_of(overrides))
     session = sweep.Session.new(results.folder)
     private = [f"session='{session.name}'", *([f"plugins={_hydra_list(plugins)}"] if plugins else [])]
     with session.open():
