@@ -20,9 +20,12 @@ _EXPORTS = {
     "Surface": "shapes",
     "Frame": "shapes",
     "Case": "shapes",
+    "Views": "views",
     "Run": "run",
     "Task": "tasks",
     "CaseRecipe": "tasks",
+    "validate_cloud": "tasks",
+    "validate_mesh": "tasks",
     "BadInput": "errors",
     "InvalidOutput": "errors",
     "MissingLibrary": "errors",
@@ -44,8 +47,11 @@ __all__ = [
     "Surface",
     "Task",
     "UsageError",
+    "Views",
     "generator",
     "register",
+    "validate_cloud",
+    "validate_mesh",
 ]
 
 if TYPE_CHECKING:
@@ -55,7 +61,8 @@ if TYPE_CHECKING:
     from .seeds import generator
     from .sensors import Effect
     from .shapes import Case, Frame, PointCloud, Shape, ShapePair, Surface
-    from .tasks import CaseRecipe, Task
+    from .tasks import CaseRecipe, Task, validate_cloud, validate_mesh
+    from .views import Views
 
 
 def __getattr__(name: str) -> Any:

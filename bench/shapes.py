@@ -63,6 +63,16 @@ class PointCloud:
     def __len__(self) -> int:
         return len(self.points)
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The arrays by name, without those that are None; :meth:`of` makes the same cloud of them."""
+        given = {"points": self.points, "normals": self.normals, "colors": self.colors}
+        return {name: array for name, array in given.items() if array is not None}
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, np.ndarray]) -> PointCloud:
+        """The inverse of :meth:`arrays`."""
+        return cls(arrays["points"], arrays.get("normals"), arrays.get("colors"))
+
     def __repr__(self) -> str:
         extras = [name for name in ("normals", "colors") if getattr(self, name) is not None]
         return f"PointCloud({len(self)} points{''.join(', ' + e for e in extras)})"
