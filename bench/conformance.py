@@ -19,7 +19,9 @@ from .isolate import Isolation
 from .registry import Plugin, registry
 from .schema import NAME_KEY, build, config_class, parameters
 from .seeds import generator
+from .sensors import given_by, needs_a_source, noun_of, taken_by
 from .shapes import Case, PointCloud, Shape
+from .views import Views
 
 LIMIT = Limits(seconds=300, memory_gb=4, setup_seconds=120)
 POINTS = 2000  # of the toy cloud
@@ -215,14 +217,47 @@ def toy_cloud(kind: str) -> PointCloud:
     return PointCloud(points, None if kind == "bare" else normals)
 
 
+def toy_views() -> Views:
+    """Six views of the unit ball in closed form, 48 x 48 pixels, lit from behind each camera."""
+    size, distance = 48, 3.0
+    axes = np.concatenate([np.eye(3), -np.eye(3)])  # where the cameras stand
+    ups = np.roll(axes, 1, axis=0)
+    rotations = np.stack([np.cross(ups, axes), -ups, -axes], axis=1)  # right, down, forward
+    focal = size / 2 * np.sqrt(distance**2 - 1)  # the ball just fills the image
+    x, y = np.meshgrid(*2 * [(np.arange(size) + 0.5 - size / 2) / focal])
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1)
+    length = (rays**2).sum(axis=-1)
+    root = distance**2 - length * (distance**2 - 1)  # of |depth * ray - (0, 0, distance)| = 1
+    depth = (distance - np.sqrt(np.maximum(root, 0))) / length
+    facing = np.where(root > 0, distance - depth, 0)  # the normal's part towards the camera
+    image = np.repeat(np.rint(255 * np.clip(facing, 0, 1)).astype(np.uint8)[..., None], 3, axis=-1)
+    return Views(
+        np.stack(6 * [image]),
+        np.stack(6 * [root > 0]),
+        np.concatenate([rotations, np.tile([[0.0], [0.0], [distance]], (6, 1, 1))], axis=2),
+        np.array([[focal, 0, size / 2], [0, focal, size / 2], [0, 0, 1]]),
+        axes[:, None],
+        np.ones((6, 1, 3)),
+    )
+
+
+def toy_ball() -> Shape:
+    """The ball of :func:`toy_views`, as a mesh."""
+    from trimesh.creation import icosphere
+
+    return Shape("toy", icosphere(subdivisions=4), tags=("smooth",))
+
+
 def toy_case(task: Any, kind: str) -> Case | None:
-    """The toy of a task: its own, or one from the toy cloud; None for a task that has neither."""
+    """The toy of a task: its own, or one from the toy cloud or the toy views; None for a task that has neither."""
     if hasattr(task, "toy"):
         return task.toy()
-    if not getattr(task, "needs_sensor", True):  # what it is made from, only its dataset knows
+    takes = taken_by(task)
+    if takes not in ("cloud", "views"):  # what it is made from, only its dataset or its sensors know
         return None
+    sensed, shape = (toy_cloud(kind), toy_shape()) if takes == "cloud" else (toy_views(), toy_ball())
     try:
-        return Case("toy", task.input(toy_cloud(kind)), toy_shape())
+        return Case("toy", task.input(sensed), shape)
     except (AttributeError, TypeError):
         return None
 
@@ -237,7 +272,7 @@ def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel:
     task = registry().find("task", asked["task"]).cls()
     case = toy_case(task, asked["input"])
     if case is None:
-        return {"status": "no_toy", "message": "this task is not made from one cloud and has no toy(); try it in a run"}
+        return {"status": "no_toy", "message": "this task has no toy(), which makes a small case; try it in a run"}
     seed_globals(0)
     run = Run(
         seed=0,
@@ -249,7 +284,8 @@ def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel:
     begin = time.perf_counter()
     output = task.solve(build(plugin, asked["values"]), asked["task"], dict(case.input), run)
     seconds = time.perf_counter() - begin
-    row = {"seconds": seconds, "cloud": not hasattr(task, "toy")}
+    # Only a toy that was made here has poor variants.
+    row = {"seconds": seconds, "cloud": taken_by(task) == "cloud" and not hasattr(task, "toy")}
     if asked["input"] == "empty" and isinstance(output, PointCloud) and not len(output):
         return row | {"output": "nothing from nothing", "digest": ""}
     task.validate(output, case.input)
@@ -257,10 +293,13 @@ def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel:
 
 
 def digest_of(value: Any) -> str:
-    """SHA-256 of what a result holds, to the bit."""
+    """SHA-256 of what a result holds, to the bit: its ``arrays()``, or the vertices and faces of a mesh."""
+    if hasattr(value, "arrays"):
+        arrays = value.arrays()
+    else:
+        arrays = {name: getattr(value, name, None) for name in ("vertices", "faces")}
     total = hashlib.sha256()
-    for name in ("points", "normals", "vertices", "faces"):
-        array = getattr(value, name, None)
+    for name, array in arrays.items():
         if array is not None:
             total.update(name.encode() + np.ascontiguousarray(array).tobytes())
     return total.hexdigest()
@@ -286,9 +325,21 @@ def _shapes(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel
 def _sensor(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
     from .tasks import validate_cloud
 
-    cloud = build(plugin, asked["values"]).sense(toy_shape(), generator("check"))
-    validate_cloud(cloud, "a PointCloud")
-    return {"output": repr(cloud), "digest": digest_of(cloud)}
+    sensor = build(plugin, asked["values"])
+    gives, noun = given_by(plugin, sensor), noun_of(plugin, sensor)
+    if not needs_a_source(plugin, sensor):
+        given = sensor.sense(toy_shape(), generator("check"))
+    elif gives == "views":
+        given = sensor.spoil(toy_views(), toy_ball(), generator("check"))
+    else:
+        return {"output": f"not tried: there are no {gives} to spoil here; try it in a chain", "digest": ""}
+    if gives == "cloud":
+        validate_cloud(given, "a PointCloud")
+    elif noun is not None and not isinstance(given, noun):
+        raise InvalidOutput(f"gives={gives!r} promises {noun.__name__}; got {type(given).__name__}")
+    elif gives == "views" and not given.masks.any():
+        raise InvalidOutput("no view shows the shape: all masks are empty")
+    return {"output": repr(given), "digest": digest_of(given)}
 
 
 def _metric(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
@@ -328,7 +379,25 @@ def _spoiled(shape: Shape, kinds: tuple[str, ...], amount: float) -> Any:
 
 
 def _task(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
-    return {"output": f"promises {plugin.cls().promise}", "digest": ""}
+    """A task must refuse what is no output, and tell finite numbers of its toy case."""
+    from .worker import conditions
+
+    task = build(plugin, asked["values"])
+    case = toy_case(task, "toy")
+    words = f"promises {task.promise}"
+    if case is None:
+        return {"output": f"{words}; no toy()", "digest": ""}
+    try:
+        task.validate(None, dict(case.input))
+    except InvalidOutput:
+        pass
+    else:
+        raise InvalidOutput("validate(None, input) accepts None; raise bench.InvalidOutput with what was promised")
+    told = conditions(task, case)
+    if not np.isfinite(list(told.values())).all():
+        raise InvalidOutput(f"describe(case) has values that are not finite: {told}")
+    arguments = ", ".join(case.input)
+    return {"output": f"{words}; input {arguments}", "digest": "".join(digest_of(v) for v in case.input.values())}
 
 
 _TRIALS = {

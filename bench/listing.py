@@ -80,6 +80,8 @@ def as_json(plugin: Plugin) -> dict[str, Any]:
         facts["presets"] = {p.name: {"help": p.help, **p.values} for p in presets_of}
     if plugin.kind == "method":
         facts["tasks"] = [task for task in registry().names("task") if plugin.solves(task)]
+    if plugin.kind == "sensor":
+        facts["gives"] = plugin.options.get("gives", "cloud")
     if plugin.kind == "metric":
         facts["version"] = plugin.version
         facts["better"] = plugin.options.get("better", "lower")

@@ -1,4 +1,4 @@
-"""What the cells of a sweep share, kept on disk: meshes, clouds, samples of references, floors.
+"""What the cells of a sweep share, kept on disk: meshes, clouds and views, samples of references, floors.
 
 Every method meets the same cases, and each of its cells runs in a process of its own. Without a memory, each would
 make the same mesh, scan it the same way and draw the same samples again, which takes longer than most methods do.
@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .errors import UsageError
 from .plan import digest
 from .shapes import PointCloud, Shape
 
@@ -155,22 +156,40 @@ def _of_mesh(mesh: Trimesh) -> Arrays:
 
 
 class RememberedSensor:
-    """A sensor that remembers the clouds that it made, by shape and by the state of the generator it was given."""
+    """A sensor that remembers what it gave, by shape and by the state of the generator it was given.
 
-    def __init__(self, sensor: Any, memo: Memo):
-        self._sensor, self._memo = sensor, memo
+    Parameters
+    ----------
+    sensor : the sensor
+    memo : Memo
+    noun : type
+        The class of what it gives, which has ``arrays()`` and ``of(arrays)``; see :func:`bench.sensors.noun_of`.
+    """
+
+    def __init__(self, sensor: Any, memo: Memo, noun: type = PointCloud):
+        self._sensor, self._memo, self._noun = sensor, memo, noun
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._sensor, name)
 
-    def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud:
-        """The cloud that the sensor makes of ``shape``."""
+    def sense(self, shape: Shape, rng: np.random.Generator) -> Any:
+        """What the sensor gives of ``shape``.
+
+        Raises
+        ------
+        UsageError
+            If that is of another class than the sensor declares.
+        """
         # Spawned generators differ by their key alone, which is no part of the state.
         start = [str(rng.bit_generator.state), str(rng.bit_generator.seed_seq)]
-        known = self._memo.at(shape.id, start).arrays("cloud", lambda: _of_cloud(self._sensor.sense(shape, rng)))
-        return PointCloud(known["points"], known.get("normals"), known.get("colors"))
+        known = self._memo.at(shape.id, start).arrays(self._noun.__name__, lambda: self._made(shape, rng).arrays())
+        return self._noun.of(known)
 
-
-def _of_cloud(cloud: PointCloud) -> Arrays:
-    given = {"points": cloud.points, "normals": cloud.normals, "colors": cloud.colors}
-    return {name: array for name, array in given.items() if array is not None}
+    def _made(self, shape: Shape, rng: np.random.Generator) -> Any:
+        made = self._sensor.sense(shape, rng)
+        if not isinstance(made, self._noun):
+            raise UsageError(
+                f"sensor {type(self._sensor).__name__}: expected a {self._noun.__name__} from sense(), got "
+                f'{type(made).__name__}; declare what it gives: @register("sensor", gives=...)'
+            )
+        return made

@@ -15,7 +15,10 @@ from .schema import NAME_KEY, build, parameters, variant
 
 
 class NotSolved(UsageError):
-    """The method has no function for the task; in a sweep such a pair is left out of the plan, and said."""
+    """Two choices that do not fit: a sweep leaves such a pair out of its plan and says so.
+
+    The method has no function for the task, or the sensor does not give what the task takes.
+    """
 
 
 @dataclass(frozen=True)
@@ -148,11 +151,11 @@ class Cell:
         one_of("split", config["split"], ("test", "train"))
         if config["device"].partition(":")[0] not in ("cpu", "cuda"):
             raise UsageError(f"device={config['device']}: expected cpu, cuda or cuda:N")
-        needs_sensor = getattr(task.plugin.cls, "needs_sensor", True)
+        sensor = _sensor(config["sensor"], task)
         cell = cls(
             task=task,
             dataset=Choice.of("dataset", config["dataset"]),
-            sensor=Choice.of("sensor", config["sensor"]) if needs_sensor else NO_SENSOR,
+            sensor=sensor,
             method=method,
             metrics=_metrics(config.get("metric") or {}, task),
             **{key: config[key] for key in ("seed", "split", "cases", "threads", "device")},
@@ -201,6 +204,30 @@ def one_of(key: str, value: str, known: tuple[str, ...]) -> None:
     """Raise :class:`UsageError` unless ``value`` is one of ``known``."""
     if value not in known:
         raise UsageError(f"{key}={value}: not one of {', '.join(known)}. {did_you_mean(str(value), known)}")
+
+
+def _sensor(node: Mapping[str, Any], task: Choice) -> Choice:
+    """The chosen sensor, which must give what the task takes; none for a task without one."""
+    from .sensors import given_by, needs_a_source, taken_by
+
+    takes = taken_by(task.build())
+    if takes == "none":
+        return NO_SENSOR
+    sensor = Choice.of("sensor", node)
+    plugin, built = sensor.plugin, sensor.build()
+    gives = given_by(plugin, built)
+    if gives != takes:
+        fitting = [s.name for s in registry().all("sensor") if given_by(s, s.cls()) == takes]
+        raise NotSolved(
+            f"task {task.name} takes {takes}, but sensor {sensor.name} gives {gives}. "
+            f"Sensors that give {takes}: {', '.join(fitting) or 'none'}"
+        )
+    if needs_a_source(plugin, built):
+        raise NotSolved(
+            f"sensor {sensor.name} only spoils {gives} that another sensor gives: "
+            f"sensor=chain 'sensor.steps=[NAME,{sensor.name}]'"
+        )
+    return sensor
 
 
 def _metrics(nodes: Mapping[str, Any], task: Choice) -> tuple[Choice, ...]:

@@ -78,6 +78,7 @@ def _own_digest() -> str:
     folder = Path(__file__).parent
     files = [
         folder / "shapes.py",
+        folder / "views.py",
         folder / "seeds.py",
         folder / "sensors.py",
         *sorted((folder / "tasks").glob("*.py")),

@@ -380,6 +380,7 @@ def register(
     options
         Of a metric: ``version`` (int), ``better`` (``lower``, ``higher``, ``reference``, or a mapping from score to
         one of them), ``outputs`` (tuple of ``"mesh"``, ``"cloud"``), ``floor`` (bool: score a perfect output too).
+        Of a sensor: ``gives`` (``"cloud"``, ``"views"``, or a word of your own that a task ``takes``).
 
     Raises
     ------
@@ -439,10 +440,14 @@ def _check_class(kind: str, name: str, cls: type) -> None:
 
 
 def _check_options(kind: str, name: str, options: Mapping[str, Any]) -> None:
-    known = {"metric": ("version", "better", "outputs", "floor")}.get(kind, ("version",))
+    known = {"metric": ("version", "better", "outputs", "floor"), "sensor": ("version", "gives")}
+    known = known.get(kind, ("version",))
     for option in options:
         if option not in known:
             raise PluginError(f'@register("{kind}", ...) of {name}: unknown {option!r}. {did_you_mean(option, known)}')
+    gives = options.get("gives", "cloud")
+    if not isinstance(gives, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", gives) or gives == "none":
+        raise PluginError(f"sensor {name}: gives={gives!r}; expected a word like 'cloud' or 'views'")
     better = options.get("better", "lower")
     for direction in [better] if isinstance(better, str) else better.values():
         if direction not in DIRECTIONS:

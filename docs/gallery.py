@@ -57,7 +57,7 @@ def sensors(picture: str, dataset: str, index: int) -> None:
     """One shape under every sensor and preset."""
     shape = next(islice(registry().find("dataset", dataset).cls().shapes("test"), index, None))
     framed, _ = shape.framed()
-    wanted = [(p.name, p, {}) for p in registry().all("sensor")]
+    wanted = [(p.name, p, {}) for p in registry().all("sensor") if p.options.get("gives", "cloud") == "cloud"]
     for preset in presets("sensor").values():
         if not preset.name.startswith(SKIPPED):
             wanted.append((preset.name, registry().find("sensor", preset.plugin), preset.values))

@@ -139,7 +139,7 @@ def details(facts: Facts) -> str:
     """Everything about one plugin."""
     kind = facts["kind"]
     lines = [f"{kind} {facts['name']}", "", facts["doc"], ""]
-    for name in ("tasks", "cite", "version", "better", "outputs", "requires", "missing", "origin", "file"):
+    for name in ("tasks", "gives", "cite", "version", "better", "outputs", "requires", "missing", "origin", "file"):
         value = facts.get(name)
         if value:
             lines.append(f"{name}: {', '.join(value) if isinstance(value, list) else value}")

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from .inputs import words_of_input
 from .numbers import count, plain, unit_exponent, with_interval
 
 if TYPE_CHECKING:
@@ -242,24 +243,11 @@ def _states(rows: pd.DataFrame | None) -> dict[tuple[str, str, str], str]:
     if rows is None:
         return {}
     columns = [column for column in rows.columns if column.startswith("input.")]
-    states = {label: _state(part[columns].median()) for label, part in rows.groupby(GROUP)} if columns else {}
+    states = {}
+    for label, part in rows.groupby(GROUP) if columns else ():
+        medians = {name.removeprefix("input."): float(value) for name, value in part[columns].median().items()}
+        states[label] = words_of_input(label[0], {key: value for key, value in medians.items() if math.isfinite(value)})
     return {label: state for label, state in states.items() if state}
-
-
-def _state(medians: pd.Series) -> str:
-    value = {name.removeprefix("input."): float(number) for name, number in medians.items()}
-    if math.isfinite(value.get("detail_rms", math.nan)):
-        return (
-            f"details to transfer, median of the cases, in radii of the target: {value['detail_rms']:.2g} root mean "
-            f"square, at most {value['detail_max']:.2g}."
-        )
-    if not math.isfinite(value.get("rms", math.nan)):
-        return ""
-    return (
-        f"input, median of the cases: {value['points']:,.0f} points; {value['rms_inliers']:.2g} from the surface (root "
-        f"mean square) but for {value['outliers']:.1%} outliers, which are beyond 0.05; {value['coverage']:.1%} of it "
-        f"covered; density varies by {value.get('density_variation', math.nan):.0%}."
-    )
 
 
 def _rank(line: Line | None) -> str:

@@ -5,15 +5,16 @@ A task is a plugin like any other. Its name is the name of the function that a m
 
     output = getattr(method, task_name)(**case.input, run=run)
 
-A task over pairs or images (deform, multiview) overrides :meth:`Task.recipes` and asks its dataset for ``pairs``
-or ``views`` instead of ``shapes``. With a function ``toy()`` that returns a small :class:`bench.Case`, the conformance
-kit can try methods of such a task too.
+A task over images says ``takes = "views"`` and goes with the sensors that give them. A task over pairs (deform) says
+``takes = "none"``, overrides :meth:`Task.recipes` and asks its dataset for ``pairs`` instead of ``shapes``; with a
+function ``toy()`` that returns a small :class:`bench.Case`, the conformance kit can try methods of such a task too.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -39,9 +40,10 @@ class CaseRecipe(NamedTuple):
 class Task:
     """Base of the tasks that are made from one shape and one sensor."""
 
+    takes: ClassVar[str] = "cloud"  # what its sensor must give: "cloud", "views", a word of your own, or "none"
+    needs_sensor: ClassVar[bool] = True  # False is the same as takes = "none"
     output: ClassVar[str] = "cloud"  # what a method returns: "cloud" or "mesh"; metrics choose by it
     promise: ClassVar[str] = "a PointCloud"  # in words, for messages
-    needs_sensor: ClassVar[bool] = True  # without one, `recipes` is given None and the sensor is no part of the cell
     files: ClassVar[tuple[int, ...]] = (1,)  # how many input files `read` takes
 
     def recipes(self, dataset: Any, sensor: Any, *, split: str, count: int, seed: int) -> Iterator[CaseRecipe]:
@@ -56,12 +58,12 @@ class Task:
 
     def _case(self, shape: Shape, sensor: Any, seed: int) -> Case:
         framed, frame = shape.framed()
-        cloud = sensor.sense(framed, generator(seed, shape.id, "sensor"))
-        return Case(shape.id, self.input(cloud), framed, frame, seed, shape.tags)
+        sensed = sensor.sense(framed, generator(seed, shape.id, "sensor"))
+        return Case(shape.id, self.input(sensed), framed, frame, seed, shape.tags)
 
-    def input(self, cloud: PointCloud) -> dict[str, Any]:
-        """The arguments of the method's function."""
-        return {"cloud": cloud}
+    def input(self, sensed: Any) -> dict[str, Any]:
+        """The arguments of the method's function, made of what the sensor gave: ``{takes: sensed}``."""
+        return {self.takes: sensed}
 
     def describe(self, case: Case) -> dict[str, float]:
         """What is measured of a case's input, off the clock: see :func:`bench.geometry.conditions.describe_cloud`."""
@@ -74,6 +76,28 @@ class Task:
         known = case.remember(name, lambda: {k: np.float64(v) for k, v in describe_cloud(cloud, case).items()})
         return {key: float(value) for key, value in known.items()}
 
+    def describe_words(self, medians: Mapping[str, float]) -> str:
+        """What :meth:`describe` measured, in a sentence for the notes of a leaderboard.
+
+        Parameters
+        ----------
+        medians : mapping
+            The median over the cases of each value that is known; results of older versions may lack some.
+
+        Returns
+        -------
+        str
+            Empty where there is nothing to say.
+        """
+        if "rms" not in medians:
+            return generic_words(medians)
+        varies = medians.get("density_variation", math.nan)
+        return (
+            f"input, median of the cases: {medians['points']:,.0f} points; {medians['rms_inliers']:.2g} from the "
+            f"surface (root mean square) but for {medians['outliers']:.1%} outliers, which are beyond 0.05; "
+            f"{medians['coverage']:.1%} of it covered; density varies by {varies:.0%}."
+        )
+
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
         """The arguments of the method's function from the user's files, and the frame that they were scaled to.
 
@@ -85,6 +109,9 @@ class Task:
         from ..geometry.check import check_points
         from ..geometry.files import load_cloud
 
+        if self.takes != "cloud":
+            name = type(self).__name__
+            raise UsageError(f"task {name}: cannot be applied to files, because it has no read(paths) for {self.takes}")
         if len(paths) != 1:
             raise UsageError(f"expected one input file, got {len(paths)}: {', '.join(paths) or 'none'}")
         cloud = load_cloud(paths[0])
@@ -113,6 +140,12 @@ class Task:
             Saying what was promised and what came.
         """
         raise InvalidOutput(f"task {type(self).__name__} does not say what it accepts")
+
+
+def generic_words(medians: Mapping[str, float]) -> str:
+    """What is said of the inputs of a task that has no sentence of its own: ``input, median ...: views=24.``"""
+    values = ", ".join(f"{key}={value:.4g}" for key, value in medians.items())
+    return f"input, median of the cases: {values}." if values else ""
 
 
 @register("task")
@@ -156,9 +189,9 @@ class Upsample(Task):
         """The exact count, in words."""
         return f"a PointCloud of exactly {self.ratio} x N points, all finite"
 
-    def input(self, cloud: PointCloud) -> dict[str, Any]:
+    def input(self, sensed: PointCloud) -> dict[str, Any]:
         """The cloud and the ratio."""
-        return {"cloud": cloud, "ratio": self.ratio}
+        return {"cloud": sensed, "ratio": self.ratio}
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
         """Hold an output against the promise."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import BadInput, UsageError
 from ..registry import register
 from ..shapes import Case, Frame, Shape, ShapePair
-from . import CaseRecipe, Task, validate_mesh
+from . import CaseRecipe, Task, generic_words, validate_mesh
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -42,7 +42,7 @@ class DetailTransfer(Task):
 
     output: ClassVar[str] = "mesh"
     promise: ClassVar[str] = "a trimesh.Trimesh with faces and finite vertices"
-    needs_sensor: ClassVar[bool] = False
+    takes: ClassVar[str] = "none"
     files: ClassVar[tuple[int, ...]] = (2, 3)
 
     bases: bool = True  # whether the source's base is given; without it, it is to be estimated from the source
@@ -112,6 +112,15 @@ class DetailTransfer(Task):
             "detail_max": float(np.sqrt(squared.max())),
             "detail_thickness": float(np.ptp(height)),
         }
+
+    def describe_words(self, medians: Mapping[str, float]) -> str:
+        """How large the details are, in a sentence."""
+        if "detail_rms" not in medians:
+            return generic_words(medians)
+        return (
+            f"details to transfer, median of the cases, in radii of the target: {medians['detail_rms']:.2g} root mean "
+            f"square, at most {medians['detail_max']:.2g}."
+        )
 
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
         """The meshes of ``SOURCE SOURCE_BASE TARGET_BASE``, or of ``SOURCE TARGET_BASE``, and the target's frame.

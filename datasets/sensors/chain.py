@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench import PointCloud, Shape, register
-from bench.sensors import Step, build_steps
+from bench import PointCloud, Shape, Views, register
+from bench.sensors import Step, build_steps, given_by
 
 if TYPE_CHECKING:
     from bench.registry import Plugin
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class Chain:
-    """Sensors one after the other: a source of points, then effects that spoil them.
+    """Sensors one after the other: a source of points, or a rig of cameras, then effects that spoil what it gives.
 
     The same as calling the parts by hand, with one generator for each: ``rng.spawn(len(steps))``. So a step's
     randomness does not depend on what the steps before it drew.
@@ -36,15 +36,20 @@ class Chain:
         return build_steps(self.steps)
 
     @property
+    def gives(self) -> str:
+        """What the first step gives."""
+        return given_by(*self._built[0])
+
+    @property
     def plugins(self) -> tuple[Plugin, ...]:
         """The plugins of the steps, in their order."""
         return tuple(step.plugin for step in self._built)
 
-    def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud:
-        """The cloud that the first step makes, spoiled by the others."""
+    def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud | Views:
+        """What the first step gives, spoiled by the others."""
         streams = rng.spawn(len(self._built))
         (source, *effects) = (step.sensor for step in self._built)
-        cloud = source.sense(shape, streams[0])
+        given = source.sense(shape, streams[0])
         for effect, stream in zip(effects, streams[1:], strict=True):
-            cloud = effect.spoil(cloud, shape, stream)
-        return cloud
+            given = effect.spoil(given, shape, stream)
+        return given
