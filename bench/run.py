@@ -51,7 +51,8 @@ class Run:
     notes: list[str] = field(default_factory=list, init=False)
     distances_given: int = field(default=0, init=False)
     on_progress: Callable[[int, int], None] | None = field(default=None, repr=False)
-    on_trace: Callable[[Any, float], None] | None = field(default=None, repr=False)
+    on_trace: Callable[..., None] | None = field(default=None, repr=False)
+    on_keep: Callable[[str, Any], None] | None = field(default=None, repr=False)
     on_distances: Callable[[np.ndarray], np.ndarray] | None = field(default=None, repr=False)
     _started: float = field(default_factory=time.perf_counter, repr=False)
     _paused: float = field(default=0.0, repr=False)
@@ -84,15 +85,51 @@ class Run:
         """Seconds until the limit; an iterative method stops with its best state before they are gone."""
         return self.seconds - self.elapsed()
 
-    def trace(self, output: Any) -> None:
+    def trace(self, output: Any, keep: bool = False) -> None:
         """Offer an intermediate result. It is scored off the clock, for plots of error against time.
 
         Where it takes time to make one (a mesh of a network), offer a function without arguments: it is called off the
         clock too, and only if somebody looks.
+
+        With ``keep`` the result is also stored as ``trace-000``, ``trace-001``, ... where outputs are kept: see
+        :meth:`keep`. The column ``trace`` says which file has which seconds.
         """
         if self.on_trace:
             begin = time.perf_counter()  # one look at the clock: a later trace is never told an earlier time
-            self.on_trace(output, begin - self._started - self._paused)
+            self.on_trace(output, begin - self._started - self._paused, **({"keep": True} if keep else {}))
+            self._paused += time.perf_counter() - begin
+
+    def keep(self, name: str, value: Any) -> None:
+        """Store something beside the output: a cage, a rendered image, a field on a grid.
+
+        It becomes ``outputs/CELL-FINGERPRINT/CASE/NAME.ply``, ``.png`` or ``.npz`` below the results folder, and the
+        column ``artefacts`` lists it. Only runs with ``outputs=first`` or ``outputs=all`` store anything; elsewhere,
+        and under ``detailbench apply``, the call does nothing. The clock stands still meanwhile.
+
+        Parameters
+        ----------
+        name : str
+            Letters, digits and ``._-``, at most 64, not beginning with a dot. The last value of a name counts.
+        value : Trimesh, PointCloud, Views, uint8 array (h, w, 3) or (h, w), mapping of names to arrays
+            Or a function without arguments that makes one of these; it is called off the clock, and only where the
+            value is stored. One case stores at most 256 MB; what is beyond is left out, and a note says so.
+
+        Raises
+        ------
+        ValueError
+            For another name, or something else to store.
+        """
+        from .artefacts import check_name, suffix_of
+
+        check_name(name)
+        if not callable(value):
+            suffix_of(value)  # a mistake shows in every run, not only in those that store
+        if self.on_keep is None:
+            return
+        begin = time.perf_counter()
+        try:
+            self.on_keep(name, value)
+        finally:
             self._paused += time.perf_counter() - begin
 
     def note(self, text: str) -> None:

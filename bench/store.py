@@ -9,6 +9,7 @@
     DIR/.sweeps/SESSION/                                 what a running sweep has done; removed when it ends
     DIR/damaged/                                         files that could not be read, set aside
     DIR/outputs/CELL-FINGERPRINT/CASE.ply                outputs that were kept (outputs=first|all)
+    DIR/outputs/CELL-FINGERPRINT/CASE/NAME.*             and what their methods stored beside them (run.keep)
 
 Every file stands alone, so the results of two machines are merged by copying one folder into the other. The columns
 and the metadata are described in docs/results.md.
@@ -68,6 +69,7 @@ COLUMNS = {
     "output_points": "int64",
     "output_faces": "int64",
     "output": "string",
+    "artefacts": "string",
     "trace": "string",
     "directions": "string",
     "limit_seconds": "float64",
@@ -76,7 +78,7 @@ COLUMNS = {
     "finished": "string",
 }
 # What only a reader of one record wants.
-NOT_INDEXED = ("traceback", "trace")
+NOT_INDEXED = ("traceback", "trace", "artefacts")
 # One result per place in a table: of several records, the newest counts.
 IDENTITY = ("task", "dataset", "sensor", "method", "variant", "seed", "threads", "device", "case")
 

@@ -16,13 +16,14 @@ import random
 import sys
 import time
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .artefacts import Artefacts
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from .memo import Memo, RememberedDataset, RememberedSensor
 from .meter import Meter
@@ -30,6 +31,7 @@ from .plan import Cell, Choice, reference_name
 from .registry import missing_library
 from .run import Run
 from .seeds import generator
+from .sensors import noun_of
 from .shapes import Case, PointCloud
 
 
@@ -120,8 +122,9 @@ class _Session:
             check_device(cell.device)
         task = cell.task.build()
         sensor = cell.sensor.build() if cell.sensor in cell.choices else None
-        if sensor is not None:
-            sensor = RememberedSensor(sensor, self.memo.at("sensor", self.spec["keys"]["sensor"]))
+        noun = noun_of(cell.sensor.plugin, sensor) if sensor is not None else None
+        if noun is not None:
+            sensor = RememberedSensor(sensor, self.memo.at("sensor", self.spec["keys"]["sensor"]), noun)
         dataset = RememberedDataset(cell.dataset.build(), self.memo)
         recipes = list(task.recipes(dataset, sensor, split=cell.split, count=cell.cases, seed=cell.seed))
         ids = [recipe.id for recipe in recipes]
@@ -160,13 +163,17 @@ class _Session:
         seed = int(generator(cell.seed, case.id, "run").integers(2**31))
         seed_globals(seed)
         trace: list[dict[str, Any]] = []
+        files = self.artefacts(index, case, lambda text: run.note(text))
         run = Run(
             seed=seed,
             device=cell.device,
             threads=cell.threads,
             seconds=self.spec["seconds"],
             on_progress=lambda done, total: self.channel.send("progress", done=done, total=total),
-            on_trace=lambda output, seconds: self.traced(output, seconds, case, task, trace),
+            on_trace=lambda output, seconds, keep=False: self.traced(
+                output, seconds, case, task, trace, files if keep else None
+            ),
+            on_keep=(lambda name, value: self.keep_artefact(files, name, value)) if files else None,
             on_distances=(lambda points: self.distances(points, case)) if len(case.reference.mesh.faces) else None,
         )
         self.channel.enter("method", index)
@@ -181,17 +188,43 @@ class _Session:
             row["true_distances"] = run.distances_given or None
             if trace:
                 row["trace"] = json.dumps(plain(trace))
+            if files and files.paths:
+                row["artefacts"] = json.dumps(files.paths)
 
-    def traced(self, output: Any, seconds: float, case: Case, task: Any, trace: list[dict[str, Any]]) -> None:
-        """Score an intermediate result while the clock stands still."""
+    def traced(
+        self,
+        output: Any,
+        seconds: float,
+        case: Case,
+        task: Any,
+        trace: list[dict[str, Any]],
+        files: Artefacts | None = None,
+    ) -> None:
+        """Score an intermediate result while the clock stands still; store it too where ``files`` is given."""
         with self.off_the_clock():
+            entry: dict[str, Any] = {"seconds": seconds}
             try:
                 output = output() if callable(output) else output
                 task.validate(output, case.input)
-                scores = self.score(output, case, floors=False)
+                entry |= self.score(output, case, floors=False)
             except InvalidOutput as error:
-                scores = {"message": str(error)}
-            trace.append({"seconds": seconds} | scores)
+                entry["message"] = str(error)
+            else:
+                if files and (path := files.keep(f"trace-{len(trace):03d}", output)):
+                    entry["artefact"] = path
+            trace.append(entry)
+
+    def artefacts(self, index: int, case: Case, note: Callable[[str], None]) -> Artefacts | None:
+        """Where a case stores what its method gives to ``run.keep``; None where the settings ask for no outputs."""
+        if not self.keeps(index):
+            return None
+        folder = Path(self.spec["outputs_folder"])
+        return Artefacts(folder / case.id, folder.parents[1], note)
+
+    def keep_artefact(self, files: Artefacts, name: str, value: Any) -> None:
+        """Store one artefact while the clock stands still."""
+        with self.off_the_clock():
+            files.keep(name, value)
 
     def distances(self, points: np.ndarray, case: Case) -> np.ndarray:
         """Signed distances to the reference mesh, while the clock stands still: a paper samples them beforehand."""
@@ -237,10 +270,13 @@ class _Session:
         name = f"floor of {choice.name} {self.spec['keys'][choice.name]} for {kind}"
         return {key: float(value) for key, value in case.remember(name, scored).items()}
 
+    def keeps(self, index: int) -> bool:
+        """Whether the settings ask for the outputs of a case."""
+        return self.spec["outputs"] == "all" or (self.spec["outputs"] == "first" and index == 0)
+
     def keep(self, index: int, case: Case, output: Any) -> str:
         """Write the output as a PLY file where the settings ask for it; its path below the results folder."""
-        wanted = self.spec["outputs"]
-        if wanted == "none" or (wanted == "first" and index > 0):
+        if not self.keeps(index):
             return ""
         from .geometry.files import save
 

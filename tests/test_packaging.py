@@ -36,8 +36,8 @@ FLOORS = (
     "listing",
     "store index worker plan config schema presets sensors conventions published memo overrides provenance forkserver "
     "watch affinity meter",
-    "registry tasks run fields kept",
-    "geometry shapes",
+    "registry tasks run artefacts fields kept",
+    "geometry shapes views",
     "errors seeds __init__",
 )
 FLOOR_OF = {module: -number for number, modules in enumerate(FLOORS) for module in modules.split()}
