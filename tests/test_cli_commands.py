@@ -386,7 +386,7 @@ def test_apply_refuses_an_output_that_cannot_be_written_before_it_is_made(shell,
 # -- new and check -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["method", "dataset", "sensor", "metric"])
+@pytest.mark.parametrize("kind", ["method", "dataset", "sensor", "metric", "task"])
 def test_a_new_plugin_passes_its_check_and_runs_at_once(shell, kind):
     done = shell.call("new", kind, "my_thing")
     assert done.returncode == 0, done.stderr
@@ -396,7 +396,7 @@ def test_a_new_plugin_passes_its_check_and_runs_at_once(shell, kind):
     assert "FAIL" not in check.stdout
     assert re.search(r"\b0 failed", check.stdout)
     choice = {"metric": "metric=[my_thing]"}.get(kind, f"{kind}=my_thing")
-    method = () if kind == "method" else ("method=fine",)
+    method = {"method": (), "task": ("method=my_thing_baseline",)}.get(kind, ("method=fine",))
     ran = shell.run(choice, *method, sweep=False, plugins=(TOYS, shell.work / "my_thing.py"))
     assert ran.returncode == 0, ran.stderr
     assert (shell.rows()["status"] == "ok").all()

@@ -1,7 +1,7 @@
 """Write a new plugin and its test, ready to run.
 
   detailbench new method my_method      writes my_method.py and test_my_method.py into this folder
-  detailbench new dataset|sensor|metric NAME [--folder DIR]
+  detailbench new dataset|sensor|metric|task NAME [--folder DIR]
 
 What is written passes `detailbench check my_method.py` at once, and runs with
 `detailbench run --plugin my_method.py method=my_method ...`. Replace the algorithm, keep the rest.
@@ -20,7 +20,7 @@ from ..templates import HINTS, TEMPLATES, TEST
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("kind", help="method, dataset, sensor or metric")
+    parser.add_argument("kind", help="method, dataset, sensor, metric or task")
     parser.add_argument("name", help="the plugin's name, like my_method")
     parser.add_argument("--folder", default=".", help="where to write (this folder)")
 
