@@ -7,7 +7,7 @@ a message.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -114,12 +114,14 @@ def _write(output: Any, path: str) -> dict[str, Any]:
     return {"output": _words([output])}
 
 
-def _words(values: Sequence[Any] | Any) -> str:
-    """Geometry in words: ``20,000 points with normals``."""
-    words = []
-    for value in values:
-        if hasattr(value, "faces"):
-            words.append(f"{len(value.vertices):,} vertices, {len(value.faces):,} faces")
-        elif hasattr(value, "points"):
-            words.append(f"{len(value.points):,} points{' with normals' if value.normals is not None else ''}")
-    return "; ".join(words)
+def _words(values: Iterable[Any]) -> str:
+    """Inputs or outputs in words: ``20,000 points with normals``; numbers and what is not given are left out."""
+    return "; ".join(filter(None, map(_in_words, values)))
+
+
+def _in_words(value: Any) -> str:
+    if hasattr(value, "faces"):
+        return f"{len(value.vertices):,} vertices, {len(value.faces):,} faces"
+    if hasattr(value, "points"):
+        return f"{len(value.points):,} points{' with normals' if value.normals is not None else ''}"
+    return repr(value) if hasattr(value, "arrays") else ""
