@@ -8,7 +8,8 @@ import pytest
 from trimesh.creation import icosphere
 
 import bench.memo
-from bench import Case, PointCloud, Shape, generator
+from bench import Case, PointCloud, Shape, UsageError, Views, generator
+from bench.conformance import toy_views
 from bench.memo import Memo, RememberedDataset, RememberedSensor, prune
 
 
@@ -168,6 +169,40 @@ def test_a_remembered_sensor_senses_each_shape_once_for_each_seed(memo):
     assert (clouds[0].points != clouds[2].points).any()
     first, second = generator(0).spawn(2)
     assert (sensor.sense(shape, first).points != sensor.sense(shape, second).points).any()
+
+
+class Rig:
+    def __init__(self, given=None):
+        self.given, self.used = given or toy_views(), 0
+
+    def sense(self, shape, rng):
+        self.used += 1
+        return self.given
+
+
+def test_a_remembered_rig_gives_its_very_views_again(memo):
+    plain = Rig()
+    rig = RememberedSensor(plain, memo, Views)
+    first, second = (rig.sense(next(Dataset().shapes("test")), generator(0)) for _ in range(2))
+    assert plain.used == 1
+    for given in (first, second):
+        assert isinstance(given, Views)
+        assert given.arrays().keys() == plain.given.arrays().keys()
+        for name, array in plain.given.arrays().items():
+            assert given.arrays()[name].dtype == array.dtype and np.array_equal(given.arrays()[name], array)
+
+
+def test_what_a_sensor_gives_is_what_it_says(memo):
+    with pytest.raises(UsageError, match="sensor Rig: expected a PointCloud from sense.., got Views"):
+        RememberedSensor(Rig(), memo).sense(next(Dataset().shapes("test")), generator(0))
+    assert not list(memo.folder.glob("*/*"))
+
+
+def test_a_cloud_is_made_of_its_arrays_again():
+    for cloud in (PointCloud(np.eye(3)), PointCloud(np.eye(3), np.eye(3), np.ones((3, 3)))):
+        again = PointCloud.of(cloud.arrays())
+        assert again.arrays().keys() == cloud.arrays().keys()
+        assert all(np.array_equal(again.arrays()[name], array) for name, array in cloud.arrays().items())
 
 
 def test_a_case_compares_the_same_with_and_without(memo):

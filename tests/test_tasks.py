@@ -6,7 +6,10 @@ import trimesh
 
 from bench import Case, Frame, PointCloud, Shape
 from bench.errors import BadInput, InvalidOutput, UsageError
+from bench.report.inputs import words_of_input
+from bench.sensors import taken_by
 from bench.tasks import Denoise, Reconstruct, Upsample
+from bench.tasks.detail_transfer import DetailTransfer
 
 CLOUD = PointCloud(np.eye(3), np.eye(3))
 
@@ -101,6 +104,43 @@ def test_kept_promises_pass(task, output):
 def test_upsample_needs_a_ratio():
     with pytest.raises(ValueError, match="ratio: expected at least 1"):
         Upsample(0)
+
+
+# -- what a task takes, and what it says of its inputs -----------------------------------------------------------------
+
+
+def test_what_a_task_takes_is_what_its_sensor_must_give():
+    class Images(Denoise):
+        takes = "views"
+
+    class OfOldTimes(Denoise):
+        needs_sensor = False
+
+    assert [taken_by(task) for task in (Denoise(), Images(), DetailTransfer(), OfOldTimes(), object())] == [
+        *("cloud", "views", "none", "none", "cloud")
+    ]
+    assert Images().input("what the sensor gave") == {"views": "what the sensor gave"}
+    with pytest.raises(UsageError, match="no read.paths. for views"):
+        Images().read(["a.ply"])
+
+
+def test_a_task_describes_its_inputs_in_its_own_words():
+    cloud = {"points": 5000.0, "rms": 0.02, "rms_inliers": 0.01, "outliers": 0.1, "coverage": 0.98}
+    words = words_of_input("upsample[ratio=16]", cloud | {"density_variation": 0.35})
+    assert words.startswith("input, median of the cases: 5,000 points; 0.01 from") and "varies by 35%" in words
+    assert words_of_input("detail_transfer[bases=False]", {"detail_rms": 0.021, "detail_max": 0.035}).startswith(
+        "details"
+    )
+    assert words_of_input("denoise", {}) == ""
+
+
+@pytest.mark.parametrize(
+    ("task", "medians"),
+    [("nobody_has_it", {"noise": 0.01, "views": 24.0}), ("denoise", {"rms": 0.01}), ("denoise", {"odd": 1.0})],
+)
+def test_without_a_sentence_the_values_are_said(task, medians):
+    values = ", ".join(f"{key}={value:g}" for key, value in medians.items())
+    assert words_of_input(task, medians) == f"input, median of the cases: {values}."
 
 
 # -- nouns -------------------------------------------------------------------------------------------------------------
