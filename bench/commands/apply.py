@@ -8,6 +8,7 @@ INPUT is a point cloud (PLY, XYZ, TXT, OBJ) or a mesh whose vertices are taken; 
 as PLY, OBJ, STL, OFF or GLB. Parameters that are lengths refer to the frame in which the input has radius 1.
 A detail transfer takes three meshes that are aligned with each other, or two where the source has no base; OUTPUT and
 that frame are the target base's.
+What other tasks take, their `read` says (detailbench list task NAME); an input may be a folder.
 Where a method solves several tasks, task= says which. Further keys: seed, threads, device, limit.seconds,
 limit.memory_gb.
 """
@@ -54,7 +55,8 @@ def run(args: argparse.Namespace) -> int:
             print(result["traceback"], file=sys.stderr)
         status = "" if result["status"] in ("error", "skipped") else f"{result['status']}: "
         raise DetailbenchError(f"{job.method.label}: {status}{result['message']}")
-    print(f"{' '.join(files[:-1])} ({result['input']}) -> {job.output} ({result['output']})")
+    given = f" ({result['input']})" if result["input"] else ""
+    print(f"{' '.join(files[:-1])}{given} -> {job.output} ({result['output']})")
     print(f"{job.method.label}: {result['seconds']:.3g} s, peak {result['peak_rss_mb']:.0f} MB")
     if result["message"]:
         print(f"{job.method.label}: note: {result['message']}")
