@@ -136,7 +136,8 @@ def _check_step(number: int, built: Sequence[Step]) -> None:
     effects = ", ".join(p.name for p in registry().all("sensor") if _is_effect(p) and _gives(p) == gives) or "none"
     where = f"steps: number {number}, {plugin.name}"
     if not _is_effect(plugin):
-        raise ValueError(f"{where}, makes a new {_gives(plugin)}; only the first may. Effects: {effects}")
+        what = "a new cloud" if _gives(plugin) == "cloud" else f"new {_gives(plugin)}"
+        raise ValueError(f"{where}, makes {what}; only the first may. Effects: {effects}")
     if given_by(plugin, sensor) != gives:
         raise ValueError(
             f"{where}, works on {given_by(plugin, sensor)}, but the first step, {built[0].plugin.name}, gives {gives}. "

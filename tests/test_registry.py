@@ -92,6 +92,12 @@ def test_a_wrong_name_gets_the_nearest_right_one():
         (lambda: register("metric", beter="lower")(dataclass(type("M", (), DOC | SCORE))), "unknown 'beter'"),
         (lambda: register("metric", better="up")(dataclass(type("M", (), DOC | SCORE))), "better='up'"),
         (lambda: register("metric")(dataclass(type("M", (), DOC))), "needs a function score"),
+        (
+            lambda: register("sensor", gives="none")(dataclass(type("S", (), DOC | SENSE))),
+            "gives='none'; expected",
+        ),
+        (lambda: register("sensor", gives=3)(dataclass(type("S", (), DOC | SENSE))), "gives=3; expected a word"),
+        (lambda: register("method", gives="views")(dataclass(type("M", (), DOC))), "unknown 'gives'"),
         (lambda: register("method", name="No Name")(dataclass(type("M", (), DOC))), "should be snake_case"),
         (lambda: register("method")(dataclass(type("M", (), NO_DEFAULT))), "needs a default"),
         (lambda: register("method")(dataclass(type("Undocumented", (), {}))), "docstring"),
@@ -104,6 +110,7 @@ def test_what_breaks_the_contract_is_said(make, words):
 
 DOC = {"__doc__": "A plugin.", "__module__": __name__}
 SCORE = {"score": lambda self, output, case: {}}
+SENSE = {"sense": lambda self, shape, rng: None}
 NO_DEFAULT = DOC | {"__annotations__": {"depth": int}}
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.resources import files
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,10 +16,11 @@ from bench.datasets.sensors.uniform import Uniform
 from hydra import compose
 from omegaconf import OmegaConf
 
-from bench import Shape, UsageError, generator
+from bench import PointCloud, Shape, UsageError, Views, generator
 from bench.config import CONFIG_NAME, hydra_ready
 from bench.registry import registry
 from bench.schema import build, defaults
+from bench.sensors import given_by, noun_of
 
 BALL = Shape("ball", trimesh.creation.icosphere(3)).framed()[0]
 BOX = Shape("box", trimesh.creation.box((1, 2, 3))).framed()[0]
@@ -134,6 +137,25 @@ def test_bad_parameters_are_named(name, values, parameter):
 def test_wrong_words_are_refused(name, word):
     with pytest.raises(ValueError, match=f"^{word}: expected one of"):
         registry().find("sensor", name).cls(**{word: "nonsense"})
+
+
+def test_what_sensors_give_and_the_class_of_it():
+    found = registry()
+    assert {p.name for p in found.all("sensor") if given_by(p, p.cls()) != "cloud"} == {"rig"}
+    rig, chain = found.find("sensor", "rig"), found.find("sensor", "chain")
+    over_rig = Chain(steps=({"rig": {"views": 2}},))
+    assert [given_by(chain, sensor) for sensor in (Chain(), over_rig)] == ["cloud", "views"]
+    assert [noun_of(p, s) for p, s in ((chain, Chain()), (chain, over_rig), (rig, rig.cls()))] == [
+        PointCloud,
+        Views,
+        Views,
+    ]
+    own = replace(rig, options={"gives": "depth_maps"})
+    assert noun_of(own, object()) is None and noun_of(own, SimpleNamespace(noun=dict)) is dict
+    with pytest.raises(ValueError, match="number 2, gaussian, works on cloud, but the first step, rig, gives views"):
+        Chain(steps=("rig", "gaussian"))
+    with pytest.raises(ValueError, match="number 2, rig, makes new views; only the first may"):
+        Chain(steps=("samples", "rig"))
 
 
 def test_every_sensor_has_help_for_every_parameter():
