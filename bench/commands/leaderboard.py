@@ -142,11 +142,14 @@ def show_across(
 ) -> None:
     """Rank the rows that the filters leave by one metric, and print it for all groups side by side."""
     from ..overview import overview
-    from ..selection import pool, select
+    from ..selection import metrics_of, pool, select
 
     board = overview(rows, across, level=level, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), "task")
-    _print(board, format, rows=chosen, metrics=list(dict.fromkeys(board["metric"])))
+    # Of several tasks each has a metric of its own, which comes before the groups.
+    known = set(metrics_of(rows))
+    columns = sorted(dict.fromkeys(board["metric"]), key=lambda name: name not in known)
+    _print(board, format, rows=chosen, metrics=columns)
 
 
 def _print(board: pd.DataFrame, format: str, **options: Any) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ..headline import primary_metrics
 from .numbers import count, plain, unit_exponent, with_interval
 
 if TYPE_CHECKING:
@@ -98,14 +99,14 @@ def shared_notes(tables: Sequence[Table], *more: str) -> tuple[list[tuple[str, .
 
 
 def metric_order(lines: list[Line], wanted: Sequence[str] = ()) -> list[str]:
-    """The metrics of a table: those wanted first, then measured distances (they have a floor), then counts.
+    """The metrics of a task's table: those wanted first, then measured distances (they have a floor), then counts.
 
-    A metric that is to be near the reference's own value says what a result is like rather than how good it is, so
-    these stand last.
+    Where none is wanted, the task's primary metrics come first. A metric that is to be near the reference's own value
+    says what a result is like rather than how good it is, so these stand last.
     """
-    wanted = list(wanted)
     # The two parts of an F-score are shown to those who ask for them.
     hidden = ("\0",) if wanted else ("precision@", "recall@")
+    wanted = list(wanted or (primary_metrics(lines[0]["task"]) if lines else ()))
     better = {line["metric"]: line["better"] for line in lines if line["metric"]}
     better = {m: b for m, b in better.items() if not m.startswith(hidden)}
     measured = {line["metric"] for line in lines if math.isfinite(line["floor"])}

@@ -42,6 +42,7 @@ class DetailTransfer(Task):
 
     output: ClassVar[str] = "mesh"
     promise: ClassVar[str] = "a trimesh.Trimesh with faces and finite vertices"
+    primary: ClassVar[tuple[str, ...]] = ("surface_distance_mean",)
     needs_sensor: ClassVar[bool] = False
     files: ClassVar[tuple[int, ...]] = (2, 3)
 
