@@ -9,13 +9,20 @@ import pandas as pd
 from .errors import UsageError
 from .leaderboard import leaderboard
 from .report.tables import metric_order
+from .resolution import EQUAL
 from .selection import Names, matching
 
 GROUPS = ("dataset", "sensor", "tag")
 
 
 def overview(
-    rows: pd.DataFrame, across: str, *, metric: Names = None, level: float = 0.95, **filters: Names
+    rows: pd.DataFrame,
+    across: str,
+    *,
+    metric: Names = None,
+    level: float = 0.95,
+    equal: float = EQUAL,
+    **filters: Names,
 ) -> pd.DataFrame:
     """A board of one metric: over all cases of a task, and over those of each dataset, sensor or challenge tag.
 
@@ -27,7 +34,7 @@ def overview(
         ``dataset``, ``sensor`` or ``tag``.
     metric : str, optional
         The first one counts; by default, for each task, the one that ranks the methods on other boards.
-    level, filters
+    level, equal, filters
         As for :func:`bench.leaderboard.leaderboard`.
 
     Returns
@@ -44,18 +51,18 @@ def overview(
     chosen = matching("across", across, GROUPS)
     if len(chosen) > 1:
         raise UsageError(f"across {across}: expected one of {', '.join(GROUPS)}; for several see --by")
-    board = leaderboard(rows, by="task", metric=metric, level=level, **filters)
+    board = leaderboard(rows, by="task", metric=metric, level=level, equal=equal, **filters)
     wanted = matching("metric", metric, board["metric"].unique()) if metric else ()
     heads = {task: _head(lines, wanted) for task, lines in board.groupby("task")}
     heads = {task: head for task, head in heads.items() if head}
     if not heads:
         raise UsageError(f"across {across}: nothing was solved yet, so there is no metric to show")
-    parts = leaderboard(rows, by=chosen, metric=sorted(set(heads.values())), level=level, **filters)
+    parts = leaderboard(rows, by=chosen, metric=sorted(set(heads.values())), level=level, equal=equal, **filters)
     whole, parts = (lines[lines["metric"] == lines["task"].map(heads)] for lines in (board, parts))
     groups = parts["sensor" if chosen == ["sensor"] else "dataset"]
     parts = parts.assign(metric=groups, dataset=whole["dataset"].iloc[0], sensor=whole["sensor"].iloc[0])
     joined = pd.concat([whole, parts], ignore_index=True).sort_values("task", kind="stable", ignore_index=True)
-    joined.attrs["level"] = level
+    joined.attrs |= {"level": level, "equal": equal}
     return joined
 
 
