@@ -13,7 +13,6 @@ from .selection import Names, matching
 from .statistics import SAME
 
 COSTS = {"seconds": "seconds_median", "peak_mb": "peak_rss_mb"}  # the columns of a board
-GROUP = ["task", "dataset", "sensor"]
 
 
 def criteria_of(names: Names, metrics: Sequence[str]) -> tuple[str, ...]:
@@ -35,7 +34,7 @@ def criteria_of(names: Names, metrics: Sequence[str]) -> tuple[str, ...]:
     return found
 
 
-def front(board: pd.DataFrame, criteria: tuple[str, ...] = ()) -> np.ndarray:
+def front(board: pd.DataFrame, criteria: tuple[str, ...], group: Sequence[str], contender: Sequence[str]) -> np.ndarray:
     """The column ``front`` of a board: 1 in the lines of the methods on the front, NaN in the others.
 
     A method is off the front only if another of its table is better in both criteria; one that is equally good in one
@@ -46,13 +45,16 @@ def front(board: pd.DataFrame, criteria: tuple[str, ...] = ()) -> np.ndarray:
     ----------
     board : DataFrame
         Of :func:`bench.leaderboard.leaderboard`, with the lines of both criteria.
-    criteria : two names, optional
-        Metrics or :data:`COSTS`; by default the primary metrics of each task that has two, see ``Task.primary``.
+    criteria : two names, or none
+        Metrics or :data:`COSTS`; where none are given, the primary metrics of each task that has two, see
+        ``Task.primary``.
+    group, contender : sequences of column names
+        What makes a table, the task among it, and what makes a line of it.
     """
     column = np.full(len(board), np.nan)
-    methods = board["method"] + "\0" + board["variant"]
-    for (task, *_), places in board.groupby(GROUP, dropna=False).indices.items():
-        chosen = criteria or primary_metrics(task)
+    methods = board.groupby(list(contender), dropna=False).ngroup()
+    for places in board.groupby(list(group), dropna=False).indices.values():
+        chosen = criteria or primary_metrics(board["task"].iloc[places[0]])
         if len(chosen) != 2:
             continue
         lines = board.iloc[places]

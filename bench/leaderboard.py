@@ -154,7 +154,7 @@ def leaderboard(
     parts = [_group_board(cells, group, level, equal, resamples, seed) for group in cells.groups()]
     board = _joined(cells, [part for part in parts if part], costs(rows))
     if pareto is not None or metric is None:
-        board["front"] = pd.array(front(board, criteria), dtype="Int64")
+        board["front"] = pd.array(front(board, criteria, GROUP, CONTENDER), dtype="Int64")
     board.attrs |= {"level": level, "equal": equal, "pareto": criteria}
     return board
 
