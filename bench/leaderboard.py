@@ -26,7 +26,7 @@ import pandas as pd
 
 from .errors import UsageError
 from .fronts import COSTS, criteria_of, front
-from .resolution import EQUAL, Standings, rankable, resolve
+from .resolution import EQUAL, Standings, check_region, rankable, resolve
 from .seeds import generator
 from .selection import Names, metrics_of, pool, select
 from .statistics import mean_intervals, ranks_of, resampling_weights, sure_differences
@@ -50,15 +50,17 @@ COLUMNS = (
     "seconds_median",
     "peak_rss_mb",
     "true_distances",
-    "front",
-    "shapes",
-    "not_run",
-    "undefined",
-    "score_mean",
-    "versus_next",
-    "detectable",
-    "more_shapes",
-    "versus_first",
+    # What a table can tell, see bench/resolution.py and bench/fronts.py. What compares lines is empty with fewer than
+    # four shapes, which are too few to rank by: ranks are then those of a tie.
+    "front",  # 1 on the Pareto front of two criteria, else empty
+    "shapes",  # on how many shapes the method was to be scored
+    "not_run",  # on how many units (case and seed) of the table the method was not run
+    "undefined",  # on how many units the metric is not defined for this output, where it is for another's
+    "score_mean",  # of a reference metric: the mean of the score itself, over solved units
+    "versus_next",  # against the next line: better (surely) or open
+    "detectable",  # the relative difference to the next line found with 80 % power; 0.1: one is 1.1 times the other
+    "more_shapes",  # first line: how many more shapes separate the first two; infinite above 1,000, empty: none would
+    "versus_first",  # first, equal (the difference is surely smaller than `equal`), worse (surely) or open
 )
 GROUP = ["task", "dataset", "sensor"]  # one table each
 CONTENDER = ["method", "variant"]
@@ -100,12 +102,11 @@ def leaderboard(
     by : str or list of str, optional
         What tables are made by besides the task, see :func:`bench.selection.pool`; by dataset and sensor without it.
     pareto : str or list of str, optional
-        Two metrics, or one and ``seconds`` or ``peak_mb``, or both of these: what the column ``front`` is about, see
-        :func:`bench.fronts.front`. The metrics are on the board even if ``metric`` leaves them out.
+        The two criteria of ``front``, see :func:`bench.fronts.front`; on the board even if not in ``metric``.
     level : float
         Confidence level of the intervals and of the ranks.
     equal : float
-        Up to which relative difference two methods count as equal in practice: 0.02 is 2 %.
+        Relative difference below which two methods are equal in practice.
     resamples : int
         Bootstrap samples behind each interval.
     seed : int
@@ -115,35 +116,20 @@ def leaderboard(
     -------
     DataFrame
         With :data:`COLUMNS`. ``mean``, ``ci_low``, ``ci_high`` and ``floor`` are in the metric's unit, over solved
-        cases; ``better`` is lower, higher or reference: nearest to ``floor``, the reference's own value. For such a
-        metric ``mean`` is that of the absolute difference to it, and ``score_mean`` that of the score itself;
-        ``rank_low`` to ``rank_high`` is the interval of the rank; ``seconds_median`` and ``peak_rss_mb`` (the
-        largest) are over solved cases, and so is ``true_distances``: at how many points a method was given true
-        distances of the reference, in the case where they were most; 0 for most methods.
-
-        ``front`` is 1 on the Pareto front. ``shapes`` is on how many shapes the method was to be scored; ``not_run``
-        how many units (case and seed) of the table it was not run on; ``undefined`` on how many the metric gave it no
-        score by intention, where it gave others one. In the order of the lines, ``versus_next`` says whether a method
-        is surely ``better`` than the next one or whether that is ``open``; ``detectable`` which relative difference
-        between the two would be found with a power of 80 % (0.1: one is 1.1 times the other); ``more_shapes``, in the
-        first line, how many more shapes would separate the first two (infinite: above 1,000; missing: no number
-        would). ``versus_first`` is ``first``, ``equal`` (the difference is surely smaller than ``equal``), ``worse``
-        (surely) or ``open``. See :mod:`bench.resolution`. All are empty with fewer than four shapes, which are too
-        few to rank by: ranks are then those of a tie.
-
-        A group in which nothing was
-        solved and no metric is known has one line per method with an empty ``metric``.
+        cases; ``better`` is lower, higher or reference (nearest to ``floor``, the reference's own value: ``mean`` is
+        that of the absolute difference); ``rank_low`` to ``rank_high`` is the interval of the rank; ``seconds_median``
+        and ``peak_rss_mb`` (the largest) are over solved cases, and so is ``true_distances``: at how many points a
+        method was given true distances of the reference, in the case where they were most; 0 for most methods. A group
+        in which nothing was solved and no metric is known has one line per method with an empty ``metric``.
 
     Raises
     ------
     UsageError
-        For a filter that matches nothing, a ``pareto`` that is not two criteria, or a level, region or number of
-        resamples that makes no sense.
+        For filters that match nothing, or another argument that makes no sense.
     """
     if not 0 < level < 1:
         raise UsageError(f"level: expected a number between 0 and 1, got {level}")
-    if not 0 < equal < 1:
-        raise UsageError(f"equal: expected a share between 0 and 1, as 0.02 for 2 %, got {equal}")
+    check_region(equal)
     if resamples < 100:
         raise UsageError(f"resamples: expected at least 100, got {resamples}")
     rows = pool(select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag), by)

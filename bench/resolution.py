@@ -23,13 +23,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from .errors import UsageError
 from .statistics import SAME, standard_error, student_quantile
 
 FEWEST = 4  # shapes that a table of ranks needs
 POWER = 0.8
 MOST = 1000  # more shapes than these are not counted
 EQUAL = 0.02  # the usual region of practical equivalence, as a ratio less 1
-COLUMNS = ("shapes", "versus_next", "detectable", "more_shapes", "versus_first")
+
+
+def check_region(equal: float) -> None:
+    """Raise :class:`UsageError` unless ``equal`` is a region of practical equivalence."""
+    if not 0 < equal < 1:
+        raise UsageError(f"equal {equal}: expected a share between 0 and 1, as 0.02 for 2 %")
 
 
 def as_ratio(difference: np.ndarray) -> np.ndarray:
@@ -159,7 +165,7 @@ def rankable(shapes: np.ndarray) -> np.ndarray:
 
 
 def resolve(standings: Standings, taking_part: np.ndarray, level: float, equal: float) -> dict[str, np.ndarray]:
-    """The columns :data:`COLUMNS` of a board, each a (k, m) array.
+    """The columns of a board that say what it can tell, each a (k, m) array.
 
     Parameters
     ----------
@@ -170,6 +176,12 @@ def resolve(standings: Standings, taking_part: np.ndarray, level: float, equal: 
         The confidence level of the ranks.
     equal : float
         The region of practical equivalence: 0.02 is 2 %.
+
+    Returns
+    -------
+    dict
+        ``shapes``, ``versus_next``, ``detectable``, ``more_shapes`` and ``versus_first``, see
+        :data:`bench.leaderboard.COLUMNS`.
     """
     s = standings
     k, m = s.low.shape

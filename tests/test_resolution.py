@@ -262,7 +262,7 @@ def test_how_often_a_table_of_equal_methods_has_a_wrong_interval(sigma, shapes, 
 
 @pytest.mark.parametrize("wrong", [0.0, 1.5, -0.1])
 def test_a_region_that_makes_no_sense_is_refused(wrong, capsys):
-    with pytest.raises(UsageError, match="equal: expected a share"):
+    with pytest.raises(UsageError, match="equal .*: expected a share"):
         leaderboard(table({"a": units(1, 2)}), equal=wrong)
     assert main(["leaderboard", f"--equal={wrong}"]) == 1
     assert "expected a share between 0 and 1, as 0.02 for 2 %" in capsys.readouterr().err

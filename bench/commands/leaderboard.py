@@ -57,6 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the board."""
+    from ..resolution import check_region
+
     args.results, conventions = _split_words(args.results)
     args.convention = args.convention or conventions
     if args.published and (args.convention or args.across):
@@ -69,8 +71,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--across {args.across}: shows one metric in all groups, which does not go with {other}")
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
-    if not 0 < args.equal < 1:
-        raise UsageError(f"--equal {args.equal}: expected a share between 0 and 1, as 0.02 for 2 %")
+    check_region(args.equal)
     rows = read_rows(args.results or ["results"], use_index=not args.no_index)
     filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag")}
     if args.across:
