@@ -100,6 +100,11 @@ class Convention:
     def _column(self, lines: pd.DataFrame, column: Column) -> pd.DataFrame:
         part = lines[lines["metric"] == column.score].copy()
         part["metric"] = column.title
+        # A paper prints the score itself, where our tables have the difference to the reference's own value.
+        if "score_mean" in part:  # boards of earlier versions have no other mean
+            own = part["better"] == "reference"
+            part.loc[own, "mean"] = part.loc[own, "score_mean"]
+            part.loc[own, ["ci_low", "ci_high"]] = float("nan")
         for name in ("mean", "ci_low", "ci_high", "floor"):
             part[name] *= column.factor
         return part

@@ -25,9 +25,11 @@ import numpy as np
 import pandas as pd
 
 from .errors import UsageError
+from .fronts import COSTS, criteria_of, front
+from .resolution import EQUAL, Standings, check_region, rankable, resolve
 from .seeds import generator
 from .selection import Names, metrics_of, pool, select
-from .statistics import mean_intervals, rank_intervals, resampling_weights
+from .statistics import mean_intervals, ranks_of, resampling_weights, sure_differences
 
 COLUMNS = (
     "task",
@@ -48,6 +50,17 @@ COLUMNS = (
     "seconds_median",
     "peak_rss_mb",
     "true_distances",
+    # What a table can tell, see bench/resolution.py and bench/fronts.py. What compares lines is empty with fewer than
+    # four shapes, which are too few to rank by: ranks are then those of a tie.
+    "front",  # 1 on the Pareto front of two criteria, else empty
+    "shapes",  # on how many shapes the method was to be scored
+    "not_run",  # on how many units (case and seed) of the table the method was not run
+    "undefined",  # on how many units the metric is not defined for this output, where it is for another's
+    "score_mean",  # of a reference metric: the mean of the score itself, over solved units
+    "versus_next",  # against the next line: better (surely) or open
+    "detectable",  # the relative difference to the next line found with 80 % power; 0.1: one is 1.1 times the other
+    "more_shapes",  # first line: how many more shapes separate the first two; infinite above 1,000, empty: none would
+    "versus_first",  # first, equal (the difference is surely smaller than `equal`), worse (surely) or open
 )
 GROUP = ["task", "dataset", "sensor"]  # one table each
 CONTENDER = ["method", "variant"]
@@ -70,7 +83,9 @@ def leaderboard(
     method: Names = None,
     tag: Names = None,
     by: Names = None,
+    pareto: Names = None,
     level: float = 0.95,
+    equal: float = EQUAL,
     resamples: int = 2000,
     seed: int = 0,
 ) -> pd.DataFrame:
@@ -86,8 +101,12 @@ def leaderboard(
         Metric keys; ``fscore`` stands for every ``fscore@...``.
     by : str or list of str, optional
         What tables are made by besides the task, see :func:`bench.selection.pool`; by dataset and sensor without it.
+    pareto : str or list of str, optional
+        The two criteria of ``front``, see :func:`bench.fronts.front`; on the board even if not in ``metric``.
     level : float
         Confidence level of the intervals and of the ranks.
+    equal : float
+        Relative difference below which two methods are equal in practice.
     resamples : int
         Bootstrap samples behind each interval.
     seed : int
@@ -97,28 +116,32 @@ def leaderboard(
     -------
     DataFrame
         With :data:`COLUMNS`. ``mean``, ``ci_low``, ``ci_high`` and ``floor`` are in the metric's unit, over solved
-        cases; ``better`` is lower, higher or reference (nearest to ``floor``, the reference's own value);
-        ``rank_low`` to ``rank_high`` is the interval of the rank; ``seconds_median`` and ``peak_rss_mb`` (the
-        largest) are over solved cases, and so is ``true_distances``: at how many points a method was given true
-        distances of the reference, in the case where they were most; 0 for most methods. A group in which nothing was
-        solved and no metric is known has one line per method with an empty ``metric``.
+        cases; ``better`` is lower, higher or reference (nearest to ``floor``, the reference's own value: ``mean`` is
+        that of the absolute difference); ``rank_low`` to ``rank_high`` is the interval of the rank; ``seconds_median``
+        and ``peak_rss_mb`` (the largest) are over solved cases, and so is ``true_distances``: at how many points a
+        method was given true distances of the reference, in the case where they were most; 0 for most methods. A group
+        in which nothing was solved and no metric is known has one line per method with an empty ``metric``.
 
     Raises
     ------
     UsageError
-        For a filter that matches nothing, or a level or number of resamples that makes no sense.
+        For filters that match nothing, or another argument that makes no sense.
     """
     if not 0 < level < 1:
         raise UsageError(f"level: expected a number between 0 and 1, got {level}")
+    check_region(equal)
     if resamples < 100:
         raise UsageError(f"resamples: expected at least 100, got {resamples}")
     rows = pool(select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag), by)
     if not len(rows):
         return pd.DataFrame(columns=list(COLUMNS))
-    cells = _cells(rows, metrics_of(rows, metric))
-    parts = [_group_board(cells, group, level, resamples, seed) for group in cells.groups()]
+    criteria = criteria_of(pareto, metrics_of(rows))
+    cells = _cells(rows, sorted({*metrics_of(rows, metric), *criteria} - {*COSTS}))
+    parts = [_group_board(cells, group, level, equal, resamples, seed) for group in cells.groups()]
     board = _joined(cells, [part for part in parts if part], costs(rows))
-    board.attrs["level"] = level
+    if pareto is not None or metric is None:
+        board["front"] = pd.array(front(board, criteria, GROUP, CONTENDER), dtype="Int64")
+    board.attrs |= {"level": level, "equal": equal, "pareto": criteria}
     return board
 
 
@@ -131,6 +154,7 @@ def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFr
     board["metric"] = np.array([*cells.metrics, ""], dtype=object)[board["metric"]]
     board = board.join(costs, on=[*GROUP, *CONTENDER])
     board["true_distances"] = board["true_distances"].fillna(0).astype("int64")
+    board["front"] = pd.array([pd.NA] * len(board), dtype="Int64")
     return board[list(COLUMNS)]
 
 
@@ -148,7 +172,8 @@ class _Cells:
     better: list[str]
     planned: np.ndarray  # how many rows were to be scored
     solved: np.ndarray  # how many were
-    value: np.ndarray  # mean score over the solved rows, 0 without
+    score: np.ndarray  # mean score over the solved rows, 0 without
+    value: np.ndarray  # what is shown: the same, but of a "reference" metric how far from the reference's own value
     badness: np.ndarray  # the same as "lower is better"
     floor: np.ndarray  # NaN where unknown
     rows: np.ndarray  # (cells,) how many rows
@@ -195,7 +220,9 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
         better=better,
         planned=total(planned.astype(int)),
         solved=count,
-        value=total(np.where(solved, score, 0.0)) / np.maximum(count, 1),
+        score=total(np.where(solved, score, 0.0)) / np.maximum(count, 1),
+        # Signed differences of several cases would cancel in a mean: genus 5 too high and 5 too low is not perfect.
+        value=total(np.where(solved, np.where(_to_reference(better), badness, score), 0.0)) / np.maximum(count, 1),
         badness=total(np.where(solved, badness, 0.0)) / np.maximum(count, 1),
         floor=floor,
         rows=total(np.ones(len(rows), dtype=int)),
@@ -223,6 +250,11 @@ def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[
     better = [next((s[m] for s in said if m in s), "lower") for m in metrics]
     silent = np.array([not s for s in said], dtype=bool)
     return table[codes], better, silent[codes]
+
+
+def _to_reference(better: list[str]) -> np.ndarray:
+    """(metrics,) bool array: which are to be near the reference's own value."""
+    return np.array(better, dtype=str) == "reference"
 
 
 def _badness(score: np.ndarray, floor: np.ndarray, better: list[str]) -> np.ndarray:
@@ -272,7 +304,7 @@ def _clipped(low: np.ndarray, high: np.ndarray, scores: np.ndarray, better: list
 # -- one group ---------------------------------------------------------------------------------------------------------
 
 
-def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed: int) -> _Part:
+def _group_board(cells: _Cells, group: slice, level: float, equal: float, resamples: int, seed: int) -> _Part:
     """The board of one (task, dataset, sensor)."""
     codes = cells.codes[group]
     unit, contender = _ids(codes[:, 3:5]), _ids(codes[:, 5:7])
@@ -302,7 +334,8 @@ def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed
     low, high = _clipped(low, high, scores, [cells.better[m] for m in used])
 
     values = penalise(cube(cells.badness), (solved == planned) & (planned > 0), cases)
-    rank_low, rank_high, order = _ranks(values, planned > 0, solved.any(axis=0), clusters, level)
+    shapes = np.logical_or.reduceat(planned > 0, cases).sum(axis=0)
+    standings = _standings(values, planned > 0, solved.any(axis=0), clusters, level, shapes)
     floors = np.isfinite(floor).sum(axis=0)
     table = {
         "row": np.broadcast_to(group.start + first[:, None], mean.shape),
@@ -311,12 +344,16 @@ def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed
         "ci_low": low,
         "ci_high": high,
         "floor": np.where(floors > 0, np.nansum(floor, axis=0) / np.maximum(floors, 1), np.nan),
-        "rank_low": rank_low,
-        "rank_high": rank_high,
-        "order": order,
+        "rank_low": standings.low,
+        "rank_high": standings.high,
+        "order": standings.order,
         "solved": solved.sum(axis=0),
         "planned": planned.sum(axis=0),
     }
+    table |= resolve(standings, (planned > 0).any(axis=0) & solved.any(axis=0), level, equal)
+    table |= _missed(unit, contender, planned > 0)
+    reference = _to_reference(cells.better)[used]
+    table["score_mean"] = np.where(reference, _solved_mean(cube(cells.score), solved > 0), np.nan)
     # By metric, then rank; contenders are in the order of their names.
     place = np.lexsort(
         [table["row"].ravel(), *(table[c].ravel() for c in ("rank_high", "order", "rank_low", "metric"))]
@@ -352,13 +389,34 @@ def penalise(badness: np.ndarray, solved: np.ndarray, cases: np.ndarray) -> np.n
     return np.where(solved, badness, failed[:, None])
 
 
-def _ranks(
-    values: np.ndarray, planned: np.ndarray, some: np.ndarray, clusters: np.ndarray, level: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rank intervals; who solved nothing shares the last places, by definition and not by a test."""
-    low, high, order = rank_intervals(values, planned & some, clusters, level)
+def _standings(
+    values: np.ndarray, planned: np.ndarray, some: np.ndarray, clusters: np.ndarray, level: float, shapes: np.ndarray
+) -> Standings:
+    """Rank intervals; who solved nothing shares the last places, by definition and not by a test.
+
+    Where there are too few shapes to rank methods, all that solved something share the first places.
+    """
+    difference, sure = sure_differences(values, planned & some, clusters, level)
+    sure &= rankable(shapes)
+    low, high, order = ranks_of(difference, sure, planned & some)
     last, everyone = some.sum(axis=0) + 1, planned.any(axis=0).sum(axis=0)
-    return np.where(some, low, last), np.where(some, high, everyone), np.where(some, order, len(some))
+    low, high, order = np.where(some, low, last), np.where(some, high, everyone), np.where(some, order, len(some))
+    return Standings(values, planned & some, clusters, low, high, order, sure, shapes)
+
+
+def _solved_mean(scores: np.ndarray, solved: np.ndarray) -> np.ndarray:
+    """(contenders, metrics): the mean over solved units; NaN without."""
+    count = solved.sum(axis=0)
+    return np.divide(scores.sum(axis=0), count, out=np.full(count.shape, np.nan), where=count > 0)
+
+
+def _missed(unit: np.ndarray, contender: np.ndarray, planned: np.ndarray) -> _Part:
+    """How many units each contender was not run on, and on how many a metric is not defined for it alone."""
+    ran = np.zeros(planned.shape[:2], dtype=bool)
+    ran[unit, contender] = True
+    undefined = ran[..., None] & ~planned & planned.any(axis=1, keepdims=True)
+    not_run = np.broadcast_to((~ran).sum(axis=0)[:, None], planned.shape[1:])
+    return {"not_run": not_run, "undefined": undefined.sum(axis=0)}
 
 
 def _unscored(cells: _Cells, group: slice, first: np.ndarray, contender: np.ndarray) -> _Part:
@@ -366,8 +424,11 @@ def _unscored(cells: _Cells, group: slice, first: np.ndarray, contender: np.ndar
     if not cells.mute[group].all():
         return {}
     k = len(first)
-    part = {name: np.full(k, np.nan) for name in ("mean", "ci_low", "ci_high", "floor")}
+    unknown = ("mean", "ci_low", "ci_high", "floor", "score_mean", "detectable", "more_shapes")
+    part = {name: np.full(k, np.nan) for name in unknown}
+    part |= {name: np.full(k, "", dtype=object) for name in ("versus_next", "versus_first")}
     part |= {name: np.full(k, n) for name, n in (("metric", -1), ("rank_low", 1), ("rank_high", k), ("solved", 0))}
+    part |= {name: np.zeros(k, dtype=int) for name in ("shapes", "not_run", "undefined")}
     return part | {"row": group.start + first, "planned": np.bincount(contender, cells.rows[group]).astype(int)}
 
 

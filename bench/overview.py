@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pandas as pd
 
 from .errors import UsageError
 from .leaderboard import leaderboard
 from .report.tables import metric_order
+from .resolution import EQUAL
 from .selection import Names, matching
 
 GROUPS = ("dataset", "sensor", "tag")
 
 
 def overview(
-    rows: pd.DataFrame, across: str, *, metric: Names = None, level: float = 0.95, **filters: Names
+    rows: pd.DataFrame,
+    across: str,
+    *,
+    metric: Names = None,
+    level: float = 0.95,
+    equal: float = EQUAL,
+    **filters: Names,
 ) -> pd.DataFrame:
     """A board of one metric: over all cases of a task, and over those of each dataset, sensor or challenge tag.
 
@@ -24,8 +33,8 @@ def overview(
     across : str
         ``dataset``, ``sensor`` or ``tag``.
     metric : str, optional
-        The first one counts; by default the one that ranks the methods on other boards.
-    level, filters
+        The first one counts; by default, for each task, the one that ranks the methods on other boards.
+    level, equal, filters
         As for :func:`bench.leaderboard.leaderboard`.
 
     Returns
@@ -42,16 +51,21 @@ def overview(
     chosen = matching("across", across, GROUPS)
     if len(chosen) > 1:
         raise UsageError(f"across {across}: expected one of {', '.join(GROUPS)}; for several see --by")
-    board = leaderboard(rows, by="task", metric=metric, level=level, **filters)
+    board = leaderboard(rows, by="task", metric=metric, level=level, equal=equal, **filters)
     wanted = matching("metric", metric, board["metric"].unique()) if metric else ()
-    names = [name for name in metric_order(board.to_dict("records"), wanted) if name]
-    if not names:
+    heads = {task: _head(lines, wanted) for task, lines in board.groupby("task")}
+    heads = {task: head for task, head in heads.items() if head}
+    if not heads:
         raise UsageError(f"across {across}: nothing was solved yet, so there is no metric to show")
-    name = names[0]
-    parts = leaderboard(rows, by=chosen, metric=name, level=level, **filters)
-    whole = board[board["metric"] == name]
+    parts = leaderboard(rows, by=chosen, metric=sorted(set(heads.values())), level=level, equal=equal, **filters)
+    whole, parts = (lines[lines["metric"] == lines["task"].map(heads)] for lines in (board, parts))
     groups = parts["sensor" if chosen == ["sensor"] else "dataset"]
     parts = parts.assign(metric=groups, dataset=whole["dataset"].iloc[0], sensor=whole["sensor"].iloc[0])
     joined = pd.concat([whole, parts], ignore_index=True).sort_values("task", kind="stable", ignore_index=True)
-    joined.attrs["level"] = level
+    joined.attrs |= {"level": level, "equal": equal}
     return joined
+
+
+def _head(lines: pd.DataFrame, wanted: Sequence[str]) -> str:
+    """The metric that ranks a task's table; empty if nothing was solved."""
+    return next((name for name in metric_order(lines.to_dict("records"), wanted) if name), "")

@@ -200,6 +200,31 @@ def holm(p: np.ndarray, alpha: float, hypotheses: np.ndarray | int | None = None
     return rejected
 
 
+def sure_differences(
+    values: np.ndarray, planned: np.ndarray, starts: np.ndarray, level: float = 0.95
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which two methods surely differ, for each metric.
+
+    Parameters
+    ----------
+    values, planned, starts
+        As in :func:`paired_differences`. A method without a planned unit takes no part.
+
+    Returns
+    -------
+    difference : (k, k, m) array
+        Of :func:`paired_differences`.
+    sure : (k, k, m) bool array
+        ``sure[i, j]``: i and j differ, by Holm's procedure over the comparisons of method i. It need not be
+        ``sure[j, i]``, whose family is another one.
+    """
+    k, m = values.shape[1:]
+    difference, p = paired_differences(values, planned, starts)
+    taking_part = planned.any(axis=0).sum(axis=0)
+    rejected = holm(p.transpose(2, 0, 1).reshape(m * k, k), 1 - level, np.repeat(taking_part - 1, k))
+    return difference, rejected.reshape(m, k, k).transpose(1, 2, 0) & (p < 1)
+
+
 def rank_intervals(
     values: np.ndarray, planned: np.ndarray, starts: np.ndarray, level: float = 0.95
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -217,12 +242,14 @@ def rank_intervals(
     beaten_by : (k, m) int array
         How many methods have the better paired mean, sure or not: the order to print ties in.
     """
-    k, m = values.shape[1:]
-    difference, p = paired_differences(values, planned, starts)
+    return ranks_of(*sure_differences(values, planned, starts, level), planned)
+
+
+def ranks_of(
+    difference: np.ndarray, sure: np.ndarray, planned: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """:func:`rank_intervals` from the :func:`sure_differences` of the same ``planned``."""
     taking_part = planned.any(axis=0).sum(axis=0)
-    families = p.transpose(2, 0, 1).reshape(m * k, k)
-    rejected = holm(families, 1 - level, np.repeat(taking_part - 1, k))
-    sure = rejected.reshape(m, k, k).transpose(1, 2, 0) & (p < 1)
     low = 1 + (sure & (difference > 0)).sum(axis=1)
     high = taking_part - (sure & (difference < 0)).sum(axis=1)
     return low, high, (difference > 0).sum(axis=1)

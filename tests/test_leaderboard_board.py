@@ -15,7 +15,8 @@ from bench.selection import pool, select
 
 DOCUMENTED = (
     "task,dataset,sensor,method,variant,metric,better,mean,ci_low,ci_high,floor,rank_low,rank_high,solved,planned,"
-    "seconds_median,peak_rss_mb,true_distances"
+    "seconds_median,peak_rss_mb,true_distances,front,shapes,not_run,undefined,score_mean,versus_next,detectable,"
+    "more_shapes,versus_first"
 )
 
 
@@ -122,12 +123,13 @@ def test_higher_is_better_turns_the_order_round():
     assert line(board, "high")["mean"] == pytest.approx((0.9 * wobble**2).mean())
 
 
-def test_reference_ranks_by_the_distance_and_shows_the_value():
+def test_reference_ranks_by_the_distance_and_shows_it():
     near, far, below = (1, 1, 1, 2, 1, 1, 1, 1), (9, 8, 9, 7, 9, 9, 8, 9), (0, -1, 0, -2, -1, -2, -2, -1)
     scores = {"far": units(*far), "near": units(*near), "below": units(*below)}
     board = leaderboard(table(scores, better="reference", floors={"d": 1.0}))
     assert board["method"].tolist() == ["near", "below", "far"]
-    assert line(board, "below")["mean"] == pytest.approx(np.mean(below))
+    assert line(board, "below")["mean"] == pytest.approx(np.mean(np.abs(np.array(below) - 1)))
+    assert line(board, "below")["score_mean"] == pytest.approx(np.mean(below))
     assert set(board["floor"]) == {1.0}
 
 
@@ -231,7 +233,7 @@ def test_one_case_with_seeds_resamples_the_seeds():
     a, b = units(1, 1.1, 0.9, 1.05, cases="a", seeds=4), units(3, 3.3, 3.1, 2.9, cases="a", seeds=4)
     board = leaderboard(table({"a": a, "b": b}))
     assert (board["ci_low"] < board["mean"]).all()
-    assert ranks(board) == {"a": (1, 1), "b": (2, 2)}
+    assert ranks(board) == {"a": (1, 2), "b": (1, 2)}  # one shape ranks nobody
 
 
 def test_rows_that_differ_in_threads_alone_are_one_unit():

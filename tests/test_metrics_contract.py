@@ -61,6 +61,7 @@ KINDS = {
     ),
     "self_intersections": ("lower", MESH, {"self_intersecting_faces", "self_intersecting_share"}),
     "spacing_variation": ("lower", CLOUD, {"spacing_variation"}),
+    "surface_distance_mean": ("lower", MESH, {"surface_distance_mean"}),
     "topology": ("reference", MESH, {"components", "genus", "boundary_edges", "watertight"}),
     "uniformity": ("lower", CLOUD, {f"uniformity@{s}" for s in (0.004, 0.006, 0.008, 0.01, 0.012)}),
 }
@@ -109,7 +110,7 @@ def test_standard_is_small_and_full_is_all():
         for name in ("standard", "full")
     }
     assert sorted(found["full"]) == sorted(f.stem for f in (ROOT / "metrics").glob("[a-z]*.py")) == sorted(KINDS)
-    assert set(found["standard"]) < set(found["full"]) and len(found["standard"]) == 7
+    assert set(found["standard"]) < set(found["full"]) and len(found["standard"]) == 8
 
 
 @pytest.mark.parametrize("kind", ["mesh", "cloud"])

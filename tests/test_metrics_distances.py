@@ -10,10 +10,12 @@ from bench.metrics.chamfer_l2_sum import ChamferL2Sum
 from bench.metrics.fscore import Fscore
 from bench.metrics.hausdorff import Hausdorff
 from bench.metrics.p2f_mean import P2fMean
+from bench.metrics.s2f import S2f
+from bench.metrics.surface_distance_mean import SurfaceDistanceMean
 from scipy.spatial.distance import cdist
 
 from bench import Case, PointCloud, Shape, generator
-from bench.geometry.comparison import Comparison
+from bench.geometry.comparison import Comparison, set_samples
 
 METRICS = (ChamferL2Sum(), ChamferL1Mean(), Hausdorff(), P2fMean(), Fscore())
 N = 100_000
@@ -68,6 +70,68 @@ def test_concentric_spheres(radius):
     assert found["chamfer_l2_sum"] == pytest.approx(2 * gap**2, rel=0.02)
     assert gap * 0.99 < found["hausdorff"] < np.hypot(gap, 0.05)
     assert found["fscore@0.01"] == 0
+
+
+@pytest.mark.parametrize("delta", [1e-6, 0.05, 0.3])
+def test_two_way_surface_distance_of_parallel_planes(delta):
+    assert exact(square(delta), few_of(square())) == pytest.approx(delta, rel=1e-9)
+
+
+@pytest.mark.parametrize("radius", [0.7, 1.2])
+def test_two_way_surface_distance_of_concentric_spheres(radius):
+    assert exact(sphere(radius), few_of(sphere())) == pytest.approx(abs(1 - radius), rel=2e-3)
+
+
+def test_two_way_surface_distance_counts_both_ways_alike():
+    # Half of a square on it: 0 one way, and the other way half of the points are 0 to 1 away.
+    half = moved(square(side=1.0), np.diag([1.0, 2.0, 1.0, 1.0]) + np.array([[0, 0, 0, -0.5]] + [[0] * 4] * 3))
+    case = few_of(square())
+    assert P2fMean().score(half, case)["p2f_mean"] < 1e-15
+    assert exact(half, case) == pytest.approx(0.125, rel=0.05)
+    # The other way round: the output sticks out as far as the reference lacked.
+    assert exact(square(), few_of(half)) == pytest.approx(0.125, rel=0.05)
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.1])
+def test_two_way_surface_distance_is_the_mean_of_both_directions(sigma):
+    case, noisy = few_of(sphere(subdivisions=3)), sphere(subdivisions=3)
+    noisy.vertices += generator("rough").normal(0, sigma, noisy.vertices.shape)
+    halves = P2fMean().score(noisy, case)["p2f_mean"], S2f().score(noisy, case)["s2f_mean"]
+    assert exact(noisy, case) == np.mean(halves)
+    # By another library, on the same samples.
+    pair = case.compare(noisy)
+    there = pcu.closest_points_on_mesh(pair.output_points, *arrays(case.reference.mesh))[0]
+    back = pcu.closest_points_on_mesh(pair.reference_points, *arrays(noisy))[0]
+    assert exact(noisy, case) == pytest.approx((there.mean() + back.mean()) / 2, rel=1e-5)
+
+
+def arrays(mesh):
+    return np.array(mesh.vertices), np.array(mesh.faces)
+
+
+def test_two_way_surface_distance_sees_what_the_floor_of_chamfer_hides():
+    """The truth scores 0, and twice the noise twice as much, where Chamfer-L1 is nearly all floor."""
+    case, meshes = few_of(sphere(subdivisions=4)), []
+    for sigma in (0.0, 1e-3, 2e-3, 0.2):
+        meshes.append(sphere(subdivisions=4))
+        meshes[-1].vertices *= 1 + generator("ladder").normal(0, sigma, (len(meshes[-1].vertices), 1))
+    truth, little, twice, noise = (exact(mesh, case) for mesh in meshes)
+    assert truth < 1e-15 < little < noise
+    assert twice / little == pytest.approx(2, rel=0.02)
+    chamfer = [ChamferL1Mean().score(mesh, case)["chamfer_l1_mean"] for mesh in meshes[1:3]]
+    assert chamfer[1] / chamfer[0] < 1.2
+    assert exact(trimesh.Trimesh(), case) == np.inf
+
+
+def few_of(mesh):
+    """Few samples: what is exact needs no more."""
+    case = case_of(mesh)
+    set_samples(case, 5000)
+    return case
+
+
+def exact(output, case):
+    return SurfaceDistanceMean().score(output, case)["surface_distance_mean"]
 
 
 def test_floor_is_the_one_of_two_poisson_processes():

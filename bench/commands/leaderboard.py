@@ -6,11 +6,13 @@
   detailbench leaderboard DIR --across tag                 the same for one metric, side by side
   detailbench leaderboard DIR --convention mpu             a paper's columns, in its units
   detailbench leaderboard DIR --published table_4_1        the table of an experiment, the paper's numbers beside ours
+  detailbench leaderboard DIR --pareto p2f_mean,seconds    who is on the front of quality and cost
   detailbench leaderboard DIR --format csv > board.csv     markdown, latex and csv besides the terminal
 
-Means are over solved cases with 95 % bootstrap intervals over cases and seeds; rank 1-2 means that nobody is surely
-better than place 1, nor is it surely worse than place 2. An unsolved case counts as worse than every solved one in the
-ranks, and solved/planned stands beside the mean. docs/metrics.md has the formulas.
+Means are over solved cases with 95 % bootstrap intervals over cases and seeds; rank 1-2 is the 95 % confidence interval
+of the rank. An unsolved case counts as worse than every solved one in the ranks, and solved/planned stands beside the
+mean. Below each table stands what it can show: which differences this many shapes detect, and who is equal for
+practical purposes. docs/metrics.md has the formulas.
 """
 
 from __future__ import annotations
@@ -40,6 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--across", metavar="WORD", help="one metric side by side in all groups of: dataset, sensor, tag"
     )
+    parser.add_argument(
+        "--pareto", metavar="A,B", help="mark who is on the front of two metrics, or of one and seconds or peak_mb"
+    )
+    parser.add_argument(
+        "--equal", type=float, default=0.02, metavar="SHARE", help="differences below count as equal (default: 0.02)"
+    )
     parser.add_argument("--convention", metavar="NAME", help="print the columns of a paper in its units")
     parser.add_argument("--published", metavar="NAME", help="an experiment whose paper's numbers stand beside ours")
     parser.add_argument("--format", choices=FORMATS, default="terminal", help="how to print (default: terminal)")
@@ -49,28 +57,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the board."""
+    from ..resolution import check_region
+
     args.results, conventions = _split_words(args.results)
     args.convention = args.convention or conventions
     if args.published and (args.convention or args.across):
         raise UsageError(f"--published {args.published}: says itself which columns are shown")
     if args.convention and args.metric:
         raise UsageError(f"--metric {args.metric}: the convention {args.convention} says which metrics are shown")
-    if args.across and (args.by or args.convention):
-        other = f"--by {args.by}" if args.by else f"--convention {args.convention}"
+    others = {name: getattr(args, name) for name in ("by", "convention", "pareto") if getattr(args, name)}
+    if args.across and others:
+        other = next(f"--{name} {value}" for name, value in others.items())
         raise UsageError(f"--across {args.across}: shows one metric in all groups, which does not go with {other}")
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
+    check_region(args.equal)
     rows = read_rows(args.results or ["results"], use_index=not args.no_index)
     filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag")}
     if args.across:
-        show_across(rows, args.across, args.format, metric=args.metric, level=args.level, **filters)
+        measures = {"metric": args.metric, "level": args.level, "equal": args.equal}
+        show_across(rows, args.across, args.format, **measures, **filters)
     else:
         show(
             rows,
             args.format,
             metric=args.metric,
             level=args.level,
+            equal=args.equal,
             by=args.by,
+            pareto=args.pareto,
             convention=args.convention,
             published=args.published,
             **filters,
@@ -109,7 +124,9 @@ def show(
     format: str = "terminal",
     *,
     level: float = 0.95,
+    equal: float = 0.02,
     by: str | None = None,
+    pareto: str | None = None,
     convention: str | None = None,
     published: str | None = None,
     **filters: str | None,
@@ -131,22 +148,31 @@ def show(
         known = metrics_of(rows)
         paper = paper.of(known)
         filters["metric"] = paper.scores(known)
-    board = leaderboard(rows, level=level, by=by, **filters)
+    board = leaderboard(rows, level=level, equal=equal, by=by, pareto=pareto, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), by)
     wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
     _print(board, format, rows=chosen, metrics=wanted, convention=paper, published=table)
 
 
 def show_across(
-    rows: pd.DataFrame, across: str, format: str = "terminal", *, level: float = 0.95, **filters: str | None
+    rows: pd.DataFrame,
+    across: str,
+    format: str = "terminal",
+    *,
+    level: float = 0.95,
+    equal: float = 0.02,
+    **filters: str | None,
 ) -> None:
     """Rank the rows that the filters leave by one metric, and print it for all groups side by side."""
     from ..overview import overview
-    from ..selection import pool, select
+    from ..selection import metrics_of, pool, select
 
-    board = overview(rows, across, level=level, **filters)
+    board = overview(rows, across, level=level, equal=equal, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), "task")
-    _print(board, format, rows=chosen, metrics=list(dict.fromkeys(board["metric"])))
+    # Of several tasks each has a metric of its own, which comes before the groups.
+    known = set(metrics_of(rows))
+    columns = sorted(dict.fromkeys(board["metric"]), key=lambda name: name not in known)
+    _print(board, format, rows=chosen, metrics=columns)
 
 
 def _print(board: pd.DataFrame, format: str, **options: Any) -> None:

@@ -2,9 +2,14 @@ r"""Tables for LaTeX with ``\usepackage{booktabs}`` in the preamble, a few metri
 
 from __future__ import annotations
 
-from .tables import Metric, Table
+from .tables import Metric, Table, any_best
 
-ARROWS = {"lower": r"$\downarrow$", "higher": r"$\uparrow$", "reference": r"$\rightarrow$ref"}
+ARROWS = {
+    "lower": r"$\downarrow$",
+    "higher": r"$\uparrow$",
+    "reference": r"$\rightarrow$ref",
+    "difference": r"$|$diff$|$ $\downarrow$",
+}
 FIRST, OTHERS = 2, 3  # metrics in a tabular: the first one has the costs beside them
 _ESCAPES = {
     "\\": r"\textbackslash{}",
@@ -34,7 +39,7 @@ def _one(table: Table) -> str:
     rest = table.metrics[FIRST:]
     split = [table.metrics[:FIRST], *(rest[i : i + OTHERS] for i in range(0, len(rest), OTHERS))]
     tabulars = [_tabular(table, metrics, i == 0) for i, metrics in enumerate(split)]
-    notes = " ".join(escape(note) for note in (*table.notes, "Bold: tied for first."))
+    notes = " ".join(escape(note) for note in (*table.notes, *(["Bold: tied for first."] if any_best([table]) else [])))
     return "\n".join(
         [
             r"\begin{table}[htbp]",
@@ -48,18 +53,19 @@ def _one(table: Table) -> str:
 
 
 def _tabular(table: Table, metrics: tuple[Metric, ...], main: bool) -> str:
-    costs = table.costs if main else []
-    head = ["method", *(["rank"] if main else []), *map(_heading, metrics), *(title for title, _ in costs)]
-    lines = [rf"\begin{{tabular}}{{l{'l' * main}{'l' * len(metrics)}{'r' * len(costs)}}}", r"\toprule", _line(head)]
+    places, costs = (table.places, table.costs) if main else ([], [])
+    head = ["method", *(title for title, _ in places), *map(_heading, metrics), *(title for title, _ in costs)]
+    columns = f"l{'l' * len(places)}{'l' * len(metrics)}{'r' * len(costs)}"
+    lines = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", _line(head)]
     lines.append(r"\midrule")
     for i, method in enumerate(table.methods):
-        rank = [_dash(table.ranks[i])] if main else []
+        rank = [_dash(cells[i]) for _, cells in places]
         scores = [_score(metric, i) for metric in metrics]
         lines.append(_line([escape(method), *rank, *scores, *(escape(cells[i]) for _, cells in costs)]))
     if any(metric.floor for metric in metrics):
         lines.append(r"\midrule")
         floors = [metric.floor for metric in metrics]
-        lines.append(_line(["floor / reference", *([""] if main else []), *floors, *("" for _ in costs)]))
+        lines.append(_line(["floor / reference", *("" for _ in places), *floors, *("" for _ in costs)]))
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from .tables import Table, shared_notes
+from .tables import Table, any_best, shared_notes
 from .terminal import heading
 
 
@@ -12,7 +12,7 @@ def markdown(tables: list[Table]) -> str:
     """One section per table; what is to be noted of all of them comes last."""
     if not tables:
         return "No results.\n"
-    own, shared = shared_notes(tables, "Bold: tied for first.")
+    own, shared = shared_notes(tables, *(["Bold: tied for first."] if any_best(tables) else []))
     return "\n".join([*map(_one, tables, own), _list(shared)])
 
 
@@ -22,15 +22,17 @@ def escape(text: str) -> str:
 
 
 def _one(table: Table, notes: tuple[str, ...]) -> str:
-    costs = table.costs
-    head = ["method", "rank", *map(heading, table.metrics), *(title for title, _ in costs)]
+    places, costs = table.places, table.costs
+    head = ["method", *(t for t, _ in places), *map(heading, table.metrics), *(title for title, _ in costs)]
     lines = [f"### {escape(table.title)}", "", _line(map(escape, head))]
-    lines.append(_line(["---"] * (2 + len(table.metrics)) + ["--:"] * len(costs)))
+    lines.append(_line(["---"] * (1 + len(places) + len(table.metrics)) + ["--:"] * len(costs)))
     for i, method in enumerate(table.methods):
         scores = [_bold(escape(c.text), c.best) + c.mark for c in (m.cells[i] for m in table.metrics)]
-        lines.append(_line([escape(method), table.ranks[i], *scores, *(cells[i] for _, cells in costs)]))
+        where = [cells[i] for _, cells in places]
+        lines.append(_line([escape(method), *where, *scores, *(cells[i] for _, cells in costs)]))
     if any(m.floor for m in table.metrics):
-        lines.append(_line(["*floor / reference*", "", *(m.floor for m in table.metrics), *("" for _ in costs)]))
+        floors = [m.floor for m in table.metrics]
+        lines.append(_line(["*floor / reference*", *("" for _ in places), *floors, *("" for _ in costs)]))
     return "\n".join([*lines, "", *([_list(notes)] if notes else [])])
 
 

@@ -8,6 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ..headline import primary_metrics
+from ..resolution import EQUAL, FEWEST
+from . import standing
 from .inputs import words_of_input
 from .numbers import count, plain, unit_exponent, with_interval
 
@@ -20,7 +23,18 @@ if TYPE_CHECKING:
 GROUP = ["task", "dataset", "sensor"]
 Line = dict[str, Any]  # one row of a board
 FAILED = "†"  # behind a mean that leaves failed cases out
+DIFFERENCE = "|diff|"  # behind a metric of which the difference to the reference's own value is shown
 GIVEN = "‡"  # behind a method that was given the truth
+LATER: Line = {  # columns that a board of an earlier version lacks, and what stands for "not known"
+    "front": math.nan,
+    "shapes": FEWEST,
+    "not_run": 0,
+    "undefined": 0,
+    "versus_next": "",
+    "detectable": math.nan,
+    "more_shapes": math.nan,
+    "versus_first": "",
+}
 
 
 @dataclass(frozen=True)
@@ -37,7 +51,7 @@ class Metric:
     """One column of scores."""
 
     name: str
-    better: str
+    better: str  # lower, higher, reference (the score, to be near it) or difference (to the reference's own value)
     exponent: int  # the cells are to be multiplied by 10 to this
     cells: tuple[Cell, ...]
     floor: str  # the floor, or the reference's own value
@@ -51,7 +65,8 @@ class Table:
     dataset: str
     sensor: str
     methods: tuple[str, ...]
-    ranks: tuple[str, ...]  # by the first metric
+    ranks: tuple[str, ...]  # by the first metric; empty where the task has no single rank
+    fronts: tuple[str, ...]  # "1" on the Pareto front; empty where none was asked for
     metrics: tuple[Metric, ...]
     solved: tuple[str, ...]
     seconds: tuple[str, ...]
@@ -63,6 +78,11 @@ class Table:
     def title(self) -> str:
         """``reconstruct · bumps · samples``; a task without a sensor has two parts."""
         return " · ".join(filter(None, (self.task, self.dataset, self.sensor)))
+
+    @property
+    def places(self) -> list[tuple[str, tuple[str, ...]]]:
+        """The columns that say who is better: heading and cells."""
+        return [(title, cells) for title, cells in (("rank", self.ranks), ("front", self.fronts)) if cells]
 
     @property
     def costs(self) -> list[tuple[str, tuple[str, ...]]]:
@@ -83,10 +103,12 @@ def tables(
     A paper's own numbers, ``published``, stand in a column beside ours.
     """
     parameters, states = _parameters(rows), _states(rows)
-    level = board.attrs.get("level", 0.95)
-    lines = board.to_dict("records")
+    said = {"level": 0.95, "equal": EQUAL, "pareto": ()} | board.attrs
+    if "front" in board:
+        board = board.assign(front=board["front"].astype("float64"))
+    lines = [LATER | line for line in board.to_dict("records")]
     return [
-        _table(label, list(part), parameters, metrics, level, convention, states.get(label), published)
+        _table(label, list(part), parameters, metrics, said, convention, states.get(label), published)
         for label, part in itertools.groupby(lines, key=lambda line: (line["task"], line["dataset"], line["sensor"]))
     ]
 
@@ -98,15 +120,20 @@ def shared_notes(tables: Sequence[Table], *more: str) -> tuple[list[tuple[str, .
     return [tuple(note for note in table.notes if note not in shared) for table in tables], (*shared, *more)
 
 
-def metric_order(lines: list[Line], wanted: Sequence[str] = ()) -> list[str]:
-    """The metrics of a table: those wanted first, then measured distances (they have a floor), then counts.
+def any_best(tables: Sequence[Table]) -> bool:
+    """Whether any method is marked as tied for first."""
+    return any(cell.best for table in tables for metric in table.metrics for cell in metric.cells)
 
-    A metric that is to be near the reference's own value says what a result is like rather than how good it is, so
-    these stand last.
+
+def metric_order(lines: list[Line], wanted: Sequence[str] = ()) -> list[str]:
+    """The metrics of a task's table: those wanted first, then measured distances (they have a floor), then counts.
+
+    Where none is wanted, the task's primary metrics come first. A metric that is to be near the reference's own value
+    says what a result is like rather than how good it is, so these stand last.
     """
-    wanted = list(wanted)
     # The two parts of an F-score are shown to those who ask for them.
     hidden = ("\0",) if wanted else ("precision@", "recall@")
+    wanted = list(wanted or (primary_metrics(lines[0]["task"]) if lines else ()))
     better = {line["metric"]: line["better"] for line in lines if line["metric"]}
     better = {m: b for m, b in better.items() if not m.startswith(hidden)}
     measured = {line["metric"] for line in lines if math.isfinite(line["floor"])}
@@ -123,7 +150,7 @@ def _table(
     lines: list[Line],
     parameters: dict[tuple, str],
     wanted: Sequence[str],
-    level: float,
+    said: dict[str, Any],
     convention: Convention | None,
     state: str | None,
     published: Published | None,
@@ -140,6 +167,10 @@ def _table(
     counts = [parameters.get((*group, most[m]["method"], most[m]["variant"]), "-") for m in methods]
     digits = convention.digits if convention else {}
     lines_shown = [most[m] for m in methods]
+    on_front = {_label(line) for line in lines if line["front"] == 1}
+    criteria = (said["pareto"] or primary_metrics(group[0])) if on_front else ()
+    alone = bool(on_front) and not said["pareto"] and not wanted  # the task has two primary metrics: no rank
+    ranked = standing.is_ranked(list(first.values()))
     columns: list[Metric] = []
     for name in names:
         columns.append(_metric(name, by_metric[name], lines_shown, digits.get(name)))
@@ -147,7 +178,8 @@ def _table(
     return Table(
         *group,
         methods=tuple(m + (f" {GIVEN}" if _is_given(most[m]) else "") for m in methods),
-        ranks=tuple(_rank(first.get(m)) for m in methods),
+        ranks=() if alone else tuple(_rank(first.get(m)) if ranked else "-" for m in methods),
+        fronts=tuple("1" if m in on_front else "" for m in methods) if on_front else (),
         metrics=tuple(columns),
         solved=tuple(f"{most[m]['solved']}/{most[m]['planned']}" for m in methods),
         seconds=tuple(_seconds(most[m]["seconds_median"]) for m in methods),
@@ -155,11 +187,20 @@ def _table(
         parameters=tuple(counts) if any(c != "-" for c in counts) else (),
         notes=(
             *([state] if state else []),
-            *_notes(lines, columns, level),
+            *(_rank_notes(names[0], first, said) if names and not alone else ()),
+            *(standing.front(criteria, alone) if on_front else ()),
+            *_notes(lines, columns, said["level"]),
             *(convention.notes(names) if convention else ()),
             *(_published_notes(published, [(m["method"], m["variant"]) for m in lines_shown], group[2])),
         ),
     )
+
+
+def _rank_notes(name: str, scored: dict[str, Line], said: dict[str, Any]) -> list[str]:
+    """What the ranks are, and what they can tell."""
+    lines, methods = list(scored.values()), list(scored)
+    about = standing.rank_notes(name, said["level"]) if standing.is_ranked(lines) else []
+    return [*standing.resolution(name, lines), *standing.equality(lines, methods, said["equal"]), *about]
 
 
 def _published_notes(published: Published | None, ours: list[tuple[str, str]], sensor: str) -> list[str]:
@@ -179,9 +220,11 @@ def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int
     floors = sorted({plain(line["floor"], exponent, digits) for line in scored.values()} - {"-"}, key=float)
     floor = floors[0] if len(floors) == 1 else f"{floors[0]} to {floors[-1]}" if floors else ""
     better = next(iter(scored.values()))["better"]
-    return Metric(
-        name, better, exponent, tuple(_cell(scored.get(_label(m)), m, exponent, digits) for m in methods), floor
-    )
+    if better == "reference":
+        better, floor = ("difference", f"ref {floor}" if floor else "") if digits is None else ("reference", floor)
+    ranked = standing.is_ranked(list(scored.values()))
+    cells = (_cell(scored.get(_label(m)), m, exponent, digits, ranked) for m in methods)
+    return Metric(name, better, exponent, tuple(cells), floor)
 
 
 def _published(ours: Metric, methods: list[Line], published: Published | None, digits: int | None) -> list[Metric]:
@@ -195,7 +238,7 @@ def _published(ours: Metric, methods: list[Line], published: Published | None, d
     return [Metric(f"{ours.name}, {published.short}", ours.better, 0, cells, "")]
 
 
-def _cell(line: Line | None, most: Line, exponent: int, digits: int | None) -> Cell:
+def _cell(line: Line | None, most: Line, exponent: int, digits: int | None, ranked: bool) -> Cell:
     if line is None:
         return Cell("")
     mark = ""
@@ -203,13 +246,12 @@ def _cell(line: Line | None, most: Line, exponent: int, digits: int | None) -> C
         usual = (line["solved"], line["planned"]) == (most["solved"], most["planned"])
         mark = FAILED if usual else f"{FAILED}{line['solved']}/{line['planned']}"
     text = with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent, digits)
-    return Cell(text, line["rank_low"] == 1 and math.isfinite(line["mean"]), mark)
+    return Cell(text, ranked and line["rank_low"] == 1 and math.isfinite(line["mean"]), mark)
 
 
 def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[str, ...]:
     notes = []
     if columns:
-        notes.append(f"rank: by {columns[0].name}, {level:.0%} interval; methods whose intervals overlap may be equal.")
         notes.append(
             f"mean [{level:.0%} bootstrap interval over cases]; seconds: median; peak MB: largest, of solved cases."
         )
@@ -225,11 +267,11 @@ def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[
             f"{GIVEN} trained on true distances of the reference, which the other methods are not given: no answer to "
             "the same question."
         )
-    planned = {(line["metric"], line["planned"]) for line in lines}
-    if len(planned) > len({line["metric"] for line in lines}):
-        notes.append("Methods were run on different cases; ranks compare each two on what both were run on.")
-    if any(math.isfinite(line["mean"]) and not math.isfinite(line["ci_low"]) for line in lines):
-        notes.append("No interval: a single case, from which nothing follows for others.")
+    if any(column.better == "difference" for column in columns):
+        notes.append(f"{DIFFERENCE}: mean absolute difference to the reference's own value, which is in the last line.")
+    notes.extend(standing.coverage(lines, [column.name for column in columns], _label))
+    if any(line["shapes"] < 2 and math.isfinite(line["mean"]) and not math.isfinite(line["ci_low"]) for line in lines):
+        notes.append("No interval: only one case.")
     return tuple(notes)
 
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import io
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from .tables import GROUP, Metric, Table, label, shared_notes
+from .tables import GROUP, Metric, Table, any_best, label, shared_notes
 
 if TYPE_CHECKING:
     import pandas as pd
     from rich.table import Table as RichTable
     from rich.text import Text
 
-ARROWS = {"lower": "↓", "higher": "↑", "reference": "→ref"}
+ARROWS = {"lower": "↓", "higher": "↑", "reference": "→ref", "difference": "|diff| ↓"}
 GAP = 2  # blanks between columns
+NOTES = 100  # columns that notes take even where the terminal is narrower
 MOST_MESSAGE = 200  # letters of a failure's message; the rest is in the record
 
 
@@ -21,9 +23,9 @@ def terminal(tables: list[Table], width: int = 120, color: bool = False) -> str:
     """The tables as text, each with its notes; what is to be noted of all of them comes last."""
     if not tables:
         return "No results.\n"
-    own, shared = shared_notes(tables, "*: tied for first.")
+    own, shared = shared_notes(tables, *(["*: tied for first."] if any_best(tables) else []))
     texts = [_one(table, notes, width, color) for table, notes in zip(tables, own, strict=True)]
-    return "\n".join(texts) + _print(_dim(shared), color)
+    return "\n".join(texts) + _print(_dim(shared, width), color)
 
 
 def heading(metric: Metric) -> str:
@@ -35,7 +37,7 @@ def heading(metric: Metric) -> str:
 def blocks(table: Table, width: int) -> list[list[Metric]]:
     """The metrics, as many to a block as fit; the first block has the costs beside it."""
     left = _width(["method", *table.methods, "floor / reference"])
-    room = width - left - _width(["rank", *table.ranks])
+    room = width - left - sum(_width([title, *cells]) for title, cells in table.places)
     first = room - sum(_width([title, *cells]) for title, cells in table.costs)
     split: list[list[Metric]] = [[]]
     room_left = first
@@ -61,13 +63,14 @@ def _one(table: Table, notes: tuple[str, ...], width: int, color: bool) -> str:
     parts = [Text(table.title, style="bold")]
     for i, metrics in enumerate(blocks(table, width)):
         parts += [_block(table, metrics, ranked=i == 0), Text()]
-    return _print([*parts, *_dim(notes)], color)
+    return _print([*parts, *_dim(notes, width)], color)
 
 
-def _dim(notes: tuple[str, ...]) -> list:
+def _dim(notes: tuple[str, ...], width: int) -> list:
     from rich.text import Text
 
-    return [Text(note, style="dim") for note in notes]
+    lines = [wrap(note, max(width, NOTES), subsequent_indent="  ", break_long_words=False) for note in notes]
+    return [Text("\n".join(parts), style="dim") for parts in lines]
 
 
 def _block(table: Table, metrics: list[Metric], ranked: bool) -> RichTable:
@@ -77,8 +80,9 @@ def _block(table: Table, metrics: list[Metric], ranked: bool) -> RichTable:
 
     grid = RichTable(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, GAP, 0, 0), pad_edge=False, header_style="")
     grid.add_column("method", no_wrap=True)
-    if ranked:
-        grid.add_column("rank", no_wrap=True)
+    places = table.places if ranked else []
+    for title, _ in places:
+        grid.add_column(title, no_wrap=True)
     for metric in metrics:
         grid.add_column(heading(metric), no_wrap=True)
     costs = table.costs if ranked else []
@@ -86,10 +90,10 @@ def _block(table: Table, metrics: list[Metric], ranked: bool) -> RichTable:
         grid.add_column(title, no_wrap=True, justify="right")
     for i, method in enumerate(table.methods):
         scores = [_score(metric, i) for metric in metrics]
-        grid.add_row(Text(method), *([table.ranks[i]] if ranked else []), *scores, *(cells[i] for _, cells in costs))
+        grid.add_row(Text(method), *(p[i] for _, p in places), *scores, *(cells[i] for _, cells in costs))
     if any(metric.floor for metric in metrics):
         floors = [Text(metric.floor, style="dim") for metric in metrics]
-        grid.add_row(Text("floor / reference", style="dim"), *([""] if ranked else []), *floors, *("" for _ in costs))
+        grid.add_row(Text("floor / reference", style="dim"), *("" for _ in places), *floors, *("" for _ in costs))
     return grid
 
 

@@ -45,6 +45,9 @@ class Task:
     output: ClassVar[str] = "cloud"  # what a method returns: "cloud" or "mesh"; metrics choose by it
     promise: ClassVar[str] = "a PointCloud"  # in words, for messages
     files: ClassVar[tuple[int, ...]] = (1,)  # how many input files `read` takes
+    # The scores that rank this task's tables where the user names none: one gives a rank, two give a Pareto front
+    # instead. Without any, the first in the usual order of the metrics ranks.
+    primary: ClassVar[tuple[str, ...]] = ()
 
     def recipes(self, dataset: Any, sensor: Any, *, split: str, count: int, seed: int) -> Iterator[CaseRecipe]:
         """The first ``count`` cases of a dataset's split.
@@ -155,6 +158,7 @@ class Reconstruct(Task):
 
     output: ClassVar[str] = "mesh"
     promise: ClassVar[str] = "a trimesh.Trimesh with faces and finite vertices"
+    primary: ClassVar[tuple[str, ...]] = ("surface_distance_mean",)
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
         """Hold an output against the promise."""
@@ -167,6 +171,7 @@ class Denoise(Task):
     """A noisy point cloud -> a point cloud nearer to the surface."""
 
     promise: ClassVar[str] = "a PointCloud with at least one point, all finite"
+    primary: ClassVar[tuple[str, ...]] = ("chamfer_l1_mean",)  # both ways: points moved astray, and holes
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
         """Hold an output against the promise."""
@@ -177,6 +182,8 @@ class Denoise(Task):
 @dataclass(frozen=True)
 class Upsample(Task):
     """A sparse point cloud -> a cloud of exactly ratio x N points."""
+
+    primary: ClassVar[tuple[str, ...]] = ("chamfer_l1_mean",)  # sees the spacing of the points as well
 
     ratio: int = 4  # how many points for each one of the input
 

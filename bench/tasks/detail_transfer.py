@@ -43,6 +43,7 @@ class DetailTransfer(Task):
     output: ClassVar[str] = "mesh"
     promise: ClassVar[str] = "a trimesh.Trimesh with faces and finite vertices"
     takes: ClassVar[str] = "none"
+    primary: ClassVar[tuple[str, ...]] = ("surface_distance_mean",)
     files: ClassVar[tuple[int, ...]] = (2, 3)
 
     bases: bool = True  # whether the source's base is given; without it, it is to be estimated from the source
