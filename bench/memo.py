@@ -15,6 +15,7 @@ it was computed from (parameters, sources, versions, seed), and a damaged or mis
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import shutil
 import tempfile
@@ -154,8 +155,24 @@ def _of_mesh(mesh: Trimesh) -> Arrays:
     return {"vertices": np.asarray(mesh.vertices, dtype=np.float64), "faces": np.asarray(mesh.faces)}
 
 
+def shape_digest(shape: Shape) -> str:
+    """A digest over what a shape is: its mesh, bit for bit, and how its surface is known.
+
+    An id does not say it: the shapes of the two splits, a shape and a pair, or the cases of two tasks may share one.
+    """
+    total = hashlib.blake2b(digest_size=16)
+    surface = type(shape.surface)
+    total.update(f"{surface.__module__}.{surface.__qualname__} {shape.exactness}".encode())
+    for array in (np.asarray(shape.mesh.vertices, dtype=np.float64), np.asarray(shape.mesh.faces, dtype=np.int64)):
+        total.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
+    return total.hexdigest()
+
+
 class RememberedSensor:
-    """A sensor that remembers the clouds that it made, by shape and by the state of the generator it was given."""
+    """A sensor that remembers the clouds that it made, by shape and by the state of the generator it was given.
+
+    Tasks that give it the same shape share the clouds.
+    """
 
     def __init__(self, sensor: Any, memo: Memo):
         self._sensor, self._memo = sensor, memo
@@ -167,7 +184,9 @@ class RememberedSensor:
         """The cloud that the sensor makes of ``shape``."""
         # Spawned generators differ by their key alone, which is no part of the state.
         start = [str(rng.bit_generator.state), str(rng.bit_generator.seed_seq)]
-        known = self._memo.at(shape.id, start).arrays("cloud", lambda: _of_cloud(self._sensor.sense(shape, rng)))
+        known = self._memo.at(shape.id, shape_digest(shape), start).arrays(
+            "cloud", lambda: _of_cloud(self._sensor.sense(shape, rng))
+        )
         return PointCloud(known["points"], known.get("normals"), known.get("colors"))
 
 

@@ -47,10 +47,10 @@ def ingredients(cell: Cell) -> dict[str, Any]:
 
 
 def memory_keys(cell: Cell) -> dict[str, str]:
-    """What the shapes, the clouds and the floors of a cell depend on, for :mod:`bench.memo`.
+    """What the shapes, the clouds, the cases and the floors of a cell depend on, for :mod:`bench.memo`.
 
-    Under ``dataset`` and ``sensor``, and under each metric's name: digests over parameters, sources and the versions of
-    packages. Our own sources all count, since all cells share them.
+    Under ``dataset``, ``sensor``, ``task`` and ``metric NAME``: digests over parameters, sources and the
+    versions of packages. Our own sources all count, since all cells share them.
     """
     common = {
         "detailbench": _own_digest(),
@@ -70,7 +70,8 @@ def memory_keys(cell: Cell) -> dict[str, str]:
         )
 
     sensor = NO_SENSOR.name if cell.sensor == NO_SENSOR else key(cell.sensor)
-    return {"dataset": key(cell.dataset), "sensor": sensor} | {m.name: key(m) for m in cell.metrics}
+    made_by = {"dataset": key(cell.dataset), "sensor": sensor, "task": key(cell.task)}
+    return made_by | {f"metric {m.name}": key(m) for m in cell.metrics}
 
 
 def _own_digest() -> str:

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
-from .memo import Memo, RememberedDataset, RememberedSensor
+from .memo import Memo, RememberedDataset, RememberedSensor, shape_digest
 from .meter import Meter
 from .plan import Cell, Choice, reference_name
 from .registry import missing_library
@@ -136,7 +136,9 @@ class _Session:
         try:
             self.channel.enter("case", index)
             case = recipe.build()
-            case._memo = self.memo.at("case", cell.split, cell.seed, case.id)
+            # Two tasks may make cases of one id with other references, and a task may do so itself.
+            made = (self.spec["keys"]["task"], cell.split, case.seed, case.id, shape_digest(case.reference))
+            case._memo = self.memo.at("case", *made)
             row["tags"] = ",".join(case.tags)
             row |= conditions(task, case)
             output = self.call_method(index, case, task, row)
@@ -228,13 +230,17 @@ class _Session:
         return row | ({"directions": json.dumps(directions, sort_keys=True)} if floors else {})
 
     def floor(self, choice: Choice, metric: Any, output: Any, case: Case) -> dict[str, float]:
-        """What a perfect output, in kind and count, would score: the same for all methods that return as many."""
+        """What a perfect output, in kind and count, would score: the same for all methods that return as many.
+
+        A metric may look at the input of the case, so each sensor has floors of its own.
+        """
         kind = f"{len(output)} points" if isinstance(output, PointCloud) else "mesh"
 
         def scored() -> dict[str, np.ndarray]:
             return {key: np.float64(value) for key, value in metric.score(case.perfect(output), case).items()}
 
-        name = f"floor of {choice.name} {self.spec['keys'][choice.name]} for {kind}"
+        keys = self.spec["keys"]
+        name = f"floor of {choice.name} {keys[f'metric {choice.name}']} for {kind} from {keys['sensor']}"
         return {key: float(value) for key, value in case.remember(name, scored).items()}
 
     def keep(self, index: int, case: Case, output: Any) -> str:
