@@ -17,6 +17,7 @@ from .forkserver import ForkServer, ServerDied, begun
 from .plan import Cell, Settings
 from .provenance import fingerprint, ingredients, memory_keys, provenance, source_digest
 from .store import COLUMNS, SCHEMA_VERSION, Record, Results
+from .text import encodable
 from .watch import Death, Worker
 
 MAX_SERVERS = 6  # a fork server holds its libraries in memory; the least recently used one goes
@@ -199,7 +200,8 @@ class _Job:
         """Keep one finished case, at once."""
         from .worker import now
 
-        row = dict.fromkeys(COLUMNS) | {"started": now(), "finished": now()} | row | self.constants
+        # Whatever a method, a dataset or a file's name brings: the row can be stored.
+        row = encodable(dict.fromkeys(COLUMNS) | {"started": now(), "finished": now()} | row | self.constants)
         self.results.add_partial(self.cell.id, self.mark, row)
         self.rows[row["case_index"]] = row
         self.reporter.event({"event": "kept", "row": row})

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import StoreError, UsageError, did_you_mean
+from .text import encodable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,6 +76,7 @@ COLUMNS = {
     "started": "string",
     "finished": "string",
 }
+MEASURED = ("input.", "score.", "floor.")
 # What only a reader of one record wants.
 NOT_INDEXED = ("traceback", "trace")
 # One result per place in a table: of several records, the newest counts.
@@ -230,13 +232,16 @@ class Results:
         return self.folder / ".partial" / f"{cell}-{fingerprint}.jsonl"
 
     def partial_rows(self, cell: str, fingerprint: str) -> list[dict[str, Any]]:
-        """The cases that an interrupted run of this cell had finished; a torn last line is ignored."""
+        """The cases that an interrupted run of this cell had finished; lines that are no rows are ignored.
+
+        The last one may be torn, and any may be damaged: its case is run again.
+        """
         rows = []
         with contextlib.suppress(FileNotFoundError):
-            for line in self._partial(cell, fingerprint).read_text().splitlines():
-                with contextlib.suppress(json.JSONDecodeError):
+            for line in self._partial(cell, fingerprint).read_bytes().split(b"\n"):
+                with contextlib.suppress(ValueError):  # no JSON, or no UTF-8
                     rows.append(json.loads(line))
-        return [row for row in rows if isinstance(row, dict) and "case_index" in row]
+        return [encodable(row) for row in rows if _is_row(row)]
 
     def add_partial(self, cell: str, fingerprint: str, row: Mapping[str, Any]) -> None:
         """Keep one finished case, whatever happens to this process next."""
@@ -297,11 +302,22 @@ class Results:
         return index.rows(self, use_index=use_index)
 
 
+def _is_row(value: Any) -> bool:
+    """Whether a value from a partial file can become a row of a record."""
+    if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("case", "status")):
+        return False
+    kinds = {"string": str, "int64": int, "float64": (int, float)}
+    measured = [key for key in value if key.startswith(MEASURED)]
+    types = {**COLUMNS, **dict.fromkeys(measured, "float64")}
+    fits = all(value.get(key) is None or isinstance(value[key], kinds[kind]) for key, kind in types.items())
+    return fits and value.get("case_index") is not None and value["status"] in STATUSES
+
+
 def _table(record: Record) -> pa.Table:
     """The rows of a record as a table with the documented columns, the metadata in its schema."""
     import pyarrow as pa
 
-    scores = sorted({key for row in record.rows for key in row if key.startswith(("input.", "score.", "floor."))})
+    scores = sorted({key for row in record.rows for key in row if key.startswith(MEASURED)})
     types = {**COLUMNS, **dict.fromkeys(scores, "float64")}
     schema = pa.schema(
         [pa.field(name, _arrow_type(pa, kind)) for name, kind in types.items()],

@@ -38,7 +38,7 @@ FLOORS = (
     "watch affinity meter",
     "registry tasks run fields kept",
     "geometry shapes",
-    "errors seeds __init__",
+    "errors seeds text __init__",
 )
 FLOOR_OF = {module: -number for number, modules in enumerate(FLOORS) for module in modules.split()}
 
