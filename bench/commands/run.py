@@ -25,6 +25,7 @@ from typing import Any
 
 from .. import forkserver, sweep
 from ..cli import add_plugin_argument
+from ..destination import destination, settled
 from ..errors import UsageError
 from ..hydra_flags import split_words
 from ..listing import listing
@@ -52,9 +53,11 @@ def run(args: argparse.Namespace) -> int:
     overrides, flags = split_words(args.rest)
     if flags:
         return show_config(flags, overrides, args.multirun)
+    folder = destination(overrides)
+    overrides = settled(overrides, folder)
     multirun = args.multirun or is_sweep(overrides)
     total = plan_size(overrides, multirun)
-    results = Results(results_folder(overrides))
+    results = Results(folder)
     results.prepare()
     if not any(sweep.is_hydras(word) for word in overrides):  # no launcher, no environment of jobs
         forkserver.begin(threads_of(overrides))
@@ -135,18 +138,6 @@ def _report(
         file=sys.stderr,
     )
     return code or (0 if solved == planned else 3)
-
-
-def results_folder(overrides: list[str]) -> str:
-    """The results folder that the overrides name."""
-    folder = "results"
-    for word in overrides:
-        key, equals, value = word.partition("=")
-        if key.lstrip("+") == "results":
-            folder = value.strip("'\"")
-            if not equals or not folder or "," in folder:
-                raise UsageError(f"{word}: expected one folder, results=DIR")
-    return folder
 
 
 def published_by(overrides: list[str]) -> list[str]:
