@@ -130,7 +130,8 @@ def show(
     if paper:
         known = metrics_of(rows)
         paper = paper.of(known)
-        filters["metric"] = paper.scores(known)
+        if (chosen["status"] == "ok").any():  # where nothing is solved nothing has scores, and the board says so
+            filters["metric"] = paper.scores(known)
     board = leaderboard(rows, level=level, by=by, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), by)
     wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
