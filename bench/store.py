@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import StoreError, UsageError, did_you_mean
+from .kept_outputs import found, found_reference
 from .text import encodable
 
 if TYPE_CHECKING:
@@ -300,6 +301,25 @@ class Results:
         from . import index
 
         return index.rows(self, use_index=use_index)
+
+
+    def meta(self, cell: str, fingerprint: str) -> dict[str, Any]:
+        """The metadata of a record, empty where it cannot be read; its rows are not."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            return json.loads(pq.read_metadata(self.path(cell, fingerprint)).metadata[META_KEY])
+        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError):
+            return {}
+
+    def output_of(self, row: Mapping[str, Any]) -> Path | None:
+        """The file of a row's kept output, wherever the folder is now; None where there is none."""
+        return found(self.folder, row.get("output"))
+
+    def reference_of(self, row: Mapping[str, Any]) -> Path | None:
+        """The file of the reference that a row's kept output is compared with; None where there is none."""
+        return found_reference(self.folder, self.meta(row["cell"], row["fingerprint"]), row)
 
 
 def _is_row(value: Any) -> bool:

@@ -24,9 +24,10 @@ from typing import Any
 import numpy as np
 
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
+from .kept_outputs import FOLDER, file_name, reference_file
 from .memo import Memo, RememberedDataset, RememberedSensor, shape_digest
 from .meter import Meter
-from .plan import Cell, Choice, reference_name
+from .plan import Cell, Choice
 from .registry import missing_library
 from .run import Run
 from .seeds import generator
@@ -145,7 +146,7 @@ class _Session:
             task.validate(output, case.input)
             self.channel.enter("score", index)
             row |= sizes(output) | self.score(output, case)
-            row["output"] = self.keep(index, case, output)
+            row |= self.keep(index, case, output)
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
                 os._exit(1)
@@ -243,19 +244,27 @@ class _Session:
         name = f"floor of {choice.name} {keys[f'metric {choice.name}']} for {kind} from {keys['sensor']}"
         return {key: float(value) for key, value in case.remember(name, scored).items()}
 
-    def keep(self, index: int, case: Case, output: Any) -> str:
-        """Write the output as a PLY file where the settings ask for it; its path below the results folder."""
+    def keep(self, index: int, case: Case, output: Any) -> dict[str, str]:
+        """Write the output, and its reference, as PLY files where the settings ask for it.
+
+        Returns
+        -------
+        dict
+            ``output`` and ``reference``: their paths, relative to the results folder. The second is no column; the
+            metadata of the record has it.
+        """
         wanted = self.spec["outputs"]
         if wanted == "none" or (wanted == "first" and index > 0):
-            return ""
+            return {"output": ""}
         from .geometry.files import save
 
-        folder = Path(self.spec["outputs_folder"])
-        save(output, folder / f"{case.id}.ply")
-        reference = folder.parent / "references" / reference_name(self.cell.dataset.label, case.id)
-        if not reference.exists():
-            save(case.reference.mesh, reference)
-        return str(folder / f"{case.id}.ply")
+        folder = Path(self.spec["results"])
+        kept = f"{FOLDER}/{self.cell.id}-{self.spec['fingerprint']}/{file_name(case.id)}"
+        reference = reference_file(self.cell.dataset.name, case.id, case.reference)
+        save(output, folder / kept)
+        if not (folder / reference).exists():
+            save(case.reference.mesh, folder / reference)
+        return {"output": kept, "reference": reference}
 
 
 # -- failures ----------------------------------------------------------------------------------------------------------

@@ -93,7 +93,7 @@ def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
 def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str]:
     """How many cases of a cell need not be run again, and in a word how it stands."""
     from ..provenance import fingerprint, ingredients
-    from ..runner import finished_rows
+    from ..runner import finished_rows, lacks_output
 
     mark = fingerprint(ingredients(cell))
     rows, stored = finished_rows(results, cell, mark, settings)
@@ -101,6 +101,8 @@ def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str]:
     if stored and count == len(stored.rows):
         failed = sum(row["status"] != "ok" for row in stored.rows)
         return cell.cases, f"{failed} failed" if failed else "finished"
+    if stored and settings.rerun != "always" and any(lacks_output(results, row, settings) for row in stored.rows):
+        return count, "no outputs"
     if count:
         return count, "begun"
     return 0, "changed" if results.records(cell.id) else "new"

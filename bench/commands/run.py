@@ -131,10 +131,11 @@ def _report(
         for convention in [] if tables else conventions_of(overrides) or [None]:
             show(rows, convention=convention)
     solved, planned = sum(c["solved"] for c in cells), sum(c["planned"] for c in cells)
-    cached = sum(c["cached"] for c in cells)
+    cached, for_outputs = sum(c["cached"] for c in cells), sum(c["for_outputs"] for c in cells)
+    again = f" ({for_outputs} of them again, for their outputs)" if for_outputs else ""
     print(
-        f"{len(cells)} cells, {solved}/{planned} cases solved, {planned - cached} run now, {cached} there already; "
-        f"results in {results.folder}",
+        f"{len(cells)} cells, {solved}/{planned} cases solved, {planned - cached} run now{again}, {cached} there "
+        f"already; results in {results.folder}",
         file=sys.stderr,
     )
     return code or (0 if solved == planned else 3)
