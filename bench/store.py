@@ -21,7 +21,8 @@ import fcntl
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -80,7 +81,8 @@ COLUMNS = {
 MEASURED = ("input.", "score.", "floor.")
 # What only a reader of one record wants.
 NOT_INDEXED = ("traceback", "trace")
-# One result per place in a table: of several records, the newest counts.
+# One result per place in a table; which of several records counts is told by ORDER.
+ORDER = ("__current", "__when")
 IDENTITY = ("task", "dataset", "sensor", "method", "variant", "seed", "threads", "device", "case")
 
 
@@ -204,10 +206,17 @@ class Results:
             self._partial(record.cell, record.fingerprint).unlink(missing_ok=True)
 
     def records(self, cell: str) -> list[Record]:
-        """All records of a cell, the newest first."""
-        paths = sorted((self.folder / "cells" / cell[:2]).glob(f"{cell}-*.parquet"))
-        records = [r for r in map(self._read, paths) if r]
-        return sorted(records, key=lambda r: r.meta.get("finished", ""), reverse=True)
+        """All records of a cell, the newest first; see :func:`bench.current.timestamp`."""
+        from .current import timestamp
+
+        now = time.time()
+        found = []
+        for path in sorted((self.folder / "cells" / cell[:2]).glob(f"{cell}-*.parquet")):
+            with contextlib.suppress(FileNotFoundError):
+                written = path.stat().st_mtime
+                if record := self._read(path):
+                    found.append((timestamp(record.meta.get("finished"), written, now), record))
+        return [record for _, record in sorted(found, key=lambda pair: pair[0], reverse=True)]
 
     def find_cell(self, prefix: str) -> str:
         """The one cell id that begins with ``prefix``.
@@ -293,15 +302,21 @@ class Results:
                 if entry.name.endswith(".parquet") and not entry.name.startswith("."):
                     yield Path(entry.path), entry.stat()
 
-    def rows(self, *, use_index: bool = True) -> pd.DataFrame:
-        """One row per planned case of every cell: the newest record where there are several.
+    def rows(self, *, use_index: bool = True, of: Collection[tuple[str, str]] | None = None) -> pd.DataFrame:
+        """One row per planned case of every cell: the record that counts where there are several.
 
         The first call reads every file; later ones read an index beside them and the files that changed since.
+
+        Parameters
+        ----------
+        use_index : bool
+        of : collection of (cell, fingerprint), optional
+            The records of one run: of these alone. Without it, of several records of one place in a table the one that
+            is current counts where that can be told (:mod:`bench.current`), and the newest otherwise.
         """
         from . import index
 
-        return index.rows(self, use_index=use_index)
-
+        return index.rows([self], use_index=use_index, of=of)
 
     def meta(self, cell: str, fingerprint: str) -> dict[str, Any]:
         """The metadata of a record, empty where it cannot be read; its rows are not."""
@@ -351,6 +366,10 @@ def _arrow_type(pa: Any, kind: str) -> pa.DataType:
 
 
 def newest(frame: pd.DataFrame) -> pd.DataFrame:
-    """Of several rows for one place in a table, the newest."""
-    ordered = frame.sort_values("finished", kind="stable")
+    """Of several rows for one place in a table, the one that counts.
+
+    The last by ``frame[ORDER]`` where these columns are given (current or not, and when it was made; see
+    :mod:`bench.index`), by ``finished`` otherwise.
+    """
+    ordered = frame.sort_values([name for name in ORDER if name in frame] or "finished", kind="stable")
     return ordered.drop_duplicates(subset=list(IDENTITY), keep="last").sort_index().reset_index(drop=True)

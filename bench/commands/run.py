@@ -123,8 +123,7 @@ def _report(
     if not args.no_leaderboard:
         from .leaderboard import show
 
-        rows = results.rows()
-        rows = rows[rows["cell"].isin({c["cell"] for c in cells})]
+        rows = results.rows(of={(c["cell"], c["fingerprint"]) for c in cells})
         tables = published_by(overrides)
         for experiment in tables:
             show(rows, published=experiment)
