@@ -30,6 +30,7 @@ import numpy as np
 
 from .plan import digest
 from .shapes import PointCloud, Shape
+from .text import encodable
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -138,6 +139,7 @@ class RememberedDataset:
 
     def _shapes(self, split: str) -> Iterator[Shape]:
         for shape in self._dataset.shapes(split):
+            shape.id = encodable(shape.id)  # seeds and rows are made of it
             # The user's own files are on disk already.
             yield shape if hasattr(self._dataset, "state") else self._remembered(shape, split)
 

@@ -9,9 +9,7 @@ import numpy as np
 
 def seed_words(*parts: int | str) -> list[int]:
     """The parts as 32-bit words: integers as they are, strings by their CRC, which no Python version changes."""
-    # The names of files may be no UTF-8, and ids come from them.
-    words = (part if isinstance(part, int) else zlib.crc32(part.encode("utf-8", "surrogatepass")) for part in parts)
-    return [word & 0xFFFFFFFF for word in words]
+    return [part & 0xFFFFFFFF if isinstance(part, int) else zlib.crc32(part.encode()) for part in parts]
 
 
 def generator(*parts: int | str) -> np.random.Generator:

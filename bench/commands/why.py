@@ -48,7 +48,8 @@ def run(args: argparse.Namespace) -> int:
     if args.source:
         lines = list(lines_of_source(record.meta))
         if not lines:
-            raise UsageError(f"cell {record.cell}: its record keeps no source: it was run with installed plugins alone")
+            why = "it was run with installed plugins alone, or by an earlier version"
+            raise UsageError(f"cell {record.cell}: its record keeps no source: {why}")
         print("\n".join(lines))
         return 0
     stored.load(args.plugin)
