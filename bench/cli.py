@@ -68,6 +68,9 @@ def usage() -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # what the terminal's encoding lacks is shown as \\udcff, not as a traceback
+            stream.reconfigure(errors="backslashreplace")
     try:
         return _main(arguments)
     except DetailbenchError as error:

@@ -119,20 +119,33 @@ def hydra_message(error: BaseException) -> str:
 
 def is_sweep(overrides: Sequence[str]) -> bool:
     """Whether the experiment that the overrides name is a sweep, so that ``-m`` need not be said."""
-    from hydra.errors import HydraException
     from hydra.types import RunMode
     from omegaconf import OmegaConf
+
+    config = experiment_config(overrides)
+    return config is not None and OmegaConf.select(config, "hydra.mode") == RunMode.MULTIRUN
+
+
+def experiment_config(overrides: Sequence[str]) -> DictConfig | None:
+    """The config of the experiment that the overrides name, with Hydra's own part; None without one.
+
+    None also for one that cannot be composed: what is wrong with it is said where it is used.
+    """
+    named = tuple(override for override in overrides if override.startswith("experiment="))
+    return _experiment_config(named) if named else None
+
+
+@functools.lru_cache(maxsize=4)
+def _experiment_config(named: tuple[str, ...]) -> DictConfig | None:
+    from hydra.errors import HydraException
+    from hydra.types import RunMode
     from omegaconf.errors import OmegaConfBaseException
 
-    named = [override for override in overrides if override.startswith("experiment=")]
-    if not named:
-        return False
     with hydra_ready() as loader:
         try:
-            config = loader.load_configuration(CONFIG_NAME, named, run_mode=RunMode.RUN)
+            return loader.load_configuration(CONFIG_NAME, list(named), run_mode=RunMode.RUN)
         except (HydraException, OmegaConfBaseException):
-            return False  # what is wrong with it is said where it is used
-        return OmegaConf.select(config, "hydra.mode") == RunMode.MULTIRUN
+            return None
 
 
 def settled_by_job(overrides: Sequence[str]) -> list[str]:

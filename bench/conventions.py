@@ -51,6 +51,8 @@ class Convention:
         """What stands below a table with these titles: whom it follows, the formulas, and what it does not show."""
         formulas = [f"{c.title} = {c.factor:g} x {c.score}" for c in self.columns if c.title in shown]
         missing = [f"{c.title} ({c.score})" for c in self.columns if c.title not in shown]
+        if not formulas:  # nothing was solved
+            return ()
         notes = [f"convention {self.name}: {self.paper}; {self.code}.", f"{'; '.join(formulas)}.", self.differs]
         if missing:
             notes.append(f"These results have no {' and no '.join(missing)}.")
@@ -86,12 +88,16 @@ class Convention:
         return list(dict.fromkeys(found))
 
     def view(self, board: pd.DataFrame) -> pd.DataFrame:
-        """A leaderboard in this convention: the columns' scores in its units, under its titles, in its order."""
+        """A leaderboard in this convention: the columns' scores in its units, under its titles, in its order.
+
+        The lines of a table in which nothing was solved have no score and stay as they are.
+        """
         import pandas as pd
 
         parts = []
         for _, lines in board.groupby(["task", "dataset", "sensor"], sort=False, dropna=False):
             shown = [self._column(lines, column) for column in self.columns]
+            shown.append(lines[lines["metric"] == ""])
             parts.extend(part for part in shown if len(part))
         made = pd.concat(parts, ignore_index=True) if parts else board.iloc[:0].copy()
         made.attrs.update(board.attrs)

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import contextlib
 import json
+import time
+from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .errors import StoreError
-from .store import COLUMNS, NOT_INDEXED, SCHEMA_VERSION, newest, write_atomically
+from .store import COLUMNS, IDENTITY, NOT_INDEXED, ORDER, SCHEMA_VERSION, newest, write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,12 +26,33 @@ if TYPE_CHECKING:
 
     from .store import Results
 
-FILE = "__file"
+FILE = "__file"  # the columns that only this module sees
+WRITTEN = "__written"
+FOLDER = "__folder"
 BATCH = 256  # files read before their small tables are made one: ten thousand of them are mostly overhead
 
 
-def rows(results: Results, *, use_index: bool) -> pd.DataFrame:
-    """Every row below ``results``, the newest record of each."""
+def rows(folders: Sequence[Results], *, use_index: bool, of: Collection[tuple[str, str]] | None = None) -> pd.DataFrame:
+    """Every row below the folders; where several records have one place in a table, the one that counts.
+
+    With ``of``, the records of one run (cell and fingerprint), of these alone.
+    """
+    import pandas as pd
+
+    frames = [_gathered(results, use_index).assign(**{FOLDER: i}) for i, results in enumerate(folders)]
+    filled = [frame for frame in frames if len(frame)]
+    frame = pd.concat(filled, ignore_index=True) if len(filled) > 1 else (filled or frames)[0]
+    if of is not None:
+        pairs = pd.MultiIndex.from_frame(frame[["cell", "fingerprint"]])
+        frame = frame[pairs.isin(list(of))] if len(of) else frame.iloc[:0]
+    several = frame.duplicated(list(IDENTITY), keep=False).to_numpy()
+    if several.any():
+        frame = newest(_weighed(frame, several, folders))
+    return frame.drop(columns=[c for c in (FILE, WRITTEN, FOLDER, *ORDER) if c in frame]).reset_index(drop=True)
+
+
+def _gathered(results: Results, use_index: bool) -> pd.DataFrame:
+    """Every row below one folder, with the name of its file and when that was written."""
     import pyarrow as pa
 
     files = {p.name: (p, s.st_mtime_ns, s.st_size) for p, s in results._files()}
@@ -50,7 +75,47 @@ def rows(results: Results, *, use_index: bool) -> pd.DataFrame:
     merged = pa.concat_tables(tables, promote_options="permissive") if len(tables) > 1 else tables[0]
     if use_index and (fresh or gone):
         _save(folder, seen, merged)
-    return newest(merged.drop_columns([FILE]).to_pandas())
+    frame = merged.to_pandas()
+    return frame.assign(**{WRITTEN: frame[FILE].map({name: mtime / 1e9 for name, (_, mtime, _) in files.items()})})
+
+
+def _weighed(frame: pd.DataFrame, several: np.ndarray, folders: Sequence[Results]) -> pd.DataFrame:
+    """The rows with the columns ORDER: whether they are current, and when they were made.
+
+    Only rows that share a place with others are looked at.
+    """
+    from .current import Today, timestamp
+
+    now, today = time.time(), Today()
+    rivals = frame[several]
+    _warn_of_the_future(rivals, folders, now)
+    when = [timestamp(f, w, now) for f, w in zip(rivals["finished"], rivals[WRITTEN], strict=True)]
+    others = rivals.drop_duplicates([*IDENTITY, "cell", "fingerprint"])
+    others = others[others.duplicated(list(IDENTITY), keep=False)]  # not two copies of one record
+    current = {
+        (folders[folder].folder, cell, fingerprint)
+        for folder, cell, fingerprint in dict.fromkeys(_keys(others))
+        if today.is_current(folders[folder].meta(cell, fingerprint))
+    }
+    is_current = [(folders[f].folder, cell, fingerprint) in current for f, cell, fingerprint in _keys(rivals)]
+    columns = {name: np.zeros(len(frame)) for name in ORDER}
+    for name, values in zip(ORDER, (is_current, when), strict=True):
+        columns[name][several] = values
+    return frame.assign(**columns)
+
+
+def _keys(frame: pd.DataFrame) -> Iterator[tuple[int, str, str]]:
+    return zip(frame[FOLDER], frame["cell"], frame["fingerprint"], strict=True)
+
+
+def _warn_of_the_future(rivals: pd.DataFrame, folders: Sequence[Results], now: float) -> None:
+    """Say which records have a date that cannot be."""
+    from .current import seconds_of
+
+    dated = rivals.drop_duplicates([FOLDER, FILE, "finished"])
+    ahead = dated[[seconds_of(finished) > now for finished in dated["finished"]]].drop_duplicates([FOLDER, FILE])
+    for folder, name, finished in zip(ahead[FOLDER], ahead[FILE], ahead["finished"], strict=True):
+        folders[folder].damaged.append(f"{name}: is dated {finished}, in the future; the time of its file counts")
 
 
 def _read_all(results: Results, paths: list[Path]) -> list[pa.Table]:

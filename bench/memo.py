@@ -15,6 +15,7 @@ it was computed from (parameters, sources, versions, seed), and a damaged or mis
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import shutil
 import tempfile
@@ -30,6 +31,7 @@ import numpy as np
 from .errors import UsageError
 from .plan import digest
 from .shapes import PointCloud, Shape
+from .text import encodable
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -138,6 +140,7 @@ class RememberedDataset:
 
     def _shapes(self, split: str) -> Iterator[Shape]:
         for shape in self._dataset.shapes(split):
+            shape.id = encodable(shape.id)  # seeds and rows are made of it
             # The user's own files are on disk already.
             yield shape if hasattr(self._dataset, "state") else self._remembered(shape, split)
 
@@ -155,8 +158,23 @@ def _of_mesh(mesh: Trimesh) -> Arrays:
     return {"vertices": np.asarray(mesh.vertices, dtype=np.float64), "faces": np.asarray(mesh.faces)}
 
 
+def shape_digest(shape: Shape) -> str:
+    """A digest over what a shape is: its mesh, bit for bit, and how its surface is known.
+
+    An id does not say it: the shapes of the two splits, a shape and a pair, or the cases of two tasks may share one.
+    """
+    total = hashlib.blake2b(digest_size=16)
+    surface = type(shape.surface)
+    total.update(f"{surface.__module__}.{surface.__qualname__} {shape.exactness}".encode())
+    for array in (np.asarray(shape.mesh.vertices, dtype=np.float64), np.asarray(shape.mesh.faces, dtype=np.int64)):
+        total.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
+    return total.hexdigest()
+
+
 class RememberedSensor:
     """A sensor that remembers what it gave, by shape and by the state of the generator it was given.
+
+    Tasks that give it the same shape share what it gave.
 
     Parameters
     ----------
@@ -182,7 +200,9 @@ class RememberedSensor:
         """
         # Spawned generators differ by their key alone, which is no part of the state.
         start = [str(rng.bit_generator.state), str(rng.bit_generator.seed_seq)]
-        known = self._memo.at(shape.id, start).arrays(self._noun.__name__, lambda: self._made(shape, rng).arrays())
+        known = self._memo.at(shape.id, shape_digest(shape), start).arrays(
+            self._noun.__name__, lambda: self._made(shape, rng).arrays()
+        )
         return self._noun.of(known)
 
     def _made(self, shape: Shape, rng: np.random.Generator) -> Any:

@@ -19,6 +19,7 @@ def line_of(cell: Cell, outcome: Outcome) -> str:
     if outcome.cached == len(rows):
         return f"{text}, all there already"
     there = f", {outcome.cached} there already" if outcome.cached else ""
+    there += f", {outcome.for_outputs} run again for the outputs" if outcome.for_outputs else ""
     failed = next((row for row in rows if row["status"] != "ok"), None)
     why = f" ({failed['status']}: {_first_line(failed['message'])})" if failed else ""
     return f"{text} in {seconds:.3g} s{there}{why}"

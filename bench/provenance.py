@@ -18,6 +18,7 @@ from typing import Any
 
 from . import __version__
 from .plan import NO_SENSOR, Cell, Choice, digest
+from .registry import Plugin
 
 # Packages that take part in every cell; a plugin's `requires` come on top.
 ALWAYS = ("numpy", "scipy", "trimesh")
@@ -47,10 +48,10 @@ def ingredients(cell: Cell) -> dict[str, Any]:
 
 
 def memory_keys(cell: Cell) -> dict[str, str]:
-    """What the shapes, the clouds and the floors of a cell depend on, for :mod:`bench.memo`.
+    """What the shapes, the clouds, the cases and the floors of a cell depend on, for :mod:`bench.memo`.
 
-    Under ``dataset`` and ``sensor``, and under each metric's name: digests over parameters, sources and the versions of
-    packages. Our own sources all count, since all cells share them.
+    Under ``dataset``, ``sensor``, ``task`` and ``metric NAME``: digests over parameters, sources and the
+    versions of packages. Our own sources all count, since all cells share them.
     """
     common = {
         "detailbench": _own_digest(),
@@ -70,7 +71,8 @@ def memory_keys(cell: Cell) -> dict[str, str]:
         )
 
     sensor = NO_SENSOR.name if cell.sensor == NO_SENSOR else key(cell.sensor)
-    return {"dataset": key(cell.dataset), "sensor": sensor} | {m.name: key(m) for m in cell.metrics}
+    made_by = {"dataset": key(cell.dataset), "sensor": sensor, "task": key(cell.task)}
+    return made_by | {f"metric {m.name}": key(m) for m in cell.metrics}
 
 
 def _own_digest() -> str:
@@ -238,6 +240,38 @@ def provenance(cell: Cell) -> dict[str, Any]:
         for c in cell.choices
     }
     return {**machine(), "plugins": plugins}
+
+
+LONGEST_SOURCE = 1 << 16  # bytes of one file that a record keeps
+LONGEST_SOURCES = 1 << 18  # and of all files together
+
+
+def plugin_sources(cell: Cell) -> dict[str, dict[str, str | None]]:
+    """The sources of the plugins that ``--plugin`` brought, with the files beside them that they import.
+
+    They are kept in the record for people: nothing imports them from there.
+
+    Returns
+    -------
+    dict
+        By path: ``sha256`` of the file, and its ``text``, or None where it is longer than :data:`LONGEST_SOURCE`, or
+        where the files before it fill :data:`LONGEST_SOURCES`.
+    """
+    plugins = [part for choice in cell.choices for part in choice.parts if is_from_file(part)]
+    files = {path for plugin in plugins for path in source_closure(plugin.file)}
+    own, left, kept = Path(__file__).resolve().parent, LONGEST_SOURCES, {}
+    for path in sorted(file for file in files if not file.is_relative_to(own)):
+        content = path.read_bytes()
+        fits = len(content) <= min(LONGEST_SOURCE, left)
+        left -= len(content) if fits else 0
+        text = content.decode("utf-8", "backslashreplace") if fits else None
+        kept[str(path)] = {"sha256": hashlib.sha256(content).hexdigest(), "text": text}
+    return kept
+
+
+def is_from_file(plugin: Plugin) -> bool:
+    """Whether ``--plugin`` brought it; what is installed has the name of its package as its origin."""
+    return Path(plugin.origin).is_absolute()
 
 
 def _processor() -> str:

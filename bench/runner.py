@@ -8,15 +8,17 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from .affinity import claim
 from .errors import UsageError
 from .forkserver import ForkServer, ServerDied, begun
+from .kept_outputs import found
 from .plan import Cell, Settings
-from .provenance import fingerprint, ingredients, memory_keys, provenance, source_digest
+from .provenance import fingerprint, ingredients, memory_keys, plugin_sources, provenance, source_digest
 from .store import COLUMNS, SCHEMA_VERSION, Record, Results
+from .text import encodable
 from .watch import Death, Worker
 
 MAX_SERVERS = 6  # a fork server holds its libraries in memory; the least recently used one goes
@@ -49,6 +51,7 @@ class Outcome:
     record: Record
     cached: int  # how many of its cases were there already
     notes: list[str]  # damaged files that were found
+    for_outputs: int = 0  # how many solved cases were run again because their outputs are to be kept
 
 
 def run_cell(
@@ -77,17 +80,20 @@ def run_cell(
     mark = fingerprint(parts)
     with results.lock(cell.id):
         rows, stored = finished_rows(results, cell, mark, settings)
-        if stored and len(rows) == len(stored.rows):
+        if stored and all(rows.get(row["case_index"]) is row for row in stored.rows):
             return Outcome(stored, len(rows), results.damaged)
+        for_outputs = len(_without_output(results, cell, mark, settings) - rows.keys())
         job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive)
         cached = len(rows)
         with claim(cell.threads) as cpus:
             job.run(cpus)
         if not job.rows:
             raise UsageError(f"dataset {cell.dataset.label} has no shapes in the split {cell.split!r}")
-        record = Record(cell.id, mark, _meta(cell, settings, parts, mark, job, cpus), job.ordered_rows())
+        meta = _meta(cell, settings, parts, mark, job, cpus)
+        meta["references"] = _references(stored, job.ordered_rows())
+        record = Record(cell.id, mark, meta, job.ordered_rows())
         results.write(record)
-    return Outcome(record, cached, results.damaged)
+    return Outcome(record, cached, results.damaged, for_outputs)
 
 
 def finished_rows(
@@ -101,7 +107,29 @@ def finished_rows(
     rows = stored.rows if stored else []
     rows = rows + results.partial_rows(cell.id, mark)
     before = stored.meta["settings"]["limit"] if stored else {}
-    return {row["case_index"]: row for row in rows if not _must_rerun(row, settings, before)}, stored
+    kept = {row["case_index"]: row for row in rows if not _must_rerun(row, settings, before)}
+    return {index: row for index, row in kept.items() if not lacks_output(results, row, settings)}, stored
+
+
+def lacks_output(results: Results, row: Mapping[str, Any], settings: Settings) -> bool:
+    """Whether the settings ask for the output of a solved case whose file is not there."""
+    wanted = settings.outputs == "all" or (settings.outputs == "first" and row["case_index"] == 0)
+    return wanted and row["status"] == "ok" and found(results.folder, row.get("output")) is None
+
+
+def _without_output(results: Results, cell: Cell, mark: str, settings: Settings) -> set[int]:
+    """The solved cases of a cell that are run again for nothing but their outputs."""
+    if settings.outputs == "none" or settings.rerun == "always":
+        return set()
+    rows, _ = finished_rows(results, cell, mark, replace(settings, outputs="none"))
+    return {index for index, row in rows.items() if lacks_output(results, row, settings)}
+
+
+def _references(stored: Record | None, rows: list[dict[str, Any]]) -> dict[str, str]:
+    """The files of the references of the kept outputs by case, relative to the results folder."""
+    before = (stored.meta.get("references") or {}) if stored else {}
+    now = {row["case"]: row.pop("reference", None) for row in rows}
+    return before | {case: path for case, path in now.items() if path}
 
 
 def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str, float]) -> bool:
@@ -181,7 +209,8 @@ class _Job:
             "cache_gb": s.limit.cache_gb,
             "keys": memory_keys(self.cell),
             "outputs": s.outputs,
-            "outputs_folder": str(self.results.folder / "outputs" / f"{self.cell.id}-{self.mark}"),
+            "results": str(self.results.folder),
+            "fingerprint": self.mark,
         }
 
     def hear(self, event: dict[str, Any]) -> None:
@@ -199,7 +228,8 @@ class _Job:
         """Keep one finished case, at once."""
         from .worker import now
 
-        row = dict.fromkeys(COLUMNS) | {"started": now(), "finished": now()} | row | self.constants
+        # Whatever a method, a dataset or a file's name brings: the row can be stored.
+        row = encodable(dict.fromkeys(COLUMNS) | {"started": now(), "finished": now()} | row | self.constants)
         self.results.add_partial(self.cell.id, self.mark, row)
         self.rows[row["case_index"]] = row
         self.reporter.event({"event": "kept", "row": row})
@@ -273,7 +303,8 @@ def _meta(
             m.name: {"version": m.plugin.version, "better": m.plugin.options.get("better", "lower")}
             for m in cell.metrics
         },
-        "provenance": provenance(cell),
+        "provenance": encodable(provenance(cell)),
+        "sources": encodable(plugin_sources(cell)),
         "finished": now(),
     }
 

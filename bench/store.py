@@ -22,12 +22,15 @@ import fcntl
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import StoreError, UsageError, did_you_mean
+from .kept_outputs import found, found_reference
+from .text import encodable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,9 +80,11 @@ COLUMNS = {
     "started": "string",
     "finished": "string",
 }
+MEASURED = ("input.", "score.", "floor.")
 # What only a reader of one record wants.
 NOT_INDEXED = ("traceback", "trace", "artefacts")
-# One result per place in a table: of several records, the newest counts.
+# One result per place in a table; which of several records counts is told by ORDER.
+ORDER = ("__current", "__when")
 IDENTITY = ("task", "dataset", "sensor", "method", "variant", "seed", "threads", "device", "case")
 
 
@@ -203,10 +208,17 @@ class Results:
             self._partial(record.cell, record.fingerprint).unlink(missing_ok=True)
 
     def records(self, cell: str) -> list[Record]:
-        """All records of a cell, the newest first."""
-        paths = sorted((self.folder / "cells" / cell[:2]).glob(f"{cell}-*.parquet"))
-        records = [r for r in map(self._read, paths) if r]
-        return sorted(records, key=lambda r: r.meta.get("finished", ""), reverse=True)
+        """All records of a cell, the newest first; see :func:`bench.current.timestamp`."""
+        from .current import timestamp
+
+        now = time.time()
+        found = []
+        for path in sorted((self.folder / "cells" / cell[:2]).glob(f"{cell}-*.parquet")):
+            with contextlib.suppress(FileNotFoundError):
+                written = path.stat().st_mtime
+                if record := self._read(path):
+                    found.append((timestamp(record.meta.get("finished"), written, now), record))
+        return [record for _, record in sorted(found, key=lambda pair: pair[0], reverse=True)]
 
     def find_cell(self, prefix: str) -> str:
         """The one cell id that begins with ``prefix``.
@@ -232,13 +244,16 @@ class Results:
         return self.folder / ".partial" / f"{cell}-{fingerprint}.jsonl"
 
     def partial_rows(self, cell: str, fingerprint: str) -> list[dict[str, Any]]:
-        """The cases that an interrupted run of this cell had finished; a torn last line is ignored."""
+        """The cases that an interrupted run of this cell had finished; lines that are no rows are ignored.
+
+        The last one may be torn, and any may be damaged: its case is run again.
+        """
         rows = []
         with contextlib.suppress(FileNotFoundError):
-            for line in self._partial(cell, fingerprint).read_text().splitlines():
-                with contextlib.suppress(json.JSONDecodeError):
+            for line in self._partial(cell, fingerprint).read_bytes().split(b"\n"):
+                with contextlib.suppress(ValueError):  # no JSON, or no UTF-8
                     rows.append(json.loads(line))
-        return [row for row in rows if isinstance(row, dict) and "case_index" in row]
+        return [encodable(row) for row in rows if _is_row(row)]
 
     def add_partial(self, cell: str, fingerprint: str, row: Mapping[str, Any]) -> None:
         """Keep one finished case, whatever happens to this process next."""
@@ -289,21 +304,57 @@ class Results:
                 if entry.name.endswith(".parquet") and not entry.name.startswith("."):
                     yield Path(entry.path), entry.stat()
 
-    def rows(self, *, use_index: bool = True) -> pd.DataFrame:
-        """One row per planned case of every cell: the newest record where there are several.
+    def rows(self, *, use_index: bool = True, of: Collection[tuple[str, str]] | None = None) -> pd.DataFrame:
+        """One row per planned case of every cell: the record that counts where there are several.
 
         The first call reads every file; later ones read an index beside them and the files that changed since.
+
+        Parameters
+        ----------
+        use_index : bool
+        of : collection of (cell, fingerprint), optional
+            The records of one run: of these alone. Without it, of several records of one place in a table the one that
+            is current counts where that can be told (:mod:`bench.current`), and the newest otherwise.
         """
         from . import index
 
-        return index.rows(self, use_index=use_index)
+        return index.rows([self], use_index=use_index, of=of)
+
+    def meta(self, cell: str, fingerprint: str) -> dict[str, Any]:
+        """The metadata of a record, empty where it cannot be read; its rows are not."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            return json.loads(pq.read_metadata(self.path(cell, fingerprint)).metadata[META_KEY])
+        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError):
+            return {}
+
+    def output_of(self, row: Mapping[str, Any]) -> Path | None:
+        """The file of a row's kept output, wherever the folder is now; None where there is none."""
+        return found(self.folder, row.get("output"))
+
+    def reference_of(self, row: Mapping[str, Any]) -> Path | None:
+        """The file of the reference that a row's kept output is compared with; None where there is none."""
+        return found_reference(self.folder, self.meta(row["cell"], row["fingerprint"]), row)
+
+
+def _is_row(value: Any) -> bool:
+    """Whether a value from a partial file can become a row of a record."""
+    if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("case", "status")):
+        return False
+    kinds = {"string": str, "int64": int, "float64": (int, float)}
+    measured = [key for key in value if key.startswith(MEASURED)]
+    types = {**COLUMNS, **dict.fromkeys(measured, "float64")}
+    fits = all(value.get(key) is None or isinstance(value[key], kinds[kind]) for key, kind in types.items())
+    return fits and value.get("case_index") is not None and value["status"] in STATUSES
 
 
 def _table(record: Record) -> pa.Table:
     """The rows of a record as a table with the documented columns, the metadata in its schema."""
     import pyarrow as pa
 
-    scores = sorted({key for row in record.rows for key in row if key.startswith(("input.", "score.", "floor."))})
+    scores = sorted({key for row in record.rows for key in row if key.startswith(MEASURED)})
     types = {**COLUMNS, **dict.fromkeys(scores, "float64")}
     schema = pa.schema(
         [pa.field(name, _arrow_type(pa, kind)) for name, kind in types.items()],
@@ -317,6 +368,10 @@ def _arrow_type(pa: Any, kind: str) -> pa.DataType:
 
 
 def newest(frame: pd.DataFrame) -> pd.DataFrame:
-    """Of several rows for one place in a table, the newest."""
-    ordered = frame.sort_values("finished", kind="stable")
+    """Of several rows for one place in a table, the one that counts.
+
+    The last by ``frame[ORDER]`` where these columns are given (current or not, and when it was made; see
+    :mod:`bench.index`), by ``finished`` otherwise.
+    """
+    ordered = frame.sort_values([name for name in ORDER if name in frame] or "finished", kind="stable")
     return ordered.drop_duplicates(subset=list(IDENTITY), keep="last").sort_index().reset_index(drop=True)

@@ -166,6 +166,7 @@ def job(config: DictConfig) -> None:
         solved=record.solved,
         planned=len(record.rows),
         cached=outcome.cached,
+        for_outputs=outcome.for_outputs,
         notes=outcome.notes,
     )
 

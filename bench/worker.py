@@ -25,9 +25,10 @@ import numpy as np
 
 from .artefacts import Artefacts
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
-from .memo import Memo, RememberedDataset, RememberedSensor
+from .kept_outputs import FOLDER, file_name, reference_file
+from .memo import Memo, RememberedDataset, RememberedSensor, shape_digest
 from .meter import Meter
-from .plan import Cell, Choice, reference_name
+from .plan import Cell, Choice
 from .registry import missing_library
 from .run import Run
 from .seeds import generator
@@ -139,14 +140,16 @@ class _Session:
         try:
             self.channel.enter("case", index)
             case = recipe.build()
-            case._memo = self.memo.at("case", cell.split, cell.seed, case.id)
+            # Two tasks may make cases of one id with other references, and a task may do so itself.
+            made = (self.spec["keys"]["task"], cell.split, case.seed, case.id, shape_digest(case.reference))
+            case._memo = self.memo.at("case", *made)
             row["tags"] = ",".join(case.tags)
             row |= conditions(task, case)
             output = self.call_method(index, case, task, row)
             task.validate(output, case.input)
             self.channel.enter("score", index)
             row |= sizes(output) | self.score(output, case)
-            row["output"] = self.keep(index, case, output)
+            row |= self.keep(index, case, output)
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
                 os._exit(1)
@@ -218,8 +221,8 @@ class _Session:
         """Where a case stores what its method gives to ``run.keep``; None where the settings ask for no outputs."""
         if not self.keeps(index):
             return None
-        folder = Path(self.spec["outputs_folder"])
-        return Artefacts(folder / case.id, folder.parents[1], note)
+        results = Path(self.spec["results"])
+        return Artefacts(results / self.outputs / file_name(case.id, ""), results, note)
 
     def keep_artefact(self, files: Artefacts, name: str, value: Any) -> None:
         """Store one artefact while the clock stands still."""
@@ -261,31 +264,48 @@ class _Session:
         return row | ({"directions": json.dumps(directions, sort_keys=True)} if floors else {})
 
     def floor(self, choice: Choice, metric: Any, output: Any, case: Case) -> dict[str, float]:
-        """What a perfect output, in kind and count, would score: the same for all methods that return as many."""
+        """What a perfect output, in kind and count, would score: the same for all methods that return as many.
+
+        A metric may look at the input of the case, so each sensor has floors of its own.
+        """
         kind = f"{len(output)} points" if isinstance(output, PointCloud) else "mesh"
 
         def scored() -> dict[str, np.ndarray]:
             return {key: np.float64(value) for key, value in metric.score(case.perfect(output), case).items()}
 
-        name = f"floor of {choice.name} {self.spec['keys'][choice.name]} for {kind}"
+        keys = self.spec["keys"]
+        name = f"floor of {choice.name} {keys[f'metric {choice.name}']} for {kind} from {keys['sensor']}"
         return {key: float(value) for key, value in case.remember(name, scored).items()}
+
+    @property
+    def outputs(self) -> str:
+        """Where the outputs of this cell are kept, relative to the results folder."""
+        return f"{FOLDER}/{self.cell.id}-{self.spec['fingerprint']}"
 
     def keeps(self, index: int) -> bool:
         """Whether the settings ask for the outputs of a case."""
         return self.spec["outputs"] == "all" or (self.spec["outputs"] == "first" and index == 0)
 
-    def keep(self, index: int, case: Case, output: Any) -> str:
-        """Write the output as a PLY file where the settings ask for it; its path below the results folder."""
+    def keep(self, index: int, case: Case, output: Any) -> dict[str, str]:
+        """Write the output, and its reference, as PLY files where the settings ask for it.
+
+        Returns
+        -------
+        dict
+            ``output`` and ``reference``: their paths, relative to the results folder. The second is no column; the
+            metadata of the record has it.
+        """
         if not self.keeps(index):
-            return ""
+            return {"output": ""}
         from .geometry.files import save
 
-        folder = Path(self.spec["outputs_folder"])
-        save(output, folder / f"{case.id}.ply")
-        reference = folder.parent / "references" / reference_name(self.cell.dataset.label, case.id)
-        if not reference.exists():
-            save(case.reference.mesh, reference)
-        return str(folder / f"{case.id}.ply")
+        folder = Path(self.spec["results"])
+        kept = f"{self.outputs}/{file_name(case.id)}"
+        reference = reference_file(self.cell.dataset.name, case.id, case.reference)
+        save(output, folder / kept)
+        if not (folder / reference).exists():
+            save(case.reference.mesh, folder / reference)
+        return {"output": kept, "reference": reference}
 
 
 # -- failures ----------------------------------------------------------------------------------------------------------

@@ -22,7 +22,6 @@ import pyvista
 
 from bench.geometry.files import load_cloud, load_mesh
 from bench.geometry.mesh_surface import MeshSurface
-from bench.plan import reference_name
 from bench.registry import registry
 from bench.store import Results
 
@@ -73,8 +72,11 @@ def main() -> None:
     parser.add_argument("--case", default="", help="parts of the names of cases, with commas")
     parser.add_argument("--limit", type=float, default=0.015, help="distance at the end of the colour scale")
     args = parser.parse_args()
-    rows = Results(args.results).rows()
+    results = Results(args.results)
+    rows = results.rows()
     rows = rows[(rows["output"].fillna("") != "") & (rows["seed"] == 0)]
+    rows = rows.assign(output=[results.output_of(row) for row in rows.to_dict("records")])
+    rows = rows[rows["output"].notna()]
     kinds = rows["task"].str.partition("[")[0]
     tasks = [args.task] if args.task else sorted(set(kinds))
     if len(tasks) > 1:
@@ -95,15 +97,18 @@ def main() -> None:
         off_screen=True, shape=(len(cases), 1 + len(columns)), window_size=(260 * (1 + len(columns)), 260 * len(cases))
     )
     for i, (dataset, case) in enumerate(cases):
-        here = rows[(rows["dataset"] == dataset) & (rows["case"] == case)].set_index("label")["output"]
-        path = Path(here.iloc[0]).parent.parent / "references" / reference_name(dataset, case)
+        of_case = rows[(rows["dataset"] == dataset) & (rows["case"] == case)]
+        here = of_case.set_index("label")["output"]
+        path = next(filter(None, map(results.reference_of, of_case.to_dict("records"))), None)
+        if path is None:
+            parser.error(f"{results.folder}: the reference of {case} is not below outputs/references")
         reference = load_mesh(path)
         plotter.subplot(i, 0)
         draw(plotter, path, True, reference, case, args.limit)
         for j, name in enumerate(columns, 1):
             plotter.subplot(i, j)
             if name in here:
-                draw(plotter, Path(here[[name]].iloc[0]), is_mesh, reference, name, args.limit)
+                draw(plotter, here[[name]].iloc[0], is_mesh, reference, name, args.limit)
             else:
                 plotter.add_text(f"{name}: nothing", font_size=7, color="black")
     plotter.background_color = "white"

@@ -10,6 +10,7 @@ from trimesh.creation import icosphere
 import bench.memo
 from bench import Case, PointCloud, Shape, UsageError, Views, generator
 from bench.conformance import toy_views
+from bench.geometry.mesh_surface import MeshSurface
 from bench.memo import Memo, RememberedDataset, RememberedSensor, prune
 
 
@@ -203,6 +204,25 @@ def test_a_cloud_is_made_of_its_arrays_again():
         again = PointCloud.of(cloud.arrays())
         assert again.arrays().keys() == cloud.arrays().keys()
         assert all(np.array_equal(again.arrays()[name], array) for name, array in cloud.arrays().items())
+
+
+def test_a_sensor_s_clouds_are_of_the_shape_and_not_of_its_id(memo):
+    """The shapes of two splits, or of a pair, may share an id; tasks that give the same shape share the cloud."""
+    plain, mesh = Sensor(), icosphere(subdivisions=1)
+    sensor = RememberedSensor(plain, memo)
+    larger = Shape("ball", mesh.copy().apply_scale(2.0))
+    one, other = sensor.sense(Shape("ball", mesh), generator(0)), sensor.sense(larger, generator(0))
+    assert np.linalg.norm(other.points, axis=1).min() > 1 > np.linalg.norm(one.points, axis=1).max() - 1e-9
+    again = sensor.sense(Shape("ball", icosphere(subdivisions=1), tags=("smooth",)), generator(0))
+    assert (again.points == one.points).all() and plain.used == 2
+    exact = Shape("ball", mesh, surface=Stretched(mesh))  # the same mesh, and not the same surface
+    assert (sensor.sense(exact, generator(0)).points != one.points).all()
+
+
+class Stretched(MeshSurface):
+    def sample(self, count, rng):
+        points, normals = super().sample(count, rng)
+        return 3 * points, normals
 
 
 def test_a_case_compares_the_same_with_and_without(memo):

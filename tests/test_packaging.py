@@ -35,10 +35,10 @@ FLOORS = (
     "leaderboard selection report headline resolution fronts statistics runner isolate application conformance testing "
     "templates progress catalog listing",
     "store index worker plan config schema presets sensors conventions published memo overrides provenance forkserver "
-    "watch affinity meter",
+    "watch affinity meter current kept_outputs recorded destination",
     "registry tasks run artefacts fields kept",
     "geometry shapes views",
-    "errors seeds __init__",
+    "errors seeds text __init__",
 )
 FLOOR_OF = {module: -number for number, modules in enumerate(FLOORS) for module in modules.split()}
 

@@ -1,6 +1,7 @@
 """What a result depends on: every ingredient changes the fingerprint, nothing else does."""
 
 from dataclasses import dataclass, replace
+from hashlib import sha256
 
 import pytest
 
@@ -8,7 +9,16 @@ from bench import PointCloud, Shape, register
 from bench.config import Limits
 from bench.errors import UsageError
 from bench.plan import Cell, Choice, Settings, settings_of
-from bench.provenance import explain, fingerprint, ingredients, package_version, source_closure, source_digest
+from bench.provenance import (
+    explain,
+    fingerprint,
+    ingredients,
+    memory_keys,
+    package_version,
+    plugin_sources,
+    source_closure,
+    source_digest,
+)
 from bench.registry import registry
 
 
@@ -153,6 +163,32 @@ def test_every_ingredient_changes_the_fingerprint():
     marks = {fingerprint(parts)} | {fingerprint(parts | {key: "other"}) for key in parts}
     assert len(marks) == len(parts) + 1
     assert fingerprint(ingredients(CELL)) == fingerprint(parts)
+
+
+def test_tasks_share_the_memory_of_shapes_and_of_clouds_and_not_that_of_cases():
+    keys = memory_keys(CELL)
+    ratio = {ratio: memory_keys(replace(CELL, task=Choice("task", "upsample", {"ratio": ratio}))) for ratio in (2, 4)}
+    for others in ratio.values():
+        assert {key for key in keys if keys[key] != others[key]} == {"task"}
+    assert ratio[2]["task"] != ratio[4]["task"]
+
+
+def test_only_plugins_from_files_have_their_sources_in_the_record(tmp_path, monkeypatch):
+    assert plugin_sources(CELL) == {}
+    file, neighbour = tmp_path / "mine.py", tmp_path / "helper.py"
+    file.write_text("import helper\nfrom bench.geometry.sampling import sample_uniform\n")
+    neighbour.write_bytes(b"# caf\xe9\n")
+    (tmp_path / "unrelated.py").write_text("")
+    known = registry().find("method", "provenance_method")
+    mine = replace(known, file=file, origin=str(file))
+    monkeypatch.setitem(registry()._plugins["method"], "provenance_method", mine)
+    kept = plugin_sources(CELL)
+    assert kept == {
+        str(file): {"sha256": sha256(file.read_bytes()).hexdigest(), "text": file.read_text()},
+        str(neighbour): {"sha256": sha256(b"# caf\xe9\n").hexdigest(), "text": "# caf\\xe9\n"},
+    }
+    neighbour.write_text("#" * (1 << 17))
+    assert plugin_sources(CELL)[str(neighbour)]["text"] is None
 
 
 def test_a_raised_metric_version_is_an_other_result(monkeypatch):

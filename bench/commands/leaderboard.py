@@ -13,6 +13,9 @@ Means are over solved cases with 95 % bootstrap intervals over cases and seeds; 
 of the rank. An unsolved case counts as worse than every solved one in the ranks, and solved/planned stands beside the
 mean. Below each table stands what it can show: which differences this many shapes detect, and who is equal for
 practical purposes. docs/metrics.md has the formulas.
+
+Where one place in a table has several records (of edited sources, of other versions), the one that is current with
+today's sources is shown, the newest where none is: `detailbench why CELL` says which.
 """
 
 from __future__ import annotations
@@ -24,7 +27,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..cli import add_plugin_argument
 from ..errors import UsageError
+from ..registry import load_plugins
 from ..report import FORMATS
 
 if TYPE_CHECKING:
@@ -53,12 +58,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--format", choices=FORMATS, default="terminal", help="how to print (default: terminal)")
     parser.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
     parser.add_argument("--no-index", action="store_true", help="read every file, do not use or write the index")
+    add_plugin_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the board."""
     from ..resolution import check_region
 
+    if args.plugin:
+        load_plugins(args.plugin)
     args.results, conventions = _split_words(args.results)
     args.convention = args.convention or conventions
     if args.published and (args.convention or args.across):
@@ -100,20 +108,17 @@ def _split_words(words: list[str]) -> tuple[list[str], str | None]:
 
 
 def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
-    """The rows of several results folders together, the newest of each case."""
-    import pandas as pd
+    """The rows of several results folders together; of several records of one case, the one that counts."""
+    from ..index import rows as rows_of
+    from ..store import Results
 
-    from ..store import Results, newest
-
-    frames = []
-    for word in folders:
-        results = Results(word.removeprefix("results="))
+    opened = [Results(word.removeprefix("results=")) for word in folders]
+    for results in opened:
         if not results.folder.is_dir():
             raise UsageError(f"{results.folder}: no such folder; expected results of `detailbench run`")
-        frames.append(results.rows(use_index=use_index))
-        for note in results.damaged:
-            print(f"warning: {note}", file=sys.stderr)
-    rows = newest(pd.concat(frames, ignore_index=True)) if len(frames) > 1 else frames[0]
+    rows = rows_of(opened, use_index=use_index)
+    for note in (note for results in opened for note in results.damaged):
+        print(f"warning: {note}", file=sys.stderr)
     if rows.empty:
         raise UsageError(f"{', '.join(str(Path(f)) for f in folders)}: there are no results yet; see detailbench run")
     return rows
@@ -144,12 +149,13 @@ def show(
     if table:
         convention, by = table.convention, by or table.by
     paper = load_convention(convention) if convention else None
+    chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), by)
     if paper:
         known = metrics_of(rows)
         paper = paper.of(known)
-        filters["metric"] = paper.scores(known)
+        if (chosen["status"] == "ok").any():  # where nothing is solved nothing has scores, and the board says so
+            filters["metric"] = paper.scores(known)
     board = leaderboard(rows, level=level, equal=equal, by=by, pareto=pareto, **filters)
-    chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), by)
     wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
     _print(board, format, rows=chosen, metrics=wanted, convention=paper, published=table)
 

@@ -27,18 +27,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compose every job, look each cell up, print the table."""
     from ..config import enumerate_jobs, is_sweep
+    from ..destination import destination, settled
     from ..hydra_flags import split_words
     from ..overrides import check_overrides
     from ..store import Results
-    from .run import results_folder
 
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
     if flags:
         raise UsageError(f"{flags[0]}: no option of plan; `detailbench run {' '.join(flags)} ...` shows a config")
+    folder = destination(overrides)
+    overrides = settled(overrides, folder)
     multirun = args.multirun or is_sweep(overrides)
     check_overrides(overrides, multirun=multirun)
-    results = Results(results_folder(overrides))
+    results = Results(folder)
     pace = seconds_per_case(results)
     lines, totals, refused = [], {"cells": 0, "planned": 0, "finished": 0, "seconds": 0.0, "unknown": 0}, []
     for cell, settings in cells_of(enumerate_jobs(overrides, multirun), refused):
@@ -91,7 +93,7 @@ def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
 def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str]:
     """How many cases of a cell need not be run again, and in a word how it stands."""
     from ..provenance import fingerprint, ingredients
-    from ..runner import finished_rows
+    from ..runner import finished_rows, lacks_output
 
     mark = fingerprint(ingredients(cell))
     rows, stored = finished_rows(results, cell, mark, settings)
@@ -99,6 +101,8 @@ def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str]:
     if stored and count == len(stored.rows):
         failed = sum(row["status"] != "ok" for row in stored.rows)
         return cell.cases, f"{failed} failed" if failed else "finished"
+    if stored and settings.rerun != "always" and any(lacks_output(results, row, settings) for row in stored.rows):
+        return count, "no outputs"
     if count:
         return count, "begun"
     return 0, "changed" if results.records(cell.id) else "new"

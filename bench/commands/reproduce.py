@@ -1,6 +1,8 @@
-"""Run a stored cell again, from its record alone, and compare every score.
+"""Run a stored cell again, from its record, and compare every score.
 
   detailbench reproduce CELL results=DIR
+  detailbench reproduce CELL results=DIR --plugin FILE           where the record's plugin file is elsewhere here
+  detailbench reproduce CELL results=DIR dataset.path=FOLDER     and its data
 
 Seed, parameters, limits and plugin files are those of the record. The result goes to a temporary folder: the stored
 one is not touched. Exit code 0 when all cases agree, 3 when some do not.
@@ -11,13 +13,12 @@ from __future__ import annotations
 import argparse
 import math
 import tempfile
+from dataclasses import replace
 from typing import Any
 
-from ..config import Limits
-from ..plan import Cell, Settings
 from ..registry import load_plugins
 from ..store import Record
-from .why import add_cell_arguments, newest_record
+from .why import add_cell_arguments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,21 +30,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run, compare, and say what differs in what the result depends on."""
     from ..progress import Lines
-    from ..provenance import explain, ingredients
+    from ..recorded import Stored
     from ..runner import forget_servers, run_cell
 
     load_plugins(args.plugin)
-    _, record = newest_record(args.cell, args.folder)
-    load_plugins([p for p in record.meta["settings"]["plugins"] if p not in args.plugin])
-    cell = Cell.from_json(record.meta["cell"])
-    print(f"cell {cell.id}: {cell.title}")
-    for line in explain(record.meta["ingredients"], ingredients(cell)):
+    stored = Stored.of(args.cell, args.words)
+    record, plugins = stored.shown, stored.load(args.plugin)
+    cell = stored.cell
+    print(f"cell {record.cell}: {cell.title}")
+    for line in stored.differences(cell):
         print(f"  differs: {line}")
-    stored = record.meta["settings"]
     with tempfile.TemporaryDirectory(prefix="detailbench-") as folder:
-        settings = Settings(
-            results=folder, limit=Limits(**stored["limit"]), plugins=tuple(stored["plugins"]), profile=stored["profile"]
-        )
+        settings = replace(stored.settings, results=folder, outputs="none", plugins=plugins)
         try:
             again = run_cell(cell, settings, Lines()).record
         finally:

@@ -25,6 +25,7 @@ from typing import Any
 
 from .. import forkserver, sweep
 from ..cli import add_plugin_argument
+from ..destination import destination, settled
 from ..errors import UsageError
 from ..hydra_flags import split_words
 from ..listing import listing
@@ -52,9 +53,11 @@ def run(args: argparse.Namespace) -> int:
     overrides, flags = split_words(args.rest)
     if flags:
         return show_config(flags, overrides, args.multirun)
+    folder = destination(overrides)
+    overrides = settled(overrides, folder)
     multirun = args.multirun or is_sweep(overrides)
     total = plan_size(overrides, multirun)
-    results = Results(results_folder(overrides))
+    results = Results(folder)
     results.prepare()
     if not any(sweep.is_hydras(word) for word in overrides):  # no launcher, no environment of jobs
         forkserver.begin(threads_of(overrides))
@@ -120,33 +123,21 @@ def _report(
     if not args.no_leaderboard:
         from .leaderboard import show
 
-        rows = results.rows()
-        rows = rows[rows["cell"].isin({c["cell"] for c in cells})]
+        rows = results.rows(of={(c["cell"], c["fingerprint"]) for c in cells})
         tables = published_by(overrides)
         for experiment in tables:
             show(rows, published=experiment)
         for convention in [] if tables else conventions_of(overrides) or [None]:
             show(rows, convention=convention)
     solved, planned = sum(c["solved"] for c in cells), sum(c["planned"] for c in cells)
-    cached = sum(c["cached"] for c in cells)
+    cached, for_outputs = sum(c["cached"] for c in cells), sum(c["for_outputs"] for c in cells)
+    again = f" ({for_outputs} of them again, for their outputs)" if for_outputs else ""
     print(
-        f"{len(cells)} cells, {solved}/{planned} cases solved, {planned - cached} run now, {cached} there already; "
-        f"results in {results.folder}",
+        f"{len(cells)} cells, {solved}/{planned} cases solved, {planned - cached} run now{again}, {cached} there "
+        f"already; results in {results.folder}",
         file=sys.stderr,
     )
     return code or (0 if solved == planned else 3)
-
-
-def results_folder(overrides: list[str]) -> str:
-    """The results folder that the overrides name."""
-    folder = "results"
-    for word in overrides:
-        key, equals, value = word.partition("=")
-        if key.lstrip("+") == "results":
-            folder = value.strip("'\"")
-            if not equals or not folder or "," in folder:
-                raise UsageError(f"{word}: expected one folder, results=DIR")
-    return folder
 
 
 def published_by(overrides: list[str]) -> list[str]:

@@ -1,65 +1,102 @@
 """Say why a stored cell is current or not: what differs between the day it was run and today.
 
   detailbench why CELL results=DIR
+  detailbench why CELL results=DIR --plugin FILE           where the record's plugin file is elsewhere on this machine
+  detailbench why CELL results=DIR dataset.path=FOLDER     and its data
+  detailbench why CELL results=DIR --source                print the source of the plugin files that is in the record
 
-CELL is a cell id, or its beginning; `detailbench plan` prints them, and every row of the results has one.
+CELL is a cell id, or its beginning; `detailbench plan` prints them, and every row of the results has one. Of several
+records of a cell (of edited sources, of other versions), tables show the one that is current, or the newest where none
+is.
 """
 
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from ..cli import add_plugin_argument
 from ..errors import UsageError
-from ..plan import Cell
 from ..registry import load_plugins
-from ..store import Record, Results
+
+if TYPE_CHECKING:
+    from ..recorded import Stored
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_cell_arguments(parser)
+    parser.add_argument("--source", action="store_true", help="print the plugins' source that the record keeps")
 
 
 def add_cell_arguments(parser: argparse.ArgumentParser) -> None:
-    """A cell and the folder it is in."""
+    """A cell, the folder it is in, and what stands in place of the record's paths."""
     parser.add_argument("cell", metavar="CELL", help="a cell id, or its beginning")
-    parser.add_argument("folder", metavar="results=DIR", nargs="?", default="results=results", help="where to look")
+    parser.add_argument(
+        "words", metavar="results=DIR", nargs="*", help="where to look; dataset.path=FOLDER: where the data are here"
+    )
     add_plugin_argument(parser)
 
 
-def newest_record(cell: str, folder: str) -> tuple[Results, Record]:
-    """The results folder, and the newest record of the one cell whose id begins so."""
-    key, equals, path = folder.rpartition("=")
-    if equals and key != "results":
-        raise UsageError(f"{folder}: expected results=DIR")
-    results = Results(path)
-    records = results.records(results.find_cell(cell))
-    if not records:
-        raise UsageError(f"cell {cell} in {results.folder}: {'; '.join(results.damaged) or 'has no record'}")
-    return results, records[0]
-
-
 def run(args: argparse.Namespace) -> int:
-    """Print what the newest record is, and what differs."""
-    from ..provenance import explain, ingredients
+    """Print which record is shown, what it is, and what differs."""
+    from ..recorded import Stored, lines_of_source
 
     load_plugins(args.plugin)
-    results, record = newest_record(args.cell, args.folder)
-    stored_plugins = record.meta["settings"]["plugins"]
-    load_plugins([p for p in stored_plugins if p not in args.plugin], warn=False)
-    cell = Cell.from_json(record.meta["cell"])
-    print(f"cell {cell.id}: {cell.title}")
+    stored = Stored.of(args.cell, args.words)
+    record = stored.shown
+    if args.source:
+        lines = list(lines_of_source(record.meta))
+        if not lines:
+            why = "it was run with installed plugins alone, or by an earlier version"
+            raise UsageError(f"cell {record.cell}: its record keeps no source: {why}")
+        print("\n".join(lines))
+        return 0
+    stored.load(args.plugin)
+    cell = stored.cell
+    print(f"cell {record.cell}: {cell.title}")
     host, count = record.meta["provenance"]["host"], f"{record.solved}/{len(record.rows)} solved"
     print(f"run {record.meta['finished']} on {host}: {count}")
     for row in record.rows:
         if row["status"] != "ok":
             print(f"  {row['case']}: {row['status']}: {row['message']}")
-    differences = explain(record.meta["ingredients"], ingredients(cell))
-    if not differences:
-        print("current: parameters, sources, packages and metrics are those of today; it would not be run again")
+    differences = stored.differences(cell)
     for line in differences:
         print(f"  {line}")
-    if differences:
-        print("not current: `detailbench run` with these words would run it again")
+    print(verdict(stored, differences))
+    _print_others(stored)
     return 0
+
+
+def verdict(stored: Stored, differences: list[str]) -> str:
+    """Whether the record is current, and what a run with the same words would do."""
+    if differences:
+        return "not current: `detailbench run` with these words would run it again"
+    from ..plan import Cell
+    from ..runner import finished_rows
+
+    record = stored.shown
+    kept, _ = finished_rows(stored.results, Cell.from_json(record.meta["cell"]), record.fingerprint, stored.settings)
+    again = len(record.rows) - len(kept)
+    same = "current: parameters, sources, packages and metrics are those of today; "
+    if again:
+        return (
+            f"{same}all the same a run would repeat {again} of {len(record.rows)} cases: they were skipped, were never "
+            "begun, or their outputs are gone"
+        )
+    return f"{same}it would not be run again"
+
+
+def _print_others(stored: Stored) -> None:
+    """The other records of the cell, and which one tables show."""
+    from ..current import Today
+
+    if len(stored.records) == 1:
+        return
+    today = Today()
+    print(f"{len(stored.records)} records of this cell; tables show the current one, or the newest where none is:")
+    for record in stored.records:
+        differences = today.differences(record.meta)
+        state = "cannot be compared with today" if differences is None else "; ".join(differences) or "current"
+        shown = ", shown in tables" if record is stored.shown else ""
+        print(f"  {record.fingerprint} run {record.meta['finished']}: {state}{shown}")

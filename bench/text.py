@@ -1,0 +1,21 @@
+"""Text that every file and every terminal can take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def encodable(value: Any) -> Any:
+    """JSON values with all text in them, keys too, as UTF-8 can hold it.
+
+    A lone surrogate (which is how Python spells a byte of a file's name that is no UTF-8) becomes ``\\udcff``, and a
+    NUL, which ends a string for many readers, ``\\x00``; all else stays as it is.
+    """
+    if isinstance(value, str):
+        return value.encode("utf-8", "backslashreplace").decode("utf-8").replace("\0", "\\x00")
+    if isinstance(value, Mapping):
+        return {encodable(key): encodable(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [encodable(inner) for inner in value]
+    return value
