@@ -24,8 +24,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import StoreError, UsageError
+from .forkserver import CannotStart
 from .plan import Cell, NotSolved, check_root, settings_of
 from .registry import load_plugins
+from .safe_path import leave_out_working_folder, safe_children
 from .store import write_atomically
 
 if TYPE_CHECKING:
@@ -125,6 +127,7 @@ def job(config: DictConfig) -> None:
     here = session.owner[0] == os.getpid()
     if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
         _ignore_interrupts()
+        leave_out_working_folder()
         load_plugins(values["plugins"], warn=False)
 
     def alive() -> None:
@@ -151,6 +154,9 @@ def job(config: DictConfig) -> None:
     except UsageError as error:
         session.leave(f"usage-{_name(title)}", kind="usage", title=title, message=str(error))
         return
+    except CannotStart as error:  # every other job would meet the same; two processes may say so, one line is enough
+        session.leave("stopped", kind="stopped", title=title, message=str(error))
+        raise SystemExit(1) from error
     except StoreError as error:
         # There is no point in going on: every other job would meet the same disk.
         print(f"error: {error}", file=sys.stderr)
@@ -267,7 +273,7 @@ def launch(overrides: list[str], multirun: bool) -> int:
     sys.argv = ["detailbench", *(["--multirun"] if multirun else []), *overrides]
     os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise Hydra prints a traceback of its own and ends the process
     try:
-        with _few_compositions(mode_is_known=not any(is_hydras(word) for word in overrides)):
+        with safe_children(), _few_compositions(mode_is_known=not any(is_hydras(word) for word in overrides)):
             hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 1

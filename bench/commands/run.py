@@ -115,6 +115,9 @@ def _report(
         elif entry["kind"] == "usage":
             print(f"error: {entry['title']}: {entry['message']}", file=sys.stderr)
             code = code or 1
+        elif entry["kind"] == "stopped":
+            print(f"error: {entry['message']}", file=sys.stderr)
+            code = 1
     if not cells:
         return code or 1
     if not args.no_leaderboard:
