@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from .errors import DetailbenchError, did_you_mean
-from .safe_path import leave_out_working_folder
+from .safe_path import isolate_imports
 
 # Name -> one line. The module is imported when its command is called: help and listings stay quick.
 COMMANDS = {
@@ -68,7 +68,7 @@ def usage() -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit code."""
-    leave_out_working_folder()
+    isolate_imports()
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         return _main(arguments)

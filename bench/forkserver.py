@@ -29,7 +29,7 @@ from typing import Any
 
 from .affinity import available
 from .errors import DetailbenchError
-from .safe_path import environment
+from .safe_path import environment, isolate_imports
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
@@ -203,6 +203,7 @@ def _end_begun() -> None:
 
 def serve() -> None:
     """The server's main loop; the arguments are the socket's file descriptor and the number of threads."""
+    isolate_imports()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     channel, threads = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])

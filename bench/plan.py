@@ -60,8 +60,12 @@ class Choice:
         """From a config node; every parameter is checked and completed."""
         if not isinstance(node, Mapping) or NAME_KEY not in node:
             raise UsageError(f"{where or kind}: choose a {kind} by name, for instance {kind}={_example(kind)}")
+        from .reads import check_files
+
         plugin = registry().find(kind, node[NAME_KEY])
-        return cls(kind, plugin.name, parameters(plugin, build(plugin, node)))
+        choice = cls(kind, plugin.name, parameters(plugin, build(plugin, node)))
+        check_files(choice)
+        return choice
 
 
 def _example(kind: str) -> str:

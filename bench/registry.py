@@ -24,7 +24,6 @@ import importlib
 import importlib.metadata
 import importlib.util
 import inspect
-import os
 import pkgutil
 import re
 import sys
@@ -324,7 +323,7 @@ def _import_file(path: Path, name: str) -> None:
     assert spec and spec.loader
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    sys.path.insert(_behind_standard_library(), str(path.parent))  # so that a plugin file finds its neighbours
+    sys.path.insert(0, str(path.parent))  # so that a plugin file finds its neighbours
     try:
         spec.loader.exec_module(module)
     except BaseException:
@@ -332,13 +331,6 @@ def _import_file(path: Path, name: str) -> None:
         raise
     finally:
         sys.path.remove(str(path.parent))
-
-
-def _behind_standard_library() -> int:
-    """The place on ``sys.path`` before installed packages, where a neighbour called random.py replaces no module."""
-    library = os.path.dirname(os.__file__)
-    standard = (library, os.path.join(library, "lib-dynload"))
-    return 1 + max((i for i, entry in enumerate(sys.path) if entry in standard), default=-1)
 
 
 def _trace(error: BaseException) -> str:

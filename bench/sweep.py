@@ -27,7 +27,7 @@ from .errors import StoreError, UsageError
 from .forkserver import CannotStart
 from .plan import Cell, NotSolved, check_root, settings_of
 from .registry import load_plugins
-from .safe_path import leave_out_working_folder, safe_children
+from .safe_path import isolate_imports, safe_children
 from .store import write_atomically
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def job(config: DictConfig) -> None:
     here = session.owner[0] == os.getpid()
     if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
         _ignore_interrupts()
-        leave_out_working_folder()
+        isolate_imports()
         load_plugins(values["plugins"], warn=False)
 
     def alive() -> None:

@@ -8,7 +8,7 @@ from conftest import TOYS
 
 from bench.plan import Settings
 from bench.runner import _must_rerun
-from bench.safe_path import OURS, SAFE_PATH, environment, leave_out_working_folder, safe_children
+from bench.safe_path import OURS, SAFE_PATH, environment, isolate_imports, safe_children
 
 SHADOWS = ("random.py", "json.py", "typing.py", "bench/__init__.py")
 
@@ -38,8 +38,8 @@ def test_python_m_bench_leaves_the_working_folder_out(shell):
 
 
 def test_a_plugin_file_finds_its_neighbours_and_python_its_own_modules(shell):
-    cast_shadows(shell.work, ("json.py",))
-    (shell.work / "neighbour.py").write_text("import json\nscale = json.loads('2')\n")
+    cast_shadows(shell.work, ("wave.py",))  # a module that nothing has imported yet
+    (shell.work / "neighbour.py").write_text("import wave\nscale = len([wave.open]) + 1\n")
     (shell.work / "mine.py").write_text(
         "from dataclasses import dataclass\nfrom bench import PointCloud, register\nimport neighbour\n"
         '@register("method")\n@dataclass(frozen=True)\nclass Mine:\n    """Mine."""\n'
@@ -88,7 +88,7 @@ def test_what_pythonpath_names_is_kept_and_what_it_leaves_empty_is_not(tmp_path,
     monkeypatch.delenv("PYTHONPATH", raising=False)
     if pythonpath is not None:
         monkeypatch.setenv("PYTHONPATH", pythonpath.format(here=tmp_path))
-    leave_out_working_folder()
+    isolate_imports()
     assert sys.path == ([str(tmp_path)] if stays else []) + ["/lib"]
 
 
