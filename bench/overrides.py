@@ -40,6 +40,19 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
             _check_key("", head, [*(f.name for f in dataclasses.fields(Base)), *GROUPS], override.input_line)
 
 
+def by_experiment(overrides: Sequence[str]) -> list[list[str]]:
+    """The overrides of each experiment in turn: ``experiment=a,b`` is one command after the other.
+
+    An experiment brings a sweep of its own, and values for keys of all groups; Hydra cannot sweep over those.
+    """
+    for place, (word, override) in enumerate(zip(overrides, _parse(overrides), strict=True)):
+        if override.key_or_group == "experiment" and override.is_sweep_override():
+            names = dict.fromkeys(str(value) for value in _values(override))
+            key = word.partition("=")[0]
+            return [[*overrides[:place], f"{key}={name}", *overrides[place + 1 :]] for name in names]
+    return [list(overrides)]
+
+
 def is_override(word: str) -> bool:
     """Whether a word of a command line is a key and its value, not the name of a file."""
     key, equals, _ = word.partition("=")

@@ -79,6 +79,8 @@ def run_cell(
     mark = fingerprint(parts)
     with results.lock(cell.id):
         rows, stored = finished_rows(results, cell, mark, settings)
+        if settings.rerun == "always":
+            results.forget_partial(cell.id, mark)
         if stored and len(rows) == len(stored.rows):
             return Outcome(stored, len(rows), results.damaged)
         job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive)
@@ -98,7 +100,6 @@ def finished_rows(
     """The cases that need not be run again, by index, and the stored record they come from."""
     stored = results.read(cell.id, mark)
     if settings.rerun == "always":
-        results.forget_partial(cell.id, mark)
         return {}, stored
     rows = stored.rows if stored else []
     rows = rows + results.partial_rows(cell.id, mark)

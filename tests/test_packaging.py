@@ -33,9 +33,9 @@ FLOORS = (
     "cli commands sweep hydra_flags __main__",
     "overview",
     "leaderboard selection report statistics runner isolate application conformance testing templates progress catalog "
-    "listing",
+    "listing outlook",
     "store index worker plan config schema presets sensors conventions published memo overrides provenance forkserver "
-    "watch affinity meter safe_path reads",
+    "watch affinity meter safe_path reads forecast",
     "registry tasks run fields kept",
     "geometry shapes",
     "errors seeds __init__",

@@ -28,7 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, compare, and say what differs in what the result depends on."""
-    from ..progress import Lines
     from ..provenance import explain, ingredients
     from ..runner import forget_servers, run_cell
 
@@ -45,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
             results=folder, limit=Limits(**stored["limit"]), plugins=tuple(stored["plugins"]), profile=stored["profile"]
         )
         try:
-            again = run_cell(cell, settings, Lines()).record
+            again = run_cell(cell, settings).record
         finally:
             forget_servers()
     differences = compare(record, again, args.rtol)
