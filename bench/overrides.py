@@ -127,6 +127,18 @@ def threads_of(overrides: Sequence[str]) -> int:
     return max(int(first), 1) if first.isdecimal() else 1
 
 
+def devices_of(overrides: Sequence[str]) -> list[str]:
+    """The devices that the words of a command ask for; what a preset may say is found when its cell is run."""
+    asked = [str(v) for override in _parse(overrides) if override.key_or_group == "device" for v in _values(override)]
+    return list(dict.fromkeys(asked))
+
+
+def runs_here(overrides: Sequence[str]) -> bool:
+    """Whether the launcher that the words choose runs jobs on this machine, as far as is known."""
+    chosen = [word.partition("=")[2] for word in overrides if word.lstrip("+").startswith("hydra/launcher=")]
+    return not chosen or chosen[-1] in ("basic", "joblib", "submitit_local")
+
+
 def _default_choice(group: str) -> str | None:
     """What the main config chooses."""
     from importlib.resources import files

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from .config import Base, Limits
+from .devices import check_name
 from .errors import UsageError, did_you_mean
 from .registry import Plugin, registry
 from .schema import NAME_KEY, build, parameters, variant
@@ -150,8 +151,7 @@ class Cell:
             if config[key] < least:
                 raise UsageError(f"{key}={config[key]}: expected at least {least}")
         one_of("split", config["split"], ("test", "train"))
-        if config["device"].partition(":")[0] not in ("cpu", "cuda"):
-            raise UsageError(f"device={config['device']}: expected cpu, cuda or cuda:N")
+        check_name(config["device"])
         needs_sensor = getattr(task.plugin.cls, "needs_sensor", True)
         cell = cls(
             task=task,

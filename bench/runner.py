@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from .affinity import claim
+from .config import Limits
+from .devices import check_device, claim_device
 from .errors import UsageError
 from .forkserver import CannotStart, ForkServer, ServerDied, begun
 from .plan import Cell, Settings
@@ -72,7 +74,7 @@ def run_cell(
     StoreError
         If the results cannot be written.
     UsageError
-        If the dataset has no case in the split.
+        If the dataset has no case in the split, or if something is to be run on a device that is not here.
     """
     results = Results(settings.results)
     parts = ingredients(cell)
@@ -83,9 +85,10 @@ def run_cell(
             results.forget_partial(cell.id, mark)
         if stored and len(rows) == len(stored.rows):
             return Outcome(stored, len(rows), results.damaged)
+        check_device(cell.device)
         job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive)
         cached = len(rows)
-        with claim(cell.threads) as cpus:
+        with claim_device(cell.device, alive) as job.device, claim(cell.threads) as cpus:
             job.run(cpus)
         if not job.rows:
             raise UsageError(f"dataset {cell.dataset.label} has no shapes in the split {cell.split!r}")
@@ -125,6 +128,13 @@ def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str,
     )
 
 
+def rows_to_repeat(record: Record) -> list[dict[str, Any]]:
+    """The rows of a record that are run again each time, under the limits that it had: no method was called."""
+    stored = record.meta["settings"]["limit"]
+    settings = Settings(limit=Limits(**stored))
+    return [row for row in record.rows if _must_rerun(row, settings, stored)]
+
+
 class _Job:
     """The cases of one cell that are still to do."""
 
@@ -140,6 +150,7 @@ class _Job:
     ):
         self.cell, self.settings, self.results, self.mark = cell, settings, results, mark
         self.rows, self.reporter, self.alive = rows, reporter, alive
+        self.device = cell.device
         self.ids: list[str] = []
         self.constants = constant_columns(cell, settings, mark)
 
@@ -204,6 +215,7 @@ class _Job:
             "done": sorted(self.rows),
             "cpus": cpus,
             "threads": self.cell.threads,
+            "device": self.device,
             "seconds": s.limit.seconds,
             "memory_gb": s.limit.memory_gb,
             "cache": str(self.results.folder / ".cache"),

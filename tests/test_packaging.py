@@ -35,7 +35,7 @@ FLOORS = (
     "leaderboard selection report statistics runner isolate application conformance testing templates progress catalog "
     "listing outlook",
     "store index worker plan config schema presets sensors conventions published memo overrides provenance forkserver "
-    "watch affinity meter safe_path reads forecast",
+    "watch affinity meter safe_path reads forecast devices",
     "registry tasks run fields kept",
     "geometry shapes",
     "errors seeds __init__",

@@ -27,9 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compose every job, look each cell up, print the table."""
     from ..config import enumerate_jobs, is_sweep
+    from ..devices import check_device
     from ..forecast import Pace, duration, seconds_to_do, summary, workers_of
     from ..hydra_flags import split_words
-    from ..overrides import by_experiment, check_overrides, threads_of
+    from ..overrides import by_experiment, check_overrides, runs_here, threads_of
     from ..store import Results
     from .run import results_folder
 
@@ -43,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
     pace = Pace.of(results)
     lines, seconds, refused = [], [], []
     planned = finished = unknown = 0
+    devices = set()
     jobs = [job for request in by_experiment(overrides) for job in enumerate_jobs(request, multirun)]
     for cell, settings in cells_of(jobs, refused):
         there, state = look_up(results, cell, settings)
@@ -50,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
         guess = "" if there == cell.cases else "?" if rest is None else duration(rest)
         lines.append((cell.id, cell.title, f"{there}/{cell.cases}", state, guess))
         seconds.append(rest)
+        devices |= {cell.device} if there < cell.cases and runs_here(overrides) else set()
         planned, finished = planned + cell.cases, finished + there
         unknown += cell.cases - there if rest is None else 0
     width = max([len(line[1]) for line in lines], default=0)
@@ -63,6 +66,8 @@ def run(args: argparse.Namespace) -> int:
     print(f"{len(lines)} cells, {summary(planned, finished, seconds, unknown, workers)}")
     if plugins:
         print(f"with the plugins of {', '.join(plugins)}")
+    for device in sorted(devices):
+        check_device(device)  # `detailbench run` ends with the same message
     return 0
 
 
@@ -100,4 +105,6 @@ def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str]:
         return cell.cases, f"{failed} failed" if failed else "finished"
     if count:
         return count, "begun"
+    if stored:
+        return 0, "failed"
     return 0, "changed" if results.records(cell.id) else "new"

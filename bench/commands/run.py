@@ -27,11 +27,12 @@ from typing import Any
 
 from .. import forkserver, sweep
 from ..cli import add_plugin_argument
+from ..devices import check_device
 from ..errors import UsageError
 from ..hydra_flags import split_words
 from ..listing import listing
 from ..outlook import Outlook, look_ahead
-from ..overrides import by_experiment, check_overrides, threads_of
+from ..overrides import by_experiment, check_overrides, devices_of, runs_here, threads_of
 from ..progress import Bars, Follow, Lines
 from ..registry import load_plugins
 from ..store import Results
@@ -60,6 +61,7 @@ def run(args: argparse.Namespace) -> int:
     requests = by_experiment(overrides)
     sweeps = [jobs_of(request, multirun) for request in requests]
     results = Results(results_folder(overrides))
+    check_devices(requests, sweeps, results)
     results.prepare()
     codes = []
     for request, jobs in zip(requests, sweeps, strict=True):
@@ -140,13 +142,17 @@ def _report(
     """Notes, the leaderboard of this run (beside a paper's table, or in the conventions named), and the exit code."""
     for message in dict.fromkeys(entry["message"] for entry in done if entry["kind"] == "not_solved"):
         print(f"not planned: {message}", file=sys.stderr)
+    refused: dict[str, list[str]] = {}
     for entry in done:
         if entry["kind"] == "usage":
-            print(f"error: {entry['title']}: {entry['message']}", file=sys.stderr)
-            code = code or 1
+            refused.setdefault(entry["message"], []).append(entry["title"])
         elif entry["kind"] == "stopped":
             print(f"error: {entry['message']}", file=sys.stderr)
             code = 1
+    for message, titles in refused.items():
+        more = f" and {len(titles) - 1} more cells" if len(titles) > 1 else ""
+        print(f"error: {titles[0]}{more}: {message}", file=sys.stderr)
+        code = code or 1
     if not cells:
         return code or 1
     if not args.no_leaderboard:
@@ -203,6 +209,28 @@ def conventions_of(overrides: list[str]) -> list[str]:
     # The other words may be swept, or parameters of what is, which cannot be composed; none of them has a say here.
     name = OmegaConf.select(compose([word for word in experiment if "," not in word]), "convention.name")
     return [name] if name else []
+
+
+def check_devices(requests: list[list[str]], sweeps: list[list[list[str]]], results: Results) -> None:
+    """Refuse a device that is not on this machine before anything is run, unless all its cells are finished.
+
+    Raises
+    ------
+    UsageError
+        Where cells would be run here. What a launcher runs elsewhere is checked there.
+    """
+    from .plan import cells_of, look_up
+
+    for overrides, jobs in zip(requests, sweeps, strict=True):
+        if not runs_here(overrides):
+            continue
+        try:
+            for device in devices_of(overrides):
+                check_device(device)
+        except UsageError:
+            for cell, settings in cells_of(jobs, []):
+                if look_up(results, cell, settings)[0] < cell.cases:
+                    check_device(cell.device)
 
 
 def jobs_of(overrides: list[str], multirun: bool) -> list[list[str]]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 
 from ..cli import add_plugin_argument
+from ..devices import check_device
 from ..errors import UsageError
 from ..plan import Cell
 from ..registry import load_plugins
@@ -56,10 +57,28 @@ def run(args: argparse.Namespace) -> int:
         if row["status"] != "ok":
             print(f"  {row['case']}: {row['status']}: {row['message']}")
     differences = explain(record.meta["ingredients"], ingredients(cell))
-    if not differences:
+    again = "" if differences else to_run_again(cell, record)
+    if again:
+        print(again)
+    elif not differences:
         print("current: parameters, sources, packages and metrics are those of today; it would not be run again")
     for line in differences:
         print(f"  {line}")
     if differences:
         print("not current: `detailbench run` with these words would run it again")
     return 0
+
+
+def to_run_again(cell: Cell, record: Record) -> str:
+    """What of a record that differs in nothing is run again all the same, and whether it can be; empty for nothing."""
+    from ..runner import rows_to_repeat
+
+    count = len(rows_to_repeat(record))
+    if not count:
+        return ""
+    text = f"{count} of {len(record.rows)} cases ended before the method was called: `detailbench run` runs them again"
+    try:
+        check_device(cell.device)
+    except UsageError as error:
+        return f"{text}, which cannot be done here: {error}"
+    return text
