@@ -87,6 +87,8 @@ def _sweep(
     if not any(sweep.is_hydras(word) for word in overrides):  # no launcher, no environment of jobs
         forkserver.begin(threads_of(overrides))
     ahead = look_ahead(jobs, overrides, results) if len(jobs) > 1 else None
+    while results.damaged:  # files that were found damaged, and set aside, while finished cells were counted
+        print(f"warning: {results.damaged.pop(0)}", file=sys.stderr)
     if ahead and ahead.text:
         print(ahead.text, file=sys.stderr)
     session = sweep.Session.new(results.folder)
