@@ -18,7 +18,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -128,9 +128,6 @@ def job(config: DictConfig) -> None:
     """What Hydra calls for every job."""
     from omegaconf import OmegaConf
 
-    from .progress import line_of
-    from .runner import run_cell
-
     values = OmegaConf.to_container(config, resolve=True)
     session = Session(Path(values["results"]).expanduser().absolute(), values["session"])
     here = session.owner[0] == os.getpid()
@@ -153,20 +150,13 @@ def job(config: DictConfig) -> None:
     name = f"job-{number:06d}"
     if session.has(name):
         return  # the sweep was launched once more, after a process of the launcher was killed
-    leave = functools.partial(session.leave, name, job=number)
-    begin = time.monotonic()
+    reporter = PROGRESS if here else None
     try:
-        check_root(values)
-        settings = settings_of(values)
-        cell = Cell.from_config(values)
-        title = cell.title
-        outcome = run_cell(cell, settings, PROGRESS if here else None, alive)
+        word = {"kind": "cell", **_run(values, reporter, alive)}
     except NotSolved as error:
-        leave(kind="not_solved", title=title, message=str(error))
-        return
+        word = {"kind": "not_solved", "message": str(error)}
     except UsageError as error:
-        leave(kind="usage", title=title, message=str(error))
-        return
+        word = {"kind": "usage", "message": str(error)}
     except CannotStart as error:  # every other job would meet the same; two processes may say so, one line is enough
         session.leave("stopped", kind="stopped", title=title, message=str(error))
         raise SystemExit(1) from error
@@ -174,19 +164,31 @@ def job(config: DictConfig) -> None:
         # There is no point in going on: every other job would meet the same disk.
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(1) from error
+    session.leave(name, job=number, **{"title": title, **word})
+
+
+def _run(values: Mapping[str, Any], reporter: Progress | None, alive: Callable[[], None]) -> dict[str, Any]:
+    """Run the cell of a composed config; what its job leaves."""
+    from .progress import line_of
+    from .runner import run_cell
+
+    begin = time.monotonic()
+    check_root(values)
+    settings = settings_of(values)
+    cell = Cell.from_config(values)
+    outcome = run_cell(cell, settings, reporter, alive)
     record = outcome.record
-    leave(
-        kind="cell",
-        title=title,
-        cell=record.cell,
-        fingerprint=record.fingerprint,
-        solved=record.solved,
-        planned=len(record.rows),
-        cached=outcome.cached,
-        notes=outcome.notes,
-        line=line_of(cell, outcome),
-        took=time.monotonic() - begin if outcome.cached < len(record.rows) else 0.0,
-    )
+    return {
+        "title": cell.title,
+        "cell": record.cell,
+        "fingerprint": record.fingerprint,
+        "solved": record.solved,
+        "planned": len(record.rows),
+        "cached": outcome.cached,
+        "notes": outcome.notes,
+        "line": line_of(cell, outcome),
+        "took": time.monotonic() - begin if outcome.cached < len(record.rows) else 0.0,
+    }
 
 
 def _number() -> int:
