@@ -6,6 +6,11 @@ when it is first used. The distribution and the command are called ``detailbench
 
 from __future__ import annotations
 
+import sys
+
+if sys.argv[:1] == ["-m"] and not sys.flags.safe_path and {"bench", "-mbench"} & set(sys.orig_argv[1:]):
+    del sys.path[0]  # `python -m bench`: the working folder, before anything in it can be imported
+
 import importlib
 from typing import TYPE_CHECKING, Any
 

@@ -1,10 +1,15 @@
-"""Which processors a cell may use: two cells that run side by side on one machine get different ones."""
+"""Which processors a cell may use: two cells that run side by side on one machine get different ones.
+
+What a cell holds is locked by a file in a folder of this user's in the temporary folder, so it works across the
+processes of any launcher, and the system lets go of the locks when a process dies.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,21 +26,59 @@ def available() -> list[int]:
 def claim(threads: int) -> Iterator[list[int]]:
     """Hold ``threads`` processors that no other cell of this user holds, as far as there are any.
 
-    Locks on files in the temporary folder, so it works across the processes of any launcher, and the system lets go
-    of them when a process dies. Where fewer are free, the rest is shared.
+    Where fewer are free, the rest is shared.
     """
-    folder = Path(tempfile.gettempdir()) / f"detailbench-cpus-{os.getuid()}"
     with contextlib.ExitStack() as stack:
         processors = available()
         free: list[int] = []
-        with contextlib.suppress(OSError):
-            folder.mkdir(exist_ok=True)
-            for cpu in processors:
-                if len(free) == threads:
-                    break
-                file = stack.enter_context((folder / str(cpu)).open("w"))
-                with contextlib.suppress(BlockingIOError):
-                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    free.append(cpu)
+        for cpu in processors:
+            if len(free) == threads:
+                break
+            if stack.enter_context(hold(str(cpu), if_none=False)):
+                free.append(cpu)
         taken = [cpu for cpu in processors if cpu not in free]
         yield (free + taken)[:threads]
+
+
+@contextlib.contextmanager
+def hold(name: str, *, if_none: bool = True) -> Iterator[bool]:
+    """Hold the lock of this name, if nobody does: whether it is held now.
+
+    Where there can be no locks (a temporary folder that cannot be written, or that somebody else has prepared), the
+    answer is ``if_none``.
+    """
+    folder = _folder()
+    try:
+        if folder is None:
+            raise PermissionError
+        # Not through a link, and nothing is cut off: whoever may write there must not reach other files of this user.
+        lock = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    except OSError:
+        yield if_none
+        return
+    try:
+        held = True
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            held = False
+        except OSError:  # a file system without locks
+            held = if_none
+        yield held
+    finally:
+        os.close(lock)
+
+
+def _folder() -> Path | None:
+    """The folder of this user's locks, None where it is not this user's alone."""
+    folder = Path(tempfile.gettempdir()) / f"detailbench-cpus-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+            return None
+        if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            folder.chmod(0o700)
+    except OSError:
+        return None
+    return folder

@@ -60,23 +60,24 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
 
 def call(spec: Mapping[str, Any], channel: Channel) -> None:
     """The worker's side: read, call, validate, write."""
+    from .devices import check_device, make_context
     from .geometry.files import check_target
     from .meter import Meter
-    from .worker import check_device, failure, plain, prepare
+    from .worker import failure, plain, prepare
 
     call = spec["arguments"]
     try:
         channel.enter("prepare", 0)
         task, method = Choice(**call["task"]), Choice(**call["method"])
         method.plugin.require()
-        if call["device"] != "cpu":
-            check_device(call["device"])
+        check_device(call["device"])
         solver, promised = method.build(), task.build()
         check_target(call["output"], promised.output)  # nobody should wait for what cannot be written
         channel.enter("case", 0)
         inputs, frame = promised.read(call["inputs"])
         meter = Meter(spec["memory_gb"], call["device"])
         channel.enter("prepare", 0)
+        make_context(call["device"])
         prepare(solver)
         run = _run(spec, channel)
         channel.enter("method", 0)

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from .errors import DetailbenchError, did_you_mean
+from .safe_path import isolate_imports
 
 # Name -> one line. The module is imported when its command is called: help and listings stay quick.
 COMMANDS = {
@@ -67,6 +68,7 @@ def usage() -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit code."""
+    isolate_imports()
     arguments = list(sys.argv[1:] if argv is None else argv)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # what the terminal's encoding lacks is shown as \\udcff, not as a traceback

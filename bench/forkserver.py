@@ -22,11 +22,14 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from .affinity import available
+from .errors import DetailbenchError
+from .safe_path import environment, isolate_imports
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
@@ -75,31 +78,63 @@ class ForkServer:
     def __init__(self, threads: int):
         self.threads = threads
         self._loaded = False
+        self._printed = tempfile.TemporaryFile()  # noqa: SIM115  its standard error; a worker has one of its own
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with there:
             code = "from bench.forkserver import serve; serve()"
             self._process = subprocess.Popen(
-                [sys.executable, "-c", code, str(there.fileno()), str(threads)],
+                [sys.executable, "-P", "-c", code, str(there.fileno()), str(threads)],  # -P: see bench/safe_path.py
                 pass_fds=[there.fileno()],
                 stdin=subprocess.DEVNULL,
-                env={**os.environ, **dict.fromkeys(THREAD_VARIABLES, str(threads))},
+                stderr=self._printed,
+                env={**environment(), **dict.fromkeys(THREAD_VARIABLES, str(threads))},
                 start_new_session=True,  # Ctrl-C in the terminal is the runner's business
             )
         self._socket = here
 
     def load(self, preload: tuple[str, ...], plugins: tuple[str, ...]) -> None:
-        """Have it import libraries by name, and plugin files like ``--plugin``, and wait; before the first fork."""
-        self._ask({"preload": preload, "plugins": plugins})
+        """Have it import libraries by name, and plugin files like ``--plugin``, and wait; before the first fork.
+
+        Raises
+        ------
+        CannotStart
+            If it ended before that: not even what every worker needs can be imported.
+        ServerDied
+            If it ended while it imported what was asked for.
+        """
+        try:
+            self._ask({"ready": True})
+        except ServerDied as error:
+            raise CannotStart(f"{error}{self._last_words()}") from error
+        try:
+            self._ask({"preload": preload, "plugins": plugins})
+        except ServerDied as error:
+            raise ServerDied(
+                f"{error} while it loaded {', '.join((*preload, *plugins))}{self._last_words()}"
+            ) from error
         self._loaded = True
+        if said := self._said():
+            print(said, file=sys.stderr)
+
+    def _said(self) -> str:
+        file = self._printed.fileno()  # read in place: the server shares the position of this file
+        return os.pread(file, os.fstat(file).st_size, 0).decode(errors="replace").strip()
+
+    def _last_words(self) -> str:
+        """The last line that it printed: of a traceback, what was raised."""
+        lines = self._said().splitlines()
+        return f": {lines[-1].strip()}" if lines else ""
 
     def _ask(self, request: dict[str, Any], fds: tuple[int, ...] = ()) -> dict[str, Any]:
         try:
             socket.send_fds(self._socket, [json.dumps(request).encode()], list(fds))
             answer = self._socket.recv(_MAX_MESSAGE)
-        except OSError as error:
-            raise ServerDied(f"the fork server ended unexpectedly ({error})") from error
+        except OSError:
+            answer = b""
         if not answer:
-            raise ServerDied(f"the fork server ended unexpectedly (exit status {self._process.wait()})")
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=5)
+            raise ServerDied(f"the fork server ended unexpectedly (exit status {self._process.returncode})")
         return json.loads(answer)
 
     def fork(self, spec: dict[str, Any], messages: int, output: int) -> int:
@@ -113,6 +148,7 @@ class ForkServer:
     def close(self) -> None:
         """End the server and everything below it."""
         self._socket.close()
+        self._printed.close()
         if self._loaded:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(timeout=5)
@@ -121,8 +157,18 @@ class ForkServer:
         self._process.wait()
 
 
-class ServerDied(RuntimeError):
+class ServerDied(DetailbenchError):
     """The fork server is gone: something killed it."""
+
+
+class CannotStart(DetailbenchError):
+    """No worker can be started, whatever the method: an error of the run, never the result of a method."""
+
+    def __init__(self, reason: str):
+        super().__init__(
+            f"cannot start the processes that run the cases: {reason}. No result was stored for them. Check the Python "
+            "environment (PYTHONPATH, installed packages, free memory), then run the same command again"
+        )
 
 
 _begun: list[ForkServer] = []
@@ -157,6 +203,7 @@ def _end_begun() -> None:
 
 def serve() -> None:
     """The server's main loop; the arguments are the socket's file descriptor and the number of threads."""
+    isolate_imports()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     channel, threads = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
@@ -164,6 +211,7 @@ def serve() -> None:
         os.sched_setaffinity(0, available()[:threads])
     try:
         _import(ALWAYS)
+        importlib.import_module("bench.worker")  # without it there is no worker: the traceback says why
         while True:
             message, fds, _, _ = socket.recv_fds(channel, _MAX_MESSAGE, 2)
             if not message:
@@ -173,6 +221,8 @@ def serve() -> None:
                 answer = {"pid": _fork(request["fork"], channel, *fds)}
             elif "reap" in request:
                 answer = {"status": _reap(request["reap"])}
+            elif "ready" in request:
+                answer = request
             else:
                 answer = _load(request)
             channel.send(json.dumps(answer).encode())

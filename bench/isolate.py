@@ -7,6 +7,7 @@ from typing import Any
 
 from .affinity import claim
 from .config import Limits
+from .devices import claim_device
 from .forkserver import begun
 from .runner import of_death
 from .watch import Worker
@@ -54,10 +55,10 @@ class Isolation:
                 result.update(event["row"])
             on_event(event)
 
-        with claim(self.threads) as cpus:
+        with claim_device(arguments.get("device", "cpu")) as device, claim(self.threads) as cpus:
             spec = {
                 "function": function,
-                "arguments": dict(arguments),
+                "arguments": {**arguments, **({"device": device} if "device" in arguments else {})},
                 "cpus": cpus,
                 "threads": self.threads,
                 "seconds": limit.seconds,

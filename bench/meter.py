@@ -22,6 +22,9 @@ class Meter:
     Memory is that of the largest process: this one, or one that the method started and waited for (where there were
     several such calls in one process, the largest of all that were started so far).
 
+    On a GPU, that device is waited for before the clock is read, and its peak of allocated memory is taken; the process
+    must have begun to use it before (:func:`bench.devices.make_context`).
+
     Inside, the process may allocate ``memory_gb`` beyond what it has; an allocation past that fails at once, even
     when it is never touched.
     """
@@ -36,6 +39,8 @@ class Meter:
     def __enter__(self) -> Meter:
         gc.collect()
         self._wall = self._cpu = 0.0
+        self._synchronise()  # what is at work since before the call is not timed
+        self._device_peak = math.nan
         self._before = resident_mb("VmRSS")
         self._reset_peaks()
         self._peak = 0.0
@@ -78,14 +83,14 @@ class Meter:
         """A GPU works behind our back: wait for it before reading the clock."""
         if self.device != "cpu" and "torch" in sys.modules:
             cuda = sys.modules["torch"].cuda
-            cuda.synchronize()
-            self._device_peak = np.fmax(self._device_peak, cuda.max_memory_allocated() / 2**20)
+            cuda.synchronize(self.device)
+            self._device_peak = np.fmax(self._device_peak, cuda.max_memory_allocated(self.device) / 2**20)
 
     def _reset_peaks(self) -> None:
         with contextlib.suppress(OSError):  # without it the peak is that of the whole process so far
             Path("/proc/self/clear_refs").write_text("5")
         if self.device != "cpu" and "torch" in sys.modules:
-            sys.modules["torch"].cuda.reset_peak_memory_stats()
+            sys.modules["torch"].cuda.reset_peak_memory_stats(self.device)
 
     def figures(self) -> dict[str, float]:
         """What was measured."""

@@ -40,6 +40,19 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
             _check_key("", head, [*(f.name for f in dataclasses.fields(Base)), *GROUPS], override.input_line)
 
 
+def by_experiment(overrides: Sequence[str]) -> list[list[str]]:
+    """The overrides of each experiment in turn: ``experiment=a,b`` is one command after the other.
+
+    An experiment brings a sweep of its own, and values for keys of all groups; Hydra cannot sweep over those.
+    """
+    for place, (word, override) in enumerate(zip(overrides, _parse(overrides), strict=True)):
+        if override.key_or_group == "experiment" and override.is_sweep_override():
+            names = dict.fromkeys(str(value) for value in _values(override))
+            key = word.partition("=")[0]
+            return [[*overrides[:place], f"{key}={name}", *overrides[place + 1 :]] for name in names]
+    return [list(overrides)]
+
+
 def is_override(word: str) -> bool:
     """Whether a word of a command line is a key and its value, not the name of a file."""
     key, equals, _ = word.partition("=")
@@ -112,6 +125,18 @@ def threads_of(overrides: Sequence[str]) -> int:
     asked = [value for key, _, value in (word.partition("=") for word in overrides) if key == "threads"]
     first = asked[-1].partition(",")[0] if asked else ""
     return max(int(first), 1) if first.isdecimal() else 1
+
+
+def devices_of(overrides: Sequence[str]) -> list[str]:
+    """The devices that the words of a command ask for; what a preset may say is found when its cell is run."""
+    asked = [str(v) for override in _parse(overrides) if override.key_or_group == "device" for v in _values(override)]
+    return list(dict.fromkeys(asked))
+
+
+def runs_here(overrides: Sequence[str]) -> bool:
+    """Whether the launcher that the words choose runs jobs on this machine, as far as is known."""
+    chosen = [word.partition("=")[2] for word in overrides if word.lstrip("+").startswith("hydra/launcher=")]
+    return not chosen or chosen[-1] in ("basic", "joblib", "submitit_local")
 
 
 def _default_choice(group: str) -> str | None:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from .config import Base, Limits
+from .devices import check_name
 from .errors import UsageError, did_you_mean
 from .registry import Plugin, registry
 from .schema import NAME_KEY, build, parameters, variant
@@ -63,8 +64,12 @@ class Choice:
         """From a config node; every parameter is checked and completed."""
         if not isinstance(node, Mapping) or NAME_KEY not in node:
             raise UsageError(f"{where or kind}: choose a {kind} by name, for instance {kind}={_example(kind)}")
+        from .reads import check_files
+
         plugin = registry().find(kind, node[NAME_KEY])
-        return cls(kind, plugin.name, parameters(plugin, build(plugin, node)))
+        choice = cls(kind, plugin.name, parameters(plugin, build(plugin, node)))
+        check_files(choice)
+        return choice
 
 
 def _example(kind: str) -> str:
@@ -149,8 +154,7 @@ class Cell:
             if config[key] < least:
                 raise UsageError(f"{key}={config[key]}: expected at least {least}")
         one_of("split", config["split"], ("test", "train"))
-        if config["device"].partition(":")[0] not in ("cpu", "cuda"):
-            raise UsageError(f"device={config['device']}: expected cpu, cuda or cuda:N")
+        check_name(config["device"])
         sensor = _sensor(config["sensor"], task)
         cell = cls(
             task=task,

@@ -1,14 +1,24 @@
-"""Progress: a rich bar where somebody looks, one line per cell elsewhere."""
+"""Progress: a rich bar where somebody looks, one line per cell elsewhere; the same under every launcher."""
 
 from __future__ import annotations
 
+import math
 import sys
+import threading
+import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
+
+from .forecast import Forecast, duration
 
 if TYPE_CHECKING:
     from .plan import Cell
     from .runner import Outcome
+    from .sweep import Session
+
+LOOK = 0.1  # seconds between looks at what jobs left
+LOOK_AGAIN = 1.0  # seconds for which a forecast is shown as it is
+WORTH_SAYING = 10.0  # seconds that are left, at least
 
 
 def line_of(cell: Cell, outcome: Outcome) -> str:
@@ -31,10 +41,11 @@ def _first_line(text: str | None) -> str:
 
 
 class Lines:
-    """One line per finished cell on stderr."""
+    """One line per finished job on stderr, in whichever process it was run; see :class:`Follow`."""
 
-    def __init__(self, total: int | None = None):
-        self.total, self.done = total, 0
+    def __init__(self, total: int | None = None, forecast: Forecast | None = None):
+        self.total, self.done, self.forecast = total, 0, forecast
+        self._left, self._left_at = "", -math.inf
 
     def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
         """Nothing yet."""
@@ -42,22 +53,39 @@ class Lines:
     def event(self, event: Mapping[str, Any]) -> None:
         """Nothing: lines are for finished cells."""
 
-    def cell_ends(self, cell: Cell, outcome: Outcome) -> None:
-        """The line."""
+    def ended(self, entry: Mapping[str, Any]) -> None:
+        """Count a job by what it left in its session's folder, and show the line of a cell."""
+        if entry["kind"] == "stopped":
+            return  # the end of the sweep, which the front door reports
         self.done += 1
-        count = f"[{self.done}/{self.total}] " if self.total else ""
-        for note in outcome.notes:
-            print(f"warning: {note}", file=sys.stderr)
-        # One write, so that the lines of processes side by side do not mix.
-        sys.stderr.write(f"{count}{line_of(cell, outcome)}\n")
+        if self.forecast:
+            self.forecast.ended(entry.get("job", -1), entry.get("took", 0.0))
+        for note in entry.get("notes", ()):
+            self.show(f"warning: {note}")
+        if "line" in entry:
+            count = f"[{self.done}/{self.total}] " if self.total else ""
+            left = self.left()
+            self.show(f"{count}{entry['line']}{f'; {left}' if left else ''}")
+
+    def left(self) -> str:
+        """``about 3 min left``; empty where that is not known, or no longer of interest."""
+        if self.forecast and time.monotonic() - self._left_at > LOOK_AGAIN:
+            seconds = self.forecast.left()
+            self._left = f"about {duration(seconds)} left" if seconds and seconds >= WORTH_SAYING else ""
+            self._left_at = time.monotonic()
+        return self._left
+
+    def show(self, text: str) -> None:
+        """One line, in one write."""
+        sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
 
 
 class Bars(Lines):
     """Two live bars on a terminal: cells of the sweep, and cases (or a method's own steps) of the current cell."""
 
-    def __init__(self, total: int | None):
-        super().__init__(total=total)
+    def __init__(self, total: int | None, forecast: Forecast | None = None):
+        super().__init__(total, forecast)
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -98,17 +126,54 @@ class Bars(Lines):
                 self._steps, description="  steps", completed=event["done"], total=event["total"], visible=True
             )
 
-    def cell_ends(self, cell: Cell, outcome: Outcome) -> None:
-        """The line stays above the bars."""
-        self.done += 1
-        for note in outcome.notes:
-            self._progress.console.print(f"warning: {note}", markup=False, highlight=False)
-        self._progress.console.print(line_of(cell, outcome), markup=False, highlight=False)
-        self._progress.update(self._cells, completed=self.done)
+    def ended(self, entry: Mapping[str, Any]) -> None:
+        """Move the bar of the cells, too."""
+        super().ended(entry)
+        left = self.left()
+        self._progress.update(self._cells, completed=self.done, description=f"cells, {left}" if left else "cells")
         self._progress.update(self._cases, visible=False)
+
+    def show(self, text: str) -> None:
+        """The line stays above the bars."""
+        self._progress.console.print(text, markup=False, highlight=False)
 
 
 Progress = Lines | Bars
+
+
+class Follow:
+    """Shows what the jobs of a session leave in its folder as they leave it, whichever process runs them.
+
+    Inside ``with``, a thread looks at the folder every now and then; at the end all that is there has been shown.
+    """
+
+    def __init__(self, session: Session, progress: Progress):
+        self._session, self._progress = session, progress
+        self._shown: set[str] = set()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._look_on, daemon=True, name="progress")
+
+    def __enter__(self) -> Follow:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.look()
+
+    def _look_on(self) -> None:
+        pause = LOOK
+        while not self._stop.wait(pause):
+            begin = time.monotonic()
+            self.look()
+            pause = max(LOOK, 20 * (time.monotonic() - begin))  # tens of thousands of files take a while to list
+
+    def look(self) -> None:
+        """Show what is new."""
+        for name, entry in self._session.entries(self._shown):
+            self._shown.add(name)
+            self._progress.ended(entry)
 
 
 class Steps:

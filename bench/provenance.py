@@ -18,6 +18,7 @@ from typing import Any
 
 from . import __version__
 from .plan import NO_SENSOR, Cell, Choice, digest
+from .reads import contents
 from .registry import Plugin
 
 # Packages that take part in every cell; a plugin's `requires` come on top.
@@ -28,8 +29,8 @@ def ingredients(cell: Cell) -> dict[str, Any]:
     """All that decides whether a finished result of ``cell`` is current, as a flat mapping for :func:`explain`.
 
     The parameters and the seed (in ``cell``), the source of the plugins that make the output (with the neighbours
-    and the geometry that they import), the versions of metrics, the packages that compute, and what a dataset says
-    of its own state (hashes of the user's files).
+    and the geometry that they import), the versions of metrics, the packages that compute, what a dataset says of its
+    own state (hashes of the user's files), and the contents of the files that plugins read (:mod:`bench.reads`).
     """
     parts: dict[str, Any] = {"cell": cell.id}
     for choice in cell.choices:
@@ -44,6 +45,7 @@ def ingredients(cell: Cell) -> dict[str, Any]:
     state = getattr(cell.dataset.build(), "state", None)
     if state:
         parts.update({f"file {name}": value for name, value in state().items()})
+    parts.update({f"content of {name}": value for name, value in contents(cell.choices).items()})
     return parts
 
 
@@ -67,6 +69,7 @@ def memory_keys(cell: Cell) -> dict[str, str]:
                 "sources": [[p.name, source_digest(p.file)] for p in parts],
                 "packages": {r: package_version(r) for p in parts for r in p.requires},
                 "state": getattr(choice.build(), "state", dict)(),
+                **({"contents": read} if (read := contents([choice])) else {}),
             }
         )
 
@@ -110,6 +113,9 @@ def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
             lines.append(f"{key} was edited")
         elif key.startswith("file "):
             what = "is new" if before is None else "is gone" if after is None else "has other content"
+            lines.append(f"{key} {what}")
+        elif key.startswith("content of "):
+            what = "was not recorded" if before is None else "is not read any more" if after is None else "has changed"
             lines.append(f"{key} {what}")
         else:
             lines.append(f"{key}: {before or 'not installed'} -> {after or 'not installed'}")

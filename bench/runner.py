@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from .affinity import claim
+from .devices import check_device, claim_device
 from .errors import UsageError
-from .forkserver import ForkServer, ServerDied, begun
+from .forkserver import CannotStart, ForkServer, ServerDied, begun
 from .kept_outputs import found
 from .plan import Cell, Settings
 from .provenance import fingerprint, ingredients, memory_keys, plugin_sources, provenance, source_digest
@@ -21,6 +22,8 @@ from .store import COLUMNS, SCHEMA_VERSION, Record, Results
 from .text import encodable
 from .watch import Death, Worker
 
+BEFORE_ANY_CASE = ("start", "plan")  # a failure there says nothing of a method: it is tried again each time
+TRIES = 3  # of a worker or a server that ends before any case: somebody short of memory may have killed it
 MAX_SERVERS = 6  # a fork server holds its libraries in memory; the least recently used one goes
 
 
@@ -73,19 +76,22 @@ def run_cell(
     StoreError
         If the results cannot be written.
     UsageError
-        If the dataset has no case in the split.
+        If the dataset has no case in the split, or if something is to be run on a device that is not here.
     """
     results = Results(settings.results)
     parts = ingredients(cell)
     mark = fingerprint(parts)
     with results.lock(cell.id):
         rows, stored = finished_rows(results, cell, mark, settings)
+        if settings.rerun == "always":
+            results.forget_partial(cell.id, mark)
         if stored and all(rows.get(row["case_index"]) is row for row in stored.rows):
             return Outcome(stored, len(rows), results.damaged)
+        check_device(cell.device)
         for_outputs = len(_without_output(results, cell, mark, settings) - rows.keys())
         job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive)
         cached = len(rows)
-        with claim(cell.threads) as cpus:
+        with claim_device(cell.device, alive) as job.device, claim(cell.threads) as cpus:
             job.run(cpus)
         if not job.rows:
             raise UsageError(f"dataset {cell.dataset.label} has no shapes in the split {cell.split!r}")
@@ -102,7 +108,6 @@ def finished_rows(
     """The cases that need not be run again, by index, and the stored record they come from."""
     stored = results.read(cell.id, mark)
     if settings.rerun == "always":
-        results.forget_partial(cell.id, mark)
         return {}, stored
     rows = stored.rows if stored else []
     rows = rows + results.partial_rows(cell.id, mark)
@@ -142,7 +147,7 @@ def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str,
     off_the_clock = row["status"] == "timeout" and row.get("stage") != "method"
     return (
         row["status"] == "skipped"
-        or row.get("stage") == "plan"
+        or row.get("stage") in BEFORE_ANY_CASE
         or (settings.rerun == "failed" and row["status"] != "ok")
         or ((noted or row["status"] == "timeout") and limit.seconds > (row.get("limit_seconds") or 0))
         or (off_the_clock and limit.setup_seconds > before.get("setup_seconds", math.inf))
@@ -165,28 +170,34 @@ class _Job:
     ):
         self.cell, self.settings, self.results, self.mark = cell, settings, results, mark
         self.rows, self.reporter, self.alive = rows, reporter, alive
+        self.device = cell.device
         self.ids: list[str] = []
         self.constants = constant_columns(cell, settings, mark)
 
     def run(self, cpus: list[int]) -> None:
-        """Fork workers until every case has its row: a new one after each that died."""
+        """Fork workers until every case has its row: a new one after each that died.
+
+        Raises
+        ------
+        CannotStart
+            If no worker can begin, whatever the method.
+        """
         self.reporter.cell_begins(self.cell, self.cell.cases, len(self.rows))
-        deaths = 0
+        deaths = starts = 0
         while True:
             try:
-                server = server_for(self.cell, self.settings)
-                death = Worker(
-                    server, self.spec(cpus), self.settings.limit, self.hear, self.alive, self.settings.verbose
-                ).watch()
-            except ServerDied as error:
-                forget_servers()
+                death = self.work(cpus)
+            except (ServerDied, CannotStart) as error:
+                starts += 1
+                if starts < TRIES:
+                    continue
+                if isinstance(error, CannotStart):
+                    raise
                 death = Death("crashed", str(error), -1, "start", 0.0, "")
             if death is None:
                 return
             deaths += 1
             if death.index < 0:
-                if death.stage == "start" and deaths < 3:
-                    continue  # it never began: perhaps somebody killed the fork server
                 self.no_plan(of_death(death))
                 return
             if death.index not in self.rows:  # otherwise it died between two cases, and that one is safe
@@ -194,6 +205,27 @@ class _Job:
             elif deaths > 2 * len(self.ids):
                 self.no_plan(of_death(death))
                 return
+
+    def work(self, cpus: list[int]) -> Death | None:
+        """Fork one worker and follow it to its end; how it died, or None when all cases are done.
+
+        Raises
+        ------
+        ServerDied
+            If a library or a plugin of this cell ends the process that imports it.
+        CannotStart
+            If the worker or its server ended before either met anything of this cell.
+        """
+        server = server_for(self.cell, self.settings)
+        limit, verbose = self.settings.limit, self.settings.verbose
+        try:
+            death = Worker(server, self.spec(cpus), limit, self.hear, self.alive, verbose).watch()
+        except ServerDied as error:
+            forget_servers()
+            raise CannotStart(str(error)) from error
+        if death is not None and death.stage == "start":
+            raise CannotStart("; ".join([death.message, *death.printed.splitlines()[-1:]]))
+        return death
 
     def spec(self, cpus: list[int]) -> dict[str, Any]:
         """The worker's job, as JSON values."""
@@ -203,6 +235,7 @@ class _Job:
             "done": sorted(self.rows),
             "cpus": cpus,
             "threads": self.cell.threads,
+            "device": self.device,
             "seconds": s.limit.seconds,
             "memory_gb": s.limit.memory_gb,
             "cache": str(self.results.folder / ".cache"),
@@ -335,7 +368,11 @@ def server_for(cell: Cell, settings: Settings) -> ForkServer:
         _servers.pop(next(iter(_servers))).close()
     preload = tuple(sorted({library for plugin in plugins for library in plugin.requires}))
     server = begun(cell.threads)
-    server.load(preload, settings.plugins)
+    try:
+        server.load(preload, settings.plugins)
+    except (ServerDied, CannotStart):
+        server.close()
+        raise
     _servers[key] = server
     return server
 

@@ -47,12 +47,19 @@ def config_class(plugin: Plugin) -> type:
 
 def _config_types(plugin: Plugin) -> dict[str, Any]:
     """The config's type of every parameter, or :class:`PluginError` for one that it cannot hold."""
-    hints = _field_types(plugin)
+    hints = field_types(plugin)
     where = f"{plugin.kind} {plugin.name}: parameter"
     return {f.name: _config_type(hints[f.name], f"{where} {f.name!r}") for f in plugin.fields}
 
 
-def _field_types(plugin: Plugin) -> dict[str, Any]:
+def field_types(plugin: Plugin) -> dict[str, Any]:
+    """The type of every parameter.
+
+    Raises
+    ------
+    PluginError
+        If an annotation names what is not there.
+    """
     try:
         return typing.get_type_hints(plugin.cls)
     except NameError as error:
@@ -111,7 +118,7 @@ def build(plugin: Plugin, values: Mapping[str, Any]) -> Any:
     UsageError
         For an unknown parameter (with the nearest right one) or a value that is refused.
     """
-    hints = _field_types(plugin)
+    hints = field_types(plugin)
     arguments = {}
     for key, value in values.items():
         if key == NAME_KEY:

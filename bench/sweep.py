@@ -18,14 +18,16 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import StoreError, UsageError
+from .errors import DetailbenchError, StoreError, UsageError
+from .forkserver import CannotStart
 from .plan import Cell, NotSolved, check_root, settings_of
 from .registry import load_plugins
+from .safe_path import isolate_imports, safe_children
 from .store import write_atomically
 
 if TYPE_CHECKING:
@@ -70,13 +72,22 @@ class Session:
         """Leave word of one job."""
         write_atomically(self.folder / f"{name}.json", json.dumps(values).encode())
 
-    def read(self) -> list[dict[str, Any]]:
-        """What all jobs left, in no order."""
-        found = []
-        for path in sorted(self.folder.glob("*.json")):
+    def entries(self, known: Collection[str] = ()) -> Iterator[tuple[str, dict[str, Any]]]:
+        """What jobs left by now, by name, in the order of the jobs; without the names that are known."""
+        names = []
+        with contextlib.suppress(OSError):
+            names = [entry.name for entry in os.scandir(self.folder) if entry.name.endswith(".json")]
+        for name in sorted(set(names).difference(known)):
             with contextlib.suppress(OSError, ValueError):
-                found.append(json.loads(path.read_text()))
-        return found
+                yield name, json.loads((self.folder / name).read_text())
+
+    def read(self) -> list[dict[str, Any]]:
+        """What all jobs left, in the order of the jobs."""
+        return [entry for _, entry in self.entries()]
+
+    def has(self, name: str) -> bool:
+        """Whether a job has left word."""
+        return (self.folder / f"{name}.json").exists()
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Session]:
@@ -117,14 +128,12 @@ def job(config: DictConfig) -> None:
     """What Hydra calls for every job."""
     from omegaconf import OmegaConf
 
-    from .progress import Lines
-    from .runner import run_cell
-
     values = OmegaConf.to_container(config, resolve=True)
     session = Session(Path(values["results"]).expanduser().absolute(), values["session"])
     here = session.owner[0] == os.getpid()
     if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
         _ignore_interrupts()
+        isolate_imports()
         load_plugins(values["plugins"], warn=False)
 
     def alive() -> None:
@@ -137,38 +146,58 @@ def job(config: DictConfig) -> None:
     alive()
     if not here:
         _leave_with(session)
-    reporter = PROGRESS if here and PROGRESS else Lines()
-    title = _title(values)
+    number, title = _number(), _title(values)
+    name = f"job-{number:06d}"
+    if session.has(name):
+        return  # the sweep was launched once more, after a process of the launcher was killed
+    reporter = PROGRESS if here else None
     try:
-        check_root(values)
-        settings = settings_of(values)
-        cell = Cell.from_config(values)
-        title = cell.title
-        outcome = run_cell(cell, settings, reporter, alive)
+        word = {"kind": "cell", **_run(values, reporter, alive)}
     except NotSolved as error:
-        session.leave(f"not-solved-{_name(title)}", kind="not_solved", title=title, message=str(error))
-        return
+        word = {"kind": "not_solved", "message": str(error)}
     except UsageError as error:
-        session.leave(f"usage-{_name(title)}", kind="usage", title=title, message=str(error))
-        return
+        word = {"kind": "usage", "message": str(error)}
+    except CannotStart as error:  # every other job would meet the same; two processes may say so, one line is enough
+        session.leave("stopped", kind="stopped", title=title, message=str(error))
+        raise SystemExit(1) from error
     except StoreError as error:
         # There is no point in going on: every other job would meet the same disk.
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(1) from error
+    session.leave(name, job=number, **{"title": title, **word})
+
+
+def _run(values: Mapping[str, Any], reporter: Progress | None, alive: Callable[[], None]) -> dict[str, Any]:
+    """Run the cell of a composed config; what its job leaves."""
+    from .progress import line_of
+    from .runner import run_cell
+
+    begin = time.monotonic()
+    check_root(values)
+    settings = settings_of(values)
+    cell = Cell.from_config(values)
+    outcome = run_cell(cell, settings, reporter, alive)
     record = outcome.record
-    reporter.cell_ends(cell, outcome)
-    session.leave(
-        f"cell-{record.cell}",
-        kind="cell",
-        title=title,
-        cell=record.cell,
-        fingerprint=record.fingerprint,
-        solved=record.solved,
-        planned=len(record.rows),
-        cached=outcome.cached,
-        for_outputs=outcome.for_outputs,
-        notes=outcome.notes,
-    )
+    return {
+        "title": cell.title,
+        "cell": record.cell,
+        "fingerprint": record.fingerprint,
+        "solved": record.solved,
+        "planned": len(record.rows),
+        "cached": outcome.cached,
+        "for_outputs": outcome.for_outputs,
+        "notes": outcome.notes,
+        "line": line_of(cell, outcome),
+        "took": time.monotonic() - begin if outcome.cached < len(record.rows) else 0.0,
+    }
+
+
+def _number() -> int:
+    """The place of this job in its sweep, from 0; 0 for the only one."""
+    from hydra.core.hydra_config import HydraConfig
+    from omegaconf import OmegaConf
+
+    return OmegaConf.select(HydraConfig.get(), "job.num", default=None) or 0
 
 
 @functools.cache
@@ -186,12 +215,6 @@ def _leave_with(session: Session) -> None:
 def _title(values: Mapping[str, Any]) -> str:
     names = [(values.get(kind) or {}).get("_name_", "?") for kind in ("task", "dataset", "sensor", "method")]
     return " ".join([*names, f"seed={values.get('seed')}"])
-
-
-def _name(title: str) -> str:
-    from .plan import digest
-
-    return digest([title, os.getpid()])[:12]
 
 
 def _ignore_interrupts() -> None:
@@ -247,6 +270,14 @@ def _few_compositions(mode_is_known: bool) -> Iterator[None]:
         Sweeper.validate_batch_is_legal, Hydra.get_mode = validate, get_mode
 
 
+class WorkerDied(DetailbenchError):
+    """A process of the launcher was killed, by a system short of memory for instance, and the sweep ended early."""
+
+
+# How launchers call it: joblib (BrokenExecutor is Python's), submitit, ray.
+WORKER_DIED = ("BrokenExecutor", "UncompletedJobError", "RayError")
+
+
 def launch(overrides: list[str], multirun: bool) -> int:
     """Let Hydra run the jobs; 0, or the exit code that a job ended the sweep with.
 
@@ -256,6 +287,8 @@ def launch(overrides: list[str], multirun: bool) -> int:
         With what Hydra said, when it cannot compose a config or find a launcher.
     StoreError
         When Hydra's own file cannot be written.
+    WorkerDied
+        When a process of the launcher was killed.
     """
     import hydra
     from hydra.errors import HydraException
@@ -268,7 +301,7 @@ def launch(overrides: list[str], multirun: bool) -> int:
     sys.argv = ["detailbench", *(["--multirun"] if multirun else []), *overrides]
     os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise Hydra prints a traceback of its own and ends the process
     try:
-        with _few_compositions(mode_is_known=not any(is_hydras(word) for word in overrides)):
+        with safe_children(), _few_compositions(mode_is_known=not any(is_hydras(word) for word in overrides)):
             hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 1
@@ -279,7 +312,36 @@ def launch(overrides: list[str], multirun: bool) -> int:
             f"cannot write {error.filename or 'the files of the sweep'}: {error.strerror or error}. Earlier results "
             "are intact; free some space or choose another folder with results=DIR, then run the same command again"
         ) from error
+    except Exception as error:
+        if not {cls.__name__ for cls in type(error).__mro__}.intersection(WORKER_DIED):
+            raise
+        raise WorkerDied(f"a process of the launcher was killed ({type(error).__name__})") from error
     finally:
         sys.argv = argv
         os.environ.pop("HYDRA_FULL_ERROR") if full is None else os.environ.update(HYDRA_FULL_ERROR=full)
     return 0
+
+
+def launch_all(session: Session, overrides: list[str], total: int, multirun: bool) -> int:
+    """:func:`launch`, and once more for what a killed process of a launcher left undone: finished jobs end at once.
+
+    Returns
+    -------
+    int
+        As :func:`launch`; 3 where a process was killed again, and some jobs are still undone.
+    """
+    counts = not any(word.lstrip("+").startswith("hydra/sweeper") for word in overrides)  # as many jobs as were planned
+    for again in (False, True):
+        try:
+            code, what = launch(overrides, multirun), "the launcher ended early"
+        except WorkerDied as error:
+            code, what = 0, str(error)
+        undone = total - sum("job" in entry for entry in session.read())
+        if code or not counts or undone <= 0:
+            return code
+        rest = f"{what}: {undone} of {total} cells are not finished"
+        if again:
+            print(f"error: {rest}; the same command goes on from there", file=sys.stderr)
+        else:
+            print(f"warning: {rest}, and are launched once more", file=sys.stderr)
+    return 3

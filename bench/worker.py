@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from .artefacts import Artefacts
+from .devices import check_device, make_context
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from .kept_outputs import FOLDER, file_name, reference_file
 from .memo import Memo, RememberedDataset, RememberedSensor, shape_digest
@@ -92,7 +93,8 @@ class _Session:
         self.spec, self.channel = spec, channel
         self.cell = Cell.from_json(spec["cell"])
         self.done = set(spec["done"])  # indices of cases that need not be run
-        self.meter = Meter(spec["memory_gb"], self.cell.device)
+        self.device = spec.get("device", self.cell.device)  # `cuda` may have become cuda:1, where the first was taken
+        self.meter = Meter(spec["memory_gb"], self.device)
         # All that is remembered depends on the dataset; what depends on more says so where it is remembered.
         self.memo = Memo(Path(spec["cache"]), spec["keys"]["dataset"], spec["cache_gb"])
 
@@ -119,8 +121,7 @@ class _Session:
             if choice.kind != "method":
                 for plugin in choice.parts:
                     plugin.require()
-        if cell.device != "cpu":
-            check_device(cell.device)
+        check_device(self.device)
         task = cell.task.build()
         sensor = cell.sensor.build() if cell.sensor in cell.choices else None
         noun = noun_of(cell.sensor.plugin, sensor) if sensor is not None else None
@@ -161,6 +162,7 @@ class _Session:
         cell = self.cell
         self.channel.enter("prepare", index)
         cell.method.plugin.require()
+        make_context(self.device)
         method = cell.method.build()
         prepare(method)
         seed = int(generator(cell.seed, case.id, "run").integers(2**31))
@@ -169,7 +171,7 @@ class _Session:
         files = self.artefacts(index, case, lambda text: run.note(text))
         run = Run(
             seed=seed,
-            device=cell.device,
+            device=self.device,
             threads=cell.threads,
             seconds=self.spec["seconds"],
             on_progress=lambda done, total: self.channel.send("progress", done=done, total=total),
@@ -361,14 +363,6 @@ def prepare(method: Any) -> None:
     """Let a method make or fetch what it keeps: weights, say. That is no part of the call, nor of its limit."""
     if hasattr(method, "prepare"):
         method.prepare()
-
-
-def check_device(device: str) -> None:
-    """Raise :class:`UsageError` unless torch sees the GPU: a result must not be called what it is not."""
-    import torch
-
-    if not torch.cuda.is_available():
-        raise UsageError(f"device={device}: torch {torch.__version__} sees no GPU on this machine; use device=cpu")
 
 
 def conditions(task: Any, case: Case) -> dict[str, float]:

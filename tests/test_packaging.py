@@ -33,9 +33,9 @@ FLOORS = (
     "cli commands sweep hydra_flags __main__",
     "overview",
     "leaderboard selection report headline resolution fronts statistics runner isolate application conformance testing "
-    "templates progress catalog listing",
+    "templates progress catalog listing outlook",
     "store index worker plan config schema presets sensors conventions published memo overrides provenance forkserver "
-    "watch affinity meter current kept_outputs recorded destination",
+    "watch affinity meter current kept_outputs recorded destination safe_path reads forecast devices",
     "registry tasks run artefacts fields kept",
     "geometry shapes views",
     "errors seeds text __init__",

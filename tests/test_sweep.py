@@ -3,6 +3,7 @@
 from itertools import product
 
 import pytest
+from conftest import TOYS
 
 from bench.config import enumerate_jobs, settled_by_job
 from bench.sweep import representatives
@@ -48,3 +49,28 @@ def test_one_value_for_an_experiment_s_methods():
     for word, count in ("method.alpha=0.1", 1), ("method.traces=2", 5):
         jobs = enumerate_jobs(["experiment=table_4_3", word], multirun=True)
         assert len(jobs) == count and all(word in job for job in jobs)
+
+
+def test_several_experiments_are_one_command_after_the_other():
+    from bench.overrides import by_experiment
+
+    words = ["method=jet,rimls", "experiment=demo,first_table", "seed=0,1"]
+    demo = ["method=jet,rimls", "experiment=demo", "seed=0,1"]
+    assert by_experiment(words) == [demo, [word.replace("demo", "first_table") for word in demo]]
+    assert by_experiment(["experiment=glob(table_4_3*)"]) == [["experiment=table_4_3"], ["experiment=table_4_3_nu"]]
+    assert by_experiment(demo) == [demo]
+    assert by_experiment([]) == [[]]
+
+
+def test_two_experiments_are_both_run_with_their_own_sweeps(shell):
+    """Each brings its own methods; what is said beside it holds for both."""
+    words = ("experiment=demo,first_table", "seed=0,1", "method=fine", "task=denoise", "dataset=ball", "sensor=dots")
+    plan = shell.call("plan", "-m", "--plugin", TOYS, *words, "cases=1", f"results={shell.results}")
+    assert "2 cells, 2 cases, 0 finished, 2 to do" in plan.stdout, plan.stdout + plan.stderr
+    done = shell.run(*words, "cases=1")
+    assert done.returncode == 0, done.stderr
+    assert [line for line in done.stderr.splitlines() if "experiment=" in line] == [
+        "experiment=demo",
+        "experiment=first_table",
+    ]
+    assert "Traceback" not in done.stderr

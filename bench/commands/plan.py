@@ -2,13 +2,13 @@
 
   detailbench plan -m method=poisson,rimls dataset=bumps,cad seed=0,1,2 results=DIR
 
-takes the words of `detailbench run` and runs nothing. Times are estimated from finished cells in the same folder.
+takes the words of `detailbench run` and runs nothing. Times are estimated from finished cells in the same folder, and
+where nothing like a cell was timed, from its method's parameter `seconds`.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 from typing import Any
 
 from ..cli import add_plugin_argument
@@ -28,8 +28,10 @@ def run(args: argparse.Namespace) -> int:
     """Compose every job, look each cell up, print the table."""
     from ..config import enumerate_jobs, is_sweep
     from ..destination import destination, settled
+    from ..devices import check_device
+    from ..forecast import Pace, duration, seconds_to_do, summary, workers_of
     from ..hydra_flags import split_words
-    from ..overrides import check_overrides
+    from ..overrides import by_experiment, check_overrides, runs_here, threads_of
     from ..store import Results
 
     plugins = load_plugins(args.plugin)
@@ -41,21 +43,20 @@ def run(args: argparse.Namespace) -> int:
     multirun = args.multirun or is_sweep(overrides)
     check_overrides(overrides, multirun=multirun)
     results = Results(folder)
-    pace = seconds_per_case(results)
-    lines, totals, refused = [], {"cells": 0, "planned": 0, "finished": 0, "seconds": 0.0, "unknown": 0}, []
-    for cell, settings in cells_of(enumerate_jobs(overrides, multirun), refused):
-        finished, state = look_up(results, cell, settings)
-        to_do = cell.cases - finished
-        known = pace.get((cell.task.label, cell.method.name, cell.dataset.label)) or pace.get(
-            (cell.task.label, cell.method.name, None)
-        )
-        totals["cells"] += 1
-        totals["planned"] += cell.cases
-        totals["finished"] += finished
-        totals["seconds"] += to_do * (known or 0)
-        totals["unknown"] += to_do if known is None else 0
-        guess = f"{to_do * known:.3g} s" if known is not None and to_do else "?" if to_do else ""
-        lines.append((cell.id, cell.title, f"{finished}/{cell.cases}", state, guess))
+    pace = Pace.of(results)
+    lines, seconds, refused = [], [], []
+    planned = finished = unknown = 0
+    devices = set()
+    jobs = [job for request in by_experiment(overrides) for job in enumerate_jobs(request, multirun)]
+    for cell, settings in cells_of(jobs, refused):
+        there, state = look_up(results, cell, settings)
+        rest = seconds_to_do(cell, there, pace)
+        guess = "" if there == cell.cases else "?" if rest is None else duration(rest)
+        lines.append((cell.id, cell.title, f"{there}/{cell.cases}", state, guess))
+        seconds.append(rest)
+        devices |= {cell.device} if there < cell.cases and runs_here(overrides) else set()
+        planned, finished = planned + cell.cases, finished + there
+        unknown += cell.cases - there if rest is None else 0
     width = max([len(line[1]) for line in lines], default=0)
     for cell_id, title, count, state, guess in lines:
         print(f"{cell_id}  {title:<{width}}  {count:>7}  {state:<10} {guess}".rstrip())
@@ -63,28 +64,31 @@ def run(args: argparse.Namespace) -> int:
         print(f"not planned: {message}")
     if not lines:
         raise UsageError("nothing to run: no combination of these words is a cell")
-    rest = totals["planned"] - totals["finished"]
-    about = f", about {totals['seconds']:.3g} s" if totals["unknown"] < rest else ""
-    unknown = f" and {totals['unknown']} cases never timed" if totals["unknown"] else ""
-    done = f"{totals['planned']} cases, {totals['finished']} finished"
-    print(f"{totals['cells']} cells, {done}, {rest} to do{about}{unknown}")
+    workers = workers_of(overrides, threads_of(overrides))
+    print(f"{len(lines)} cells, {summary(planned, finished, seconds, unknown, workers)}")
     if plugins:
         print(f"with the plugins of {', '.join(plugins)}")
+    for device in sorted(devices):
+        check_device(device)  # `detailbench run` ends with the same message
     return 0
 
 
 def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
-    """The cell and settings of every job; method and task that do not fit are noted in ``refused``."""
+    """The cell and settings of every job, each cell once; method and task that do not fit are noted in ``refused``."""
     from omegaconf import OmegaConf
 
     from ..config import compose
     from ..plan import Cell, NotSolved, check_root, settings_of
 
+    seen: set[str] = set()
     for job in jobs:
         values = OmegaConf.to_container(compose(job), resolve=True)
         check_root(values)
         try:
-            yield Cell.from_config(values), settings_of(values)
+            cell = Cell.from_config(values)
+            if cell.id not in seen:
+                seen.add(cell.id)
+                yield cell, settings_of(values)
         except NotSolved as error:
             if str(error) not in refused:
                 refused.append(str(error))
@@ -105,16 +109,6 @@ def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str]:
         return count, "no outputs"
     if count:
         return count, "begun"
+    if stored:
+        return 0, "failed"
     return 0, "changed" if results.records(cell.id) else "new"
-
-
-def seconds_per_case(results: Any) -> Mapping[tuple[str, str, str | None], float]:
-    """Median seconds of finished cases by task, method and dataset, and by task and method."""
-    rows = results.rows()
-    if rows.empty:
-        return {}
-    timed = rows[rows["seconds"].notna()]
-    by_dataset = timed.groupby(["task", "method", "dataset"])["seconds"].median()
-    by_method = timed.groupby(["task", "method"])["seconds"].median()
-    pace: dict[tuple[str, str, str | None], float] = {key: float(v) for key, v in by_dataset.items()}
-    return pace | {(task, method, None): float(v) for (task, method), v in by_method.items()}

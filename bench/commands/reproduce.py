@@ -29,7 +29,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, compare, and say what differs in what the result depends on."""
-    from ..progress import Lines
     from ..recorded import Stored
     from ..runner import forget_servers, run_cell
 
@@ -43,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory(prefix="detailbench-") as folder:
         settings = replace(stored.settings, results=folder, outputs="none", plugins=plugins)
         try:
-            again = run_cell(cell, settings, Lines()).record
+            again = run_cell(cell, settings).record
         finally:
             forget_servers()
     differences = compare(record, again, args.rtol)

@@ -4,6 +4,7 @@
   detailbench run -m method=poisson,rimls dataset=bumps,cad seed=0,1,2 results=DIR
   detailbench run -m method=poisson method.depth=7,8,9
   detailbench run experiment=demo
+  detailbench run -m experiment=demo,first_table         one after the other
   detailbench run -m ... hydra/launcher=joblib hydra.launcher.n_jobs=2
 
 Everything after the options is a Hydra override. The keys: task, dataset, sensor, method, metric (plugins, with their
@@ -19,6 +20,7 @@ goes on from there. `detailbench plan ...` with the same words says what would b
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from pathlib import Path
 from typing import Any
@@ -26,11 +28,13 @@ from typing import Any
 from .. import forkserver, sweep
 from ..cli import add_plugin_argument
 from ..destination import destination, settled
+from ..devices import check_device
 from ..errors import UsageError
 from ..hydra_flags import split_words
 from ..listing import listing
-from ..overrides import check_overrides, threads_of
-from ..progress import Bars, Lines
+from ..outlook import Outlook, look_ahead
+from ..overrides import by_experiment, check_overrides, devices_of, runs_here, threads_of
+from ..progress import Bars, Follow, Lines
 from ..registry import load_plugins
 from ..store import Results
 
@@ -46,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, and say with the exit code whether every case was solved."""
-    from ..config import is_sweep, settled_by_job
+    from ..config import is_sweep
 
     listing()  # kept for this start and the next: the processes below import only what they need
     plugins = load_plugins(args.plugin)
@@ -56,18 +60,47 @@ def run(args: argparse.Namespace) -> int:
     folder = destination(overrides)
     overrides = settled(overrides, folder)
     multirun = args.multirun or is_sweep(overrides)
-    total = plan_size(overrides, multirun)
+    check_overrides(overrides, multirun=multirun)
+    requests = by_experiment(overrides)
+    sweeps = [jobs_of(request, multirun) for request in requests]
     results = Results(folder)
+    check_devices(requests, sweeps, results)
     results.prepare()
+    codes = []
+    for request, jobs in zip(requests, sweeps, strict=True):
+        if len(requests) > 1:
+            print(next(word for word in request if word.startswith("experiment=")), file=sys.stderr)
+        codes.append(_sweep(args, request, jobs, multirun, results, plugins))
+        if codes[-1] == 130:
+            return 130
+    return 1 if 1 in codes else max(codes)
+
+
+def _sweep(
+    args: argparse.Namespace,
+    overrides: list[str],
+    jobs: list[list[str]],
+    multirun: bool,
+    results: Results,
+    plugins: tuple[str, ...],
+) -> int:
+    """One sweep, or one job, from its launch to its report; the exit code."""
+    from ..config import settled_by_job
+
     if not any(sweep.is_hydras(word) for word in overrides):  # no launcher, no environment of jobs
         forkserver.begin(threads_of(overrides))
+    ahead = look_ahead(jobs, overrides, results) if len(jobs) > 1 else None
+    while results.damaged:  # files that were found damaged, and set aside, while finished cells were counted
+        print(f"warning: {results.damaged.pop(0)}", file=sys.stderr)
+    if ahead and ahead.text:
+        print(ahead.text, file=sys.stderr)
     session = sweep.Session.new(results.folder)
     private = [f"session='{session.name}'", *([f"plugins={_hydra_list(plugins)}"] if plugins else [])]
     with session.open():
         interrupted = False
         try:
             words = settled_by_job(overrides) if multirun else overrides
-            code = _launch([*words, *private], multirun, total)
+            code = _launch(session, [*words, *private], len(jobs), multirun, ahead)
         except KeyboardInterrupt:
             code, interrupted = 130, True
         finally:
@@ -75,10 +108,10 @@ def run(args: argparse.Namespace) -> int:
 
             forget_servers()
         done = session.read()
-    cells = [d for d in done if d["kind"] == "cell"]
+    cells = list({d["cell"]: d for d in reversed(done) if d["kind"] == "cell"}.values())[::-1]
     if interrupted:
         print(
-            f"interrupted: {len(cells)} of {total or '?'} cells are finished and stored in {results.folder}; "
+            f"interrupted: {len(cells)} of {len(jobs)} cells are finished and stored in {results.folder}; "
             "the same command goes on from there",
             file=sys.stderr,
         )
@@ -94,13 +127,13 @@ def show_config(flags: list[str], overrides: list[str], multirun: bool) -> int:
     return sweep.launch([*flags, *overrides], multirun=False)
 
 
-def _launch(overrides: list[str], multirun: bool, total: int | None) -> int:
-    if not sys.stderr.isatty():
-        sweep.PROGRESS = Lines(total=total)
-        return sweep.launch(overrides, multirun)
-    with Bars(total) as bars:
-        sweep.PROGRESS = bars
-        return sweep.launch(overrides, multirun)
+def _launch(session: sweep.Session, overrides: list[str], total: int, multirun: bool, ahead: Outlook | None) -> int:
+    forecast = ahead.forecast if ahead else None
+    with contextlib.ExitStack() as stack:
+        shown = stack.enter_context(Bars(total, forecast)) if sys.stderr.isatty() else Lines(total, forecast)
+        stack.enter_context(Follow(session, shown))
+        sweep.PROGRESS = shown
+        return sweep.launch_all(session, overrides, total, multirun)
 
 
 def _report(
@@ -112,12 +145,19 @@ def _report(
     overrides: list[str],
 ) -> int:
     """Notes, the leaderboard of this run (beside a paper's table, or in the conventions named), and the exit code."""
+    for message in dict.fromkeys(entry["message"] for entry in done if entry["kind"] == "not_solved"):
+        print(f"not planned: {message}", file=sys.stderr)
+    refused: dict[str, list[str]] = {}
     for entry in done:
-        if entry["kind"] == "not_solved":
-            print(f"not planned: {entry['message']}", file=sys.stderr)
-        elif entry["kind"] == "usage":
-            print(f"error: {entry['title']}: {entry['message']}", file=sys.stderr)
-            code = code or 1
+        if entry["kind"] == "usage":
+            refused.setdefault(entry["message"], []).append(entry["title"])
+        elif entry["kind"] == "stopped":
+            print(f"error: {entry['message']}", file=sys.stderr)
+            code = 1
+    for message, titles in refused.items():
+        more = f" and {len(titles) - 1} more cells" if len(titles) > 1 else ""
+        print(f"error: {titles[0]}{more}: {message}", file=sys.stderr)
+        code = code or 1
     if not cells:
         return code or 1
     if not args.no_leaderboard:
@@ -164,12 +204,34 @@ def conventions_of(overrides: list[str]) -> list[str]:
     return [name] if name else []
 
 
-def plan_size(overrides: list[str], multirun: bool) -> int | None:
-    """Check the overrides; how many jobs they make."""
+def check_devices(requests: list[list[str]], sweeps: list[list[list[str]]], results: Results) -> None:
+    """Refuse a device that is not on this machine before anything is run, unless all its cells are finished.
+
+    Raises
+    ------
+    UsageError
+        Where cells would be run here. What a launcher runs elsewhere is checked there.
+    """
+    from .plan import cells_of, look_up
+
+    for overrides, jobs in zip(requests, sweeps, strict=True):
+        if not runs_here(overrides):
+            continue
+        try:
+            for device in devices_of(overrides):
+                check_device(device)
+        except UsageError:
+            for cell, settings in cells_of(jobs, []):
+                if look_up(results, cell, settings)[0] < cell.cases:
+                    check_device(cell.device)
+
+
+def jobs_of(overrides: list[str], multirun: bool) -> list[list[str]]:
+    """Check the overrides; those of every job that they make."""
     from ..config import enumerate_jobs
 
     check_overrides(overrides, multirun=multirun)
-    return len(enumerate_jobs(overrides, multirun))
+    return enumerate_jobs(overrides, multirun)
 
 
 def _hydra_list(values: tuple[str, ...]) -> str:

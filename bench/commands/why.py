@@ -16,6 +16,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ..cli import add_plugin_argument
+from ..devices import check_device
 from ..errors import UsageError
 from ..registry import load_plugins
 
@@ -80,10 +81,15 @@ def verdict(stored: Stored, differences: list[str]) -> str:
     again = len(record.rows) - len(kept)
     same = "current: parameters, sources, packages and metrics are those of today; "
     if again:
-        return (
+        text = (
             f"{same}all the same a run would repeat {again} of {len(record.rows)} cases: they were skipped, were never "
             "begun, or their outputs are gone"
         )
+        try:
+            check_device(stored.cell.device)
+        except UsageError as error:
+            return f"{text}; which cannot be done here: {error}"
+        return text
     return f"{same}it would not be run again"
 
 

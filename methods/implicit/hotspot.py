@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 from bench import register
 
 from .fitted import Fitted, at_least, positive
+from .shipped import spheres_read
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import torch
 
     from .field import Field
@@ -47,6 +50,10 @@ class Hotspot(Fitted):
         super().__post_init__()
         positive(self, "omega", "absorption", "absorption_begin", "sphere")
         at_least(self, hidden_layers=1, width=1, surface=0, eikonal=0, heat=0)
+
+    def reads(self) -> tuple[Path, ...]:
+        """The sphere that it begins as, where that is shipped."""
+        return spheres_read(self.omega, self.hidden_layers, self.width, self.first_sphere)
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""

@@ -10,8 +10,11 @@ from bench import register
 from .fitted import at_least, positive
 from .guided import Guided
 from .schedules import BASE_FROZEN
+from .shipped import spheres_read
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import torch
 
     from .field import Field
@@ -44,6 +47,10 @@ class Idf(Guided):
         super().__post_init__()
         at_least(self, hidden_layers=1, width=1, sphere=0)
         positive(self, "alpha", "nu", "omega", "omega_detail")
+
+    def reads(self) -> tuple[Path, ...]:
+        """The sphere that it begins as, where that is shipped."""
+        return spheres_read(self.omega, self.hidden_layers, self.width, self.first_sphere)
 
     def field(self, generator: torch.Generator) -> Field:
         """Both networks, the base a sphere to begin with."""

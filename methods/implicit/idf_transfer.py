@@ -10,9 +10,12 @@ from bench import Run, register
 from bench.geometry.check import check_mesh
 
 from .fitted import ENDLESS, at_least, check_betas, positive
+from .shipped import spheres_read
 from .weights import OrientedWeights
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import torch
     from trimesh import Trimesh
 
@@ -111,6 +114,10 @@ class IdfTransfer(OrientedWeights):
             raise ValueError(f"resolution: expected 16 to 1024, got {self.resolution}")
         if self.cells < 8 or self.cells % 4:
             raise ValueError(f"cells: expected a multiple of 4 from 8 on, got {self.cells}")
+
+    def reads(self) -> tuple[Path, ...]:
+        """The sphere that it begins as, where that is shipped."""
+        return spheres_read(self.omega, self.hidden_layers, self.width, self.sphere)
 
     def prepare(self) -> None:
         """The sphere that the bases begin as is made once, off the clock, and kept."""

@@ -9,8 +9,11 @@ from bench import register
 
 from .fitted import at_least, positive
 from .guided import Guided
+from .shipped import spheres_read
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import torch
 
     from .field import Field
@@ -35,6 +38,10 @@ class Siren(Guided):
         super().__post_init__()
         at_least(self, hidden_layers=1, width=1, sphere=0, clip=0)
         positive(self, "omega")
+
+    def reads(self) -> tuple[Path, ...]:
+        """The sphere that it begins as, where that is shipped."""
+        return spheres_read(self.omega, self.hidden_layers, self.width, self.first_sphere)
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""

@@ -122,3 +122,25 @@ def test_a_killed_fork_server_costs_one_case_at_most(shell):
     assert len(rows) == 6
     assert sorted(rows["status"]) == ["crashed"] + ["ok"] * 5
     assert not shell.left_over()
+
+
+def test_what_a_killed_process_of_a_launcher_left_undone_is_launched_once_more(shell):
+    """A system short of memory kills a process of joblib, which then gives up the whole sweep."""
+    process = shell.run(*SWEEP, launcher="joblib", act=shell.start)
+    shell.wait_for(lambda: len(shell.calls()) >= 6)
+    kept = finished(shell)
+    launched = [p for p in shell.processes() if "popen_loky" in " ".join(p.cmdline()) and p.ppid() == process.pid]
+    os.kill(launched[0].pid, signal.SIGKILL)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert "Traceback" not in err
+    said = [line for line in err.splitlines() if line.startswith("warning:")]
+    assert len(said) == 1 and "was killed" in said[0] and "launched once more" in said[0], err
+    assert f"[{SALTS}/{SALTS}] " in err  # progress counts on
+    calls = Counter(shell.calls())
+    assert set(calls) == ALL
+    assert all(calls[call] == 1 for call in kept)
+    assert sum(calls.values()) <= len(ALL) + 2  # the two that were cut off
+    assert len(shell.rows()) == len(ALL) and (shell.rows()["status"] == "ok").all()
+    assert not shell.left_over()
+    assert not list(shell.results.glob(".partial/*"))

@@ -1,0 +1,275 @@
+"""GPUs: named, found, claimed and measured each by its own number. No GPU is needed: a stand-in plays torch.cuda."""
+
+import math
+import os
+import subprocess
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+from conftest import WORDS
+
+from bench import affinity, devices
+from bench.errors import UsageError
+from bench.meter import Meter
+
+
+class Cuda:
+    """What torch.cuda is asked, in order; ``gpus`` of them, each with its own peak of memory."""
+
+    def __init__(self, gpus: int):
+        self.gpus, self.asked, self.current = gpus, [], 0
+
+    def is_available(self):
+        return self.gpus > 0
+
+    def device_count(self):
+        return self.gpus
+
+    def set_device(self, index):
+        self.current = index
+
+    def synchronize(self, device):
+        self.asked.append(("synchronize", device))
+
+    def reset_peak_memory_stats(self, device):
+        self.asked.append(("reset", device))
+
+    def max_memory_allocated(self, device):
+        self.asked.append(("peak", device))
+        return (1 + devices.index_of(device)) * 2**20
+
+
+@pytest.fixture
+def torch(monkeypatch, tmp_path):
+    def make(gpus: int):
+        cuda = Cuda(gpus)
+        zeros = lambda size, device: cuda.asked.append(("zeros", device))  # noqa: E731
+        fake = SimpleNamespace(cuda=cuda, zeros=zeros, __version__="9.9", __spec__=None)
+        monkeypatch.setitem(sys.modules, "torch", fake)
+        return cuda
+
+    monkeypatch.setattr(affinity.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+    return make
+
+
+# -- names -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("device", ["gpu", "cuda:", "cuda:x", "cuda:-1", "cuda:1:2", "CUDA", "", "cpu:0"])
+def test_what_is_no_name_of_a_device(device):
+    with pytest.raises(UsageError, match="expected cpu, cuda or cuda:N"):
+        devices.check_name(device)
+
+
+def test_a_device_must_be_there(torch):
+    for device in ("cpu", "cuda", "cuda:0", "cuda:12"):
+        devices.check_name(device)
+    torch(2)
+    for device in ("cpu", "cuda", "cuda:0", "cuda:1"):
+        devices.check_device(device)
+    with pytest.raises(UsageError, match="cuda:99: torch sees no such GPU on this machine; expected cuda:0, cuda:1"):
+        devices.check_device("cuda:99")
+    torch(0)
+    devices.check_device("cpu")
+    with pytest.raises(UsageError, match=r"device=cuda: torch 9\.9 sees no GPU on this machine; use device=cpu"):
+        devices.check_device("cuda")
+
+
+def test_without_torch_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(UsageError, match="install it with"):
+        devices.check_device("cuda")
+
+
+def test_torch_is_not_imported_for_the_processor():
+    code = (
+        "import sys; from bench import devices\ndevices.check_device('cpu'); devices.make_context('cpu')\n"
+        "with devices.claim_device('cpu') as device: assert device == 'cpu'\nassert 'torch' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+# -- clock and memory --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("device", ["cuda", "cuda:0", "cuda:1"])
+def test_the_meter_asks_its_own_device_and_waits_for_it_before_and_after(torch, device):
+    cuda = torch(2)
+    meter = Meter(4, device)
+    with meter:
+        cuda.asked.append("the call")
+        with meter.paused():
+            cuda.asked.append("a trace")
+    assert {entry[1] for entry in cuda.asked if isinstance(entry, tuple)} == {device}
+    call, trace = cuda.asked.index("the call"), cuda.asked.index("a trace")
+    assert ("synchronize", device) in cuda.asked[:call]  # nothing from before is on the clock
+    assert cuda.asked[call - 1] == ("reset", device)  # and the peak begins with the call
+    assert cuda.asked[call + 1 : trace] == [("synchronize", device), ("peak", device)]
+    assert cuda.asked[-2:] == [("synchronize", device), ("peak", device)]
+    assert meter.figures()["peak_device_mb"] == 1 + devices.index_of(device)
+
+
+def test_the_peak_of_an_earlier_call_is_forgotten(torch):
+    cuda = torch(1)
+    meter = Meter(4, "cuda")
+    for peak in (8, 3):
+        cuda.max_memory_allocated = lambda device, peak=peak: peak * 2**20
+        with meter:
+            pass
+        assert meter.figures()["peak_device_mb"] == peak
+    with Meter(4, "cpu") as cpu:
+        pass
+    assert math.isnan(cpu.figures()["peak_device_mb"])
+
+
+def test_a_context_is_made_on_the_device_itself(torch):
+    cuda = torch(3)
+    devices.make_context("cpu")
+    assert cuda.asked == []
+    devices.make_context("cuda:2")
+    assert cuda.current == 2 and cuda.asked == [("zeros", "cuda:2"), ("synchronize", "cuda:2")]
+
+
+# -- claims ------------------------------------------------------------------------------------------------------------
+
+
+def test_two_cells_never_hold_one_gpu(torch):
+    torch(2)
+    with devices.claim_device("cuda") as first, devices.claim_device("cuda") as second:
+        assert (first, second) == ("cuda", "cuda:1")
+        looks = []
+
+        def alive():
+            looks.append(1)
+            if len(looks) == 3:
+                raise TimeoutError
+
+        for device in ("cuda", "cuda:0", "cuda:1"):
+            looks.clear()
+            with pytest.raises(TimeoutError), devices.claim_device(device, alive):
+                raise AssertionError("it was given twice")
+    with devices.claim_device("cuda:1") as free:
+        assert free == "cuda:1"
+        with devices.claim_device("cuda") as other:
+            assert other == "cuda"
+
+
+def test_who_waits_gets_the_gpu_when_it_is_free(torch):
+    torch(1)
+    got = []
+
+    def wait():
+        with devices.claim_device("cuda:0") as device:
+            got.append(device)
+
+    with devices.claim_device("cuda"):
+        other = threading.Thread(target=wait)
+        other.start()
+        time.sleep(0.5)
+        assert got == []
+    other.join(timeout=10)
+    assert got == ["cuda:0"]
+
+
+def test_a_gpu_is_the_same_under_any_number(torch, monkeypatch):
+    """The first that one process sees may be the second of another."""
+
+    def stop():
+        raise TimeoutError
+
+    torch(1)
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
+    with devices.claim_device("cuda"):
+        torch(2)
+        monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "0,1")
+        with devices.claim_device("cuda") as other:
+            assert other == "cuda"
+            with pytest.raises(TimeoutError), devices.claim_device("cuda:1", stop):
+                raise AssertionError("it was given twice")
+
+
+def test_a_lock_reaches_no_file_through_a_link_and_is_shared_with_nobody_else(tmp_path, monkeypatch):
+    monkeypatch.setattr(affinity.tempfile, "gettempdir", lambda: str(tmp_path))
+    precious = tmp_path / "precious"
+    precious.write_text("keep me")
+    folder = tmp_path / f"detailbench-cpus-{os.getuid()}"
+    folder.mkdir()
+    folder.chmod(0o777)
+    for name in ("gpu-0", *map(str, affinity.available())):
+        (folder / name).symlink_to(precious)
+    with affinity.hold("gpu-0") as held, affinity.claim(1) as cpus:
+        assert held and cpus == affinity.available()[:1]  # unlocked, as where there can be no locks
+    assert precious.read_text() == "keep me"
+    assert folder.stat().st_mode & 0o777 == 0o700
+    for name in os.listdir(folder):
+        (folder / name).unlink()
+    with affinity.claim(1) as mine, affinity.claim(1) as others:
+        assert mine != others or len(affinity.available()) == 1
+
+
+# -- commands ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_gpu_that_is_not_there_stops_a_sweep_before_anything_is_written(shell, monkeypatch):
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
+    done = shell.run("method=fine", "device=cpu,cuda:7", launcher="joblib")
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1 and "sees no GPU on this machine" in done.stderr, done.stderr
+    assert not shell.results.exists()
+
+
+def test_what_a_launcher_runs_elsewhere_is_checked_there():
+    from bench.overrides import devices_of, runs_here
+
+    for launcher, here in {"basic": True, "joblib": True, "submitit_local": True, "submitit_slurm": False}.items():
+        assert runs_here(["method=jet", f"hydra/launcher={launcher}"]) == here
+    assert runs_here(["method=jet"])
+    assert devices_of(["method=jet", "device=cpu,cuda:1", "seed=1,2"]) == ["cpu", "cuda:1"]
+    assert devices_of(["method=jet"]) == []
+
+
+def test_plan_why_and_run_agree_on_rows_of_a_gpu_that_was_not_there(shell, monkeypatch):
+    """As earlier versions stored them: failed in the plan of the cases, with the fingerprint of today."""
+    from dataclasses import replace
+
+    from conftest import TOYS
+
+    from bench.plan import Cell
+    from bench.provenance import fingerprint, ingredients
+    from bench.registry import load_plugins
+    from bench.store import Record, Results
+
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
+    assert shell.run("method=fine", sweep=False).returncode == 0
+    load_plugins([str(TOYS)])
+    results = Results(shell.results)
+    path = shell.files()[0]
+    stored = results.read(*path.stem.split("-"))
+    cell = replace(Cell.from_json(stored.meta["cell"]), device="cuda")
+    mark = fingerprint(ingredients(cell))
+    meta = stored.meta | {"cell_id": cell.id, "cell": cell.to_json(), "fingerprint": mark}
+    failed = {"cell": cell.id, "fingerprint": mark, "device": "cuda", "status": "error", "stage": "plan"}
+    rows = [row | failed | {"message": "device=cuda: torch sees no GPU"} for row in stored.rows]
+    results.write(Record(cell.id, mark, meta | {"ingredients": ingredients(cell)}, rows))
+
+    words = ("--plugin", TOYS, *WORDS, "method=fine", "device=cuda", f"results={shell.results}")
+    plan, run = shell.call("plan", *words), shell.call("run", *words)
+    assert "0/2  failed" in plan.stdout and "2 to do" in plan.stdout, plan.stdout
+    assert plan.returncode == run.returncode == 1
+    assert plan.stderr == run.stderr and "sees no GPU" in run.stderr, run.stderr
+    why = shell.call("why", cell.id, f"results={shell.results}", "--plugin", TOYS)
+    assert "a run would repeat 2 of 2 cases" in why.stdout
+    assert "cannot be done here: device=cuda" in why.stdout
+    # What is finished is shown on any machine.
+    results.write(Record(cell.id, mark, meta | {"ingredients": ingredients(cell)}, [
+        row | {"cell": cell.id, "fingerprint": mark, "device": "cuda"} for row in stored.rows
+    ]))  # fmt: skip
+    done = shell.call("run", *words)
+    assert done.returncode == 0 and "0 run now, 2 there already" in done.stderr, done.stderr
+    assert (
+        "it would not be run again" in shell.call("why", cell.id, f"results={shell.results}", "--plugin", TOYS).stdout
+    )
