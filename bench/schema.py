@@ -33,7 +33,7 @@ def config_class(plugin: Plugin) -> type:
     entries: list[tuple[str, Any, Any]] = [(NAME_KEY, str, plugin.name)]
     types = _config_types(plugin)
     for f in plugin.fields:
-        default = plain(f.default_factory() if f.default is dataclasses.MISSING else f.default)  # type: ignore[misc]
+        default = _default(f)
         annotation = types[f.name]
         if isinstance(default, (list, dict)):
             entries.append((f.name, annotation, dataclasses.field(default_factory=lambda value=default: value)))
@@ -100,15 +100,21 @@ def check_value(plugin: Plugin, parameter: str, value: Any) -> None:
 
 def defaults(plugin: Plugin) -> dict[str, Any]:
     """The default of every parameter, as JSON values."""
-    return {
-        f.name: plain(f.default_factory() if f.default is dataclasses.MISSING else f.default)  # type: ignore[misc]
-        for f in plugin.fields
-    }
+    return {f.name: _default(f) for f in plugin.fields}
+
+
+def _default(field: dataclasses.Field[Any]) -> Any:
+    return plain(field.default_factory() if field.default is dataclasses.MISSING else field.default)  # type: ignore[misc]
 
 
 def parameters(plugin: Plugin, instance: Any) -> dict[str, Any]:
-    """The value of every parameter of a plugin object, as JSON values."""
-    return {f.name: plain(getattr(instance, f.name)) for f in plugin.fields}
+    """The value of every parameter of a plugin object, as JSON values; they identify a cell.
+
+    A parameter that a plugin got later (``metadata={"since": VERSION}``) is left out at its default: cells that were
+    stored before it existed keep their ids.
+    """
+    values = {f.name: plain(getattr(instance, f.name)) for f in plugin.fields}
+    return {f.name: values[f.name] for f in plugin.fields if "since" not in f.metadata or values[f.name] != _default(f)}
 
 
 def variant(plugin: Plugin, values: Mapping[str, Any]) -> str:
