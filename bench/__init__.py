@@ -27,6 +27,7 @@ _EXPORTS = {
     "InvalidOutput": "errors",
     "MissingLibrary": "errors",
     "UsageError": "errors",
+    "build_parts": "parts",
     "generator": "seeds",
 }
 __all__ = [
@@ -44,12 +45,14 @@ __all__ = [
     "Surface",
     "Task",
     "UsageError",
+    "build_parts",
     "generator",
     "register",
 ]
 
 if TYPE_CHECKING:
     from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
+    from .parts import build_parts
     from .registry import register
     from .run import Run
     from .seeds import generator

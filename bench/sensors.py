@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .errors import UsageError
 from .shapes import PointCloud, Shape
 
 if TYPE_CHECKING:
@@ -59,30 +58,17 @@ def build_steps(steps: Sequence[str | Mapping[str, Any]]) -> tuple[Step, ...]:
     ValueError
         Naming the step, what was expected and, for a wrong name, the nearest right one.
     """
+    from .parts import build_parts
     from .registry import registry
-    from .schema import build
 
     if not steps:
         raise ValueError("steps: expected at least one, for instance [poisson_disk, gaussian]")
-    built = []
-    for number, step in enumerate(steps, 1):
-        if isinstance(step, str):
-            name, values = step, {}
-        elif isinstance(step, Mapping) and len(step) == 1:
-            name, values = next(iter(step.items()))
-        else:
-            raise ValueError(f"steps: number {number} is {step!r}; expected a name or {{name: {{parameter: value}}}}")
-        if values is not None and not isinstance(values, Mapping):
-            raise ValueError(f"steps: the parameters of {name} are {values!r}; expected {{parameter: value, ...}}")
-        try:
-            plugin = registry().find("sensor", name)
-            sensor = build(plugin, values or {})
-        except UsageError as error:
-            raise ValueError(f"steps: number {number}: {error}") from error
-        if number > 1 and not callable(getattr(plugin.cls, "spoil", None)):
+    built = build_parts("sensor", steps, "steps")
+    for number, (plugin, _) in enumerate(built[1:], 2):
+        if not callable(getattr(plugin.cls, "spoil", None)):
             effects = [p.name for p in registry().all("sensor") if callable(getattr(p.cls, "spoil", None))]
             raise ValueError(
-                f"steps: number {number}, {name}, makes a new cloud; only the first may. Effects: {', '.join(effects)}"
+                f"steps: number {number}, {plugin.name}, makes a new cloud; only the first may. "
+                f"Effects: {', '.join(effects)}"
             )
-        built.append(Step(plugin, sensor))
-    return tuple(built)
+    return tuple(Step(*part) for part in built)

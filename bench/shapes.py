@@ -211,6 +211,18 @@ class Shape:
             attributes=lambda: self.attributes,
         )
 
+    def renamed(self, id: str, **info: Any) -> Shape:
+        """This shape under another id, with more ``info``; it is made when it is asked for, as before."""
+        return Shape(
+            id,
+            lambda: self.mesh,
+            surface=self._surface,
+            tags=self.tags,
+            info={**self.info, **info},
+            exactness=self.exactness,
+            attributes=lambda: self.attributes,
+        )
+
     def framed(self) -> tuple[Shape, Frame]:
         """This shape in the one frame of all cases, and the frame: box centre at the origin, farthest vertex at 1.
 
