@@ -211,6 +211,8 @@ def _refusal(value: Any, annotation: Any, where: str) -> UsageError:
 
 def _kind(value: Any) -> str:
     """What a value is, in the words of :func:`describe`."""
+    if isinstance(value, str):
+        return f"the text {_shown(value)!r}"
     if value is None:
         return "null"
     if isinstance(value, float) and math.isnan(value):

@@ -32,8 +32,8 @@ NOT_OURS = {"build", "dist", "results", "outputs", "multirun", "__pycache__"}
 FLOORS = (
     "cli commands sweep hydra_flags __main__",
     "overview",
-    "leaderboard selection report statistics runner isolate application conformance testing templates progress catalog "
-    "listing",
+    "leaderboard selection report statistics runner isolate application conformance dataset_checks agreement testing "
+    "templates progress catalog listing",
     "store index worker plan config schema conversion parts presets sensors conventions published memo overrides "
     "provenance forkserver watch affinity meter",
     "registry tasks run fields kept",

@@ -199,7 +199,7 @@ def test_wrong_values_are_refused(values, words):
 
 
 def test_a_value_of_a_wrong_type_passes_the_config_and_is_refused_with_its_key():
-    with pytest.raises(UsageError, match=r"method\.whole=abc: expected a whole number \(int\), got a text"):
+    with pytest.raises(UsageError, match=r"method\.whole=abc: expected a whole number \(int\), got the text"):
         build(all_types(), composed(whole="abc"))
 
 
@@ -288,10 +288,10 @@ def test_a_type_within_a_type_is_converted_and_survives_command_line_yaml_and_re
     ("values", "words"),
     [
         ({"kinds": ["near", "fra"]}, r"^method\.kinds\[1\]=fra: expected one of near, far\. Did you mean 'far'\?$"),
-        ({"kinds": "near"}, r"^method\.kinds=near: expected a list .*one of near, far.*got a text"),
+        ({"kinds": "near"}, r"^method\.kinds=near: expected a list .*one of near, far.*got the text"),
         ({"paths": ["a", 3]}, r"method\.paths\[1\]=3: expected a path"),
         ({"pair": [1]}, r"method\.pair=\[1\]: expected a list of 2 \(a whole number .*, a text .*\), got 1"),
-        ({"pair": ["1", "x"]}, r"method\.pair\[0\]=1: expected a whole number \(int\), got a text"),
+        ({"pair": ["1", "x"]}, r"method\.pair\[0\]=1: expected a whole number \(int\), got the text '1'"),
         ({"pair": [True, "x"]}, r"method\.pair\[0\]=true: expected a whole number \(int\), got true or false"),
         ({"pair": [1, 2]}, r"method\.pair\[1\]=2: expected a text \(str\), got a whole number"),
         ({"table": {"a": "x"}}, r"method\.table\.a=x: expected a number"),
