@@ -150,7 +150,8 @@ class Shape:
         How the truth is known, one of :data:`EXACTNESS`.
     attributes : mapping, or a function without arguments that makes it
         Named arrays that belong to the mesh, a row per vertex or per face, in the coordinates of the dataset: part
-        labels, skinning weights, a displacement and the base that it was applied to.
+        labels, skinning weights, a displacement and the base that it was applied to. Or a row per column of another
+        one: the joints of skinning weights.
     """
 
     def __init__(
