@@ -271,7 +271,7 @@ class Registry:
         try:
             load()
         except (Exception, SystemExit) as error:  # the guard: whatever a plugin's import does, the others go on
-            reason, details = _told(error)
+            reason, details = _reason(error)
             self.broken.append(Broken(f"{origin} ({module})" if not file else origin, file, reason, details))
         finally:
             self._origin = None
@@ -333,11 +333,11 @@ def _import_file(path: Path, name: str) -> None:
         sys.path.remove(str(path.parent))
 
 
-def _told(error: BaseException) -> tuple[str, str]:
+def _reason(error: BaseException) -> tuple[str, str]:
     """Why a plugin could not be loaded, and the traceback where it tells more than that.
 
-    What breaks the contract, of ours or of ``@dataclass``, is a message with the line of the class. Of other errors the
-    traceback begins in the plugin: how it was imported helps nobody.
+    A breach of our contract, or of that of ``@dataclass``, is a message with the line of the class. The traceback of
+    other errors begins in the plugin, since how it was imported helps nobody.
     """
     frames = traceback.extract_tb(error.__traceback__)
     machinery = (__file__, dataclasses.__file__)
