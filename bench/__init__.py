@@ -35,6 +35,7 @@ _EXPORTS = {
     "InvalidOutput": "errors",
     "MissingLibrary": "errors",
     "UsageError": "errors",
+    "build_parts": "parts",
     "generator": "seeds",
 }
 __all__ = [
@@ -53,6 +54,7 @@ __all__ = [
     "Task",
     "UsageError",
     "Views",
+    "build_parts",
     "generator",
     "register",
     "validate_cloud",
@@ -61,6 +63,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
+    from .parts import build_parts
     from .registry import register
     from .run import Run
     from .seeds import generator

@@ -6,7 +6,6 @@ or a hang, an unclear error on poor input. It *warns* where the engine protects 
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .config import Limits
+from .dataset_checks import dataset_checks, digest_arrays, item_functions, items_trial
 from .errors import BadInput, DetailbenchError, InvalidOutput
 from .isolate import Isolation
 from .registry import Plugin, registry
@@ -48,14 +48,17 @@ def check_plugin(
     values : parameters of the plugin other than its defaults
     limit : of each trial
     """
-    yield config_round_trip(plugin)
+    parameters_hold = config_round_trip(plugin)
+    yield parameters_hold
+    if parameters_hold.verdict == "fail":  # every trial would say it again
+        return
     with Isolation(plugin.requires, plugins) as isolation:
         trial = _Trials(plugin, isolation, dict(values or {}), limit)
         lacking = trial.run("require")
         if lacking["status"] == "skipped":
             yield Check("libraries", "warn", f"{lacking['message']}; nothing else can be tried")
             return
-        yield from {"method": method_checks, "dataset": dataset_checks}.get(plugin.kind, simple_checks)(trial)
+        yield from {"method": method_checks, "dataset": _dataset_checks}.get(plugin.kind, simple_checks)(trial)
 
 
 class _Trials:
@@ -142,19 +145,14 @@ def _refusable(name: str, row: dict[str, Any], lenient: bool) -> Check:
 # -- datasets ----------------------------------------------------------------------------------------------------------
 
 
-def dataset_checks(trial: _Trials) -> Iterator[Check]:
-    """Ids, frames, determinism, and splits that do not meet."""
-    first, again = trial.run("shapes", split="test"), trial.run("shapes", split="test")
-    if first["status"] != "ok":
-        yield Check("shapes", "warn" if first["status"] == "refused" else "fail", first["message"])
+def _dataset_checks(trial: _Trials) -> Iterator[Check]:
+    """What is tried of a dataset: see :mod:`bench.dataset_checks`."""
+    found = trial.run("functions")
+    if found["status"] != "ok":
+        yield Check("shapes", "fail", f"{found['status']}: {found['message']}")
         return
-    yield Check("shapes", "ok", first["output"])
-    same = first["digests"] == again.get("digests")
-    yield Check("same shapes every time", "ok" if same else "fail", "" if same else "draw from bench.generator(...)")
-    train = trial.run("shapes", split="train")
-    if train["status"] == "ok":
-        common = set(first["digests"]) & set(train["digests"])
-        yield Check("train and test differ", "fail" if common else "ok", f"{len(common)} shapes are in both")
+    for line in dataset_checks(trial.run, tuple(found["functions"])):
+        yield Check(*line)
 
 
 # -- sensors, metrics, tasks -------------------------------------------------------------------------------------------
@@ -298,28 +296,11 @@ def digest_of(value: Any) -> str:
         arrays = value.arrays()
     else:
         arrays = {name: getattr(value, name, None) for name in ("vertices", "faces")}
-    total = hashlib.sha256()
-    for name, array in arrays.items():
-        if array is not None:
-            total.update(name.encode() + np.ascontiguousarray(array).tobytes())
-    return total.hexdigest()
+    return digest_arrays({name: array for name, array in arrays.items() if array is not None})
 
 
-def _shapes(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
-    import re
-    from itertools import islice
-
-    shapes = list(islice(build(plugin, asked["values"]).shapes(asked["split"]), 3))
-    if not shapes:
-        raise BadInput(f"no shapes in the split {asked['split']!r}")
-    for shape in shapes:
-        if not re.fullmatch(r"[\w.+-]+", shape.id):
-            raise InvalidOutput(f"the id {shape.id!r} is no file name; use letters, digits and ._+-")
-    if len({shape.id for shape in shapes}) < len(shapes):
-        raise InvalidOutput(f"two shapes have one id: {[shape.id for shape in shapes]}")
-    framed = [shape.framed()[0] for shape in shapes]
-    words = ", ".join(f"{s.id} ({len(s.mesh.vertices)} vertices)" for s in framed)
-    return {"output": words, "digests": [digest_of(s.mesh) for s in framed]}
+def _functions(plugin: Plugin, asked: dict[str, Any], *rest: Any) -> dict[str, Any]:
+    return {"functions": item_functions(build(plugin, asked["values"]))}
 
 
 def _sensor(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
@@ -347,7 +328,7 @@ def _metric(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel
 
     (Noise spreads points more evenly, and the maximum of a few distances moves with the sample.)
     """
-    metric = plugin.cls()
+    metric = build(plugin, asked["values"])
     shape = toy_shape()
     case = Case("toy", {}, shape)
     kinds = plugin.options.get("outputs", ("mesh", "cloud"))
@@ -403,7 +384,8 @@ def _task(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: 
 _TRIALS = {
     "require": lambda plugin, *rest: {},
     "solve": _solve,
-    "shapes": _shapes,
+    "functions": _functions,
+    "items": items_trial,
     "sensor": _sensor,
     "metric": _metric,
     "task": _task,

@@ -46,7 +46,8 @@ def did_you_mean(wrong: str, known: Iterable[str]) -> str:
     """A sentence that names the nearest of ``known``, or all of them when none is near."""
     known = sorted(known)
     known = list(dict.fromkeys(known))
-    near = difflib.get_close_matches(wrong.lower(), known, n=3, cutoff=0.6)
+    as_written = {name.lower(): name for name in known}
+    near = [as_written[n] for n in difflib.get_close_matches(wrong.lower(), as_written, n=3, cutoff=0.6)]
     if near:
         return f"Did you mean {' or '.join(repr(n) for n in near)}?"
     if len(known) > 40:

@@ -13,7 +13,8 @@ from typing import Any
 from . import presets
 from .config import GROUPS, Base, Limits
 from .errors import UsageError, did_you_mean
-from .registry import KINDS, registry
+from .registry import KINDS, Plugin, registry
+from .schema import check_value
 
 
 def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
@@ -33,7 +34,7 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
             for name in values:
                 _check_preset(head, name)
         elif tail and head in KINDS:
-            _check_parameter(head, tail, overrides, override.input_line)
+            _check_parameter(head, tail, overrides, override)
         elif head == "limit" and tail:
             _check_key("limit.", tail, [f.name for f in dataclasses.fields(Limits)], override.input_line)
         else:
@@ -167,8 +168,9 @@ def _check_preset(group: str, name: Any) -> None:
         raise UsageError(f"no {group} is called {name!r}. {did_you_mean(str(name), known)}")
 
 
-def _check_parameter(kind: str, tail: str, overrides: Sequence[str], line: str) -> None:
+def _check_parameter(kind: str, tail: str, overrides: Sequence[str], override: Any) -> None:
     """A parameter must be one of a plugin that the run chooses (or, where it chooses none, of some plugin)."""
+    line = override.input_line
     names = [presets.resolve(kind, n) for n in chosen(kind, overrides)]
     names = [n for n in names if n in registry().names(kind)] or registry().names(kind)
     prefix = f"{kind}."
@@ -183,6 +185,34 @@ def _check_parameter(kind: str, tail: str, overrides: Sequence[str], line: str) 
         of_the_run = parameter == tail and parameter in {f.name for f in dataclasses.fields(Base)}
         hint = f"The run has: say {parameter}=..." if of_the_run else _hint(prefix, parameter, known)
         raise UsageError(f"{line}: {kind} {of} has no parameter {parameter!r}. {hint}")
+    if parameter == tail and not override.is_delete():
+        having = [p for p in (registry().find(kind, n) for n in names) if any(f.name == parameter for f in p.fields)]
+        _check_values(having, parameter, override)
+
+
+def _check_values(plugins: Sequence[Plugin], parameter: str, override: Any) -> None:
+    """Each value of a parameter must fit its type, in one of the plugins that have it.
+
+    This is found out before a sweep starts; what a plugin itself refuses is, by the job that meets it.
+    """
+    from hydra.core.override_parser.types import Glob, QuotedString, Transformer
+
+    if override.is_interval_sweep() or isinstance(override.value(), Glob):
+        return  # refused elsewhere
+    swept = override.is_sweep_override()
+    values = override.sweep_iterator(transformer=Transformer.identity) if swept else [override.value()]
+    for value in values:
+        value = value.text if isinstance(value, QuotedString) else value
+        if isinstance(value, str) and "${" in value:  # known when Hydra composes
+            continue
+        errors = []
+        for plugin in plugins:
+            try:
+                check_value(plugin, parameter, value)
+            except UsageError as error:
+                errors.append(error)
+        if errors and len(errors) == len(plugins):
+            raise errors[0]
 
 
 def _check_key(prefix: str, key: str, known: Iterable[str], line: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -164,10 +165,15 @@ class Cell:
             metrics=_metrics(config.get("metric") or {}, task),
             **{key: config[key] for key in ("seed", "split", "cases", "threads", "device")},
         )
-        check = getattr(cell.dataset.build(), "check", None)
-        if check:
-            check()
+        _check_dataset(cell.dataset.build(), cell.split)
         return cell
+
+
+def _check_dataset(dataset: Any, split: str) -> None:
+    """Call a dataset's ``check()`` or ``check(split)``, if it has one."""
+    check = getattr(dataset, "check", None)
+    if check:
+        check(split) if inspect.signature(check).parameters else check()
 
 
 def settings_of(config: Mapping[str, Any]) -> Settings:

@@ -33,7 +33,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from .errors import MissingLibrary, PluginError, UsageError, did_you_mean
+from .errors import DetailbenchError, MissingLibrary, PluginError, UsageError, did_you_mean
 from .kept import ENTRY_POINTS, kept_modules
 
 KINDS = ("task", "dataset", "sensor", "method", "metric")
@@ -271,8 +271,8 @@ class Registry:
         try:
             load()
         except (Exception, SystemExit) as error:  # the guard: whatever a plugin's import does, the others go on
-            reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-            self.broken.append(Broken(f"{origin} ({module})" if not file else origin, file, reason, _trace(error)))
+            reason, details = _reason(error)
+            self.broken.append(Broken(f"{origin} ({module})" if not file else origin, file, reason, details))
         finally:
             self._origin = None
 
@@ -331,6 +331,27 @@ def _import_file(path: Path, name: str) -> None:
         raise
     finally:
         sys.path.remove(str(path.parent))
+
+
+def _reason(error: BaseException) -> tuple[str, str]:
+    """Why a plugin could not be loaded, and the traceback where it tells more than that.
+
+    A breach of our contract, or of that of ``@dataclass``, is a message with the line of the class. The traceback of
+    other errors begins in the plugin, since how it was imported helps nobody.
+    """
+    frames = traceback.extract_tb(error.__traceback__)
+    machinery = (__file__, dataclasses.__file__)
+    own = [f for f in frames if f.filename not in machinery and "importlib" not in f.filename]
+    where = f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
+    if isinstance(error, DetailbenchError) and not isinstance(error, ImportError):
+        return f"{error}{where}", ""
+    reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    if frames and frames[-1].filename == dataclasses.__file__:
+        hint = "every parameter needs a default; " if "non-default argument" in str(error) else ""
+        return f"{hint}@dataclass says: {error}{where}", ""
+    trace = traceback.TracebackException.from_exception(error)
+    trace.stack = traceback.StackSummary.from_list(frames[frames.index(own[0]) :] if own else [])
+    return reason, "".join(trace.format())
 
 
 def _trace(error: BaseException) -> str:

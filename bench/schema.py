@@ -1,25 +1,22 @@
-"""From a plugin's dataclass to a typed Hydra config, and back.
+"""From a plugin's dataclass to a Hydra config, and back.
 
-Nothing is declared twice: the fields of the dataclass are the keys of the config, their types are checked when Hydra
-composes, and :func:`build` makes the plugin from the composed values.
+Nothing is declared twice: the fields of the dataclass are the keys of the config, and :func:`build` makes the plugin
+from the composed values. Hydra composes and :mod:`bench.conversion` checks the types: OmegaConf knows neither Literal
+nor tuples of a fixed length, and it takes 3 for true and "3" for 3.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import enum
-import math
-import types
 import typing
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, Literal, Union
+from typing import Any
 
+from .conversion import ALLOWED, check_type, convert, is_text, plain
 from .errors import PluginError, UsageError, did_you_mean
 from .registry import Plugin, registry
 
 NAME_KEY = "_name_"  # which plugin a config node is for
-_SCALARS = (bool, int, float, str, Path)
 
 
 def config_class(plugin: Plugin) -> type:
@@ -36,7 +33,7 @@ def config_class(plugin: Plugin) -> type:
     entries: list[tuple[str, Any, Any]] = [(NAME_KEY, str, plugin.name)]
     types = _config_types(plugin)
     for f in plugin.fields:
-        default = _plain(f.default_factory() if f.default is dataclasses.MISSING else f.default)  # type: ignore[misc]
+        default = _default(f)
         annotation = types[f.name]
         if isinstance(default, (list, dict)):
             entries.append((f.name, annotation, dataclasses.field(default_factory=lambda value=default: value)))
@@ -46,10 +43,14 @@ def config_class(plugin: Plugin) -> type:
 
 
 def _config_types(plugin: Plugin) -> dict[str, Any]:
-    """The config's type of every parameter, or :class:`PluginError` for one that it cannot hold."""
+    """The config's type of every parameter, or :class:`PluginError` for one that it cannot hold.
+
+    Texts are declared, since a command line has no quotes: ``dataset.path=2024`` is a folder. All else is Any.
+    """
     hints = field_types(plugin)
-    where = f"{plugin.kind} {plugin.name}: parameter"
-    return {f.name: _config_type(hints[f.name], f"{where} {f.name!r}") for f in plugin.fields}
+    for f in plugin.fields:
+        check_type(hints[f.name], f"{plugin.kind} {plugin.name}: parameter {f.name!r}")
+    return {f.name: str | None if is_text(hints[f.name]) else Any for f in plugin.fields}
 
 
 def field_types(plugin: Plugin) -> dict[str, Any]:
@@ -62,52 +63,10 @@ def field_types(plugin: Plugin) -> dict[str, Any]:
     """
     try:
         return typing.get_type_hints(plugin.cls)
-    except NameError as error:
+    except (NameError, AttributeError, TypeError, SyntaxError) as error:
         raise PluginError(
-            f"{plugin.kind} {plugin.name}: the type of a parameter cannot be resolved ({error}); use int, float, str, "
-            "bool, Path, Literal, list, dict, or one of these | None"
+            f"{plugin.kind} {plugin.name}: the type of a parameter cannot be resolved ({error}); use {ALLOWED}"
         ) from error
-
-
-def _config_type(annotation: Any, where: str) -> Any:
-    """The nearest type that OmegaConf knows; a Literal becomes the type of its values and is checked by `build`."""
-    origin, args = typing.get_origin(annotation), typing.get_args(annotation)
-    if annotation is Any or annotation in _SCALARS:
-        return annotation
-    if isinstance(annotation, type) and issubclass(annotation, enum.Enum):
-        return annotation
-    if origin is Literal:
-        kinds = {type(value) for value in args}
-        return kinds.pop() if len(kinds) == 1 else Any
-    if origin in (Union, types.UnionType):
-        inner = tuple(_config_type(a, where) for a in args if a is not type(None))
-        if len(inner) == len(args):
-            return Union[inner] if all(i in _SCALARS for i in inner) else Any  # noqa: UP007
-        return typing.Optional[inner[0]] if len(inner) == 1 else Any  # noqa: UP045
-    if origin is list or annotation is list:
-        return list[_config_type(args[0], where)] if args else list[Any]
-    if origin is tuple or annotation is tuple:
-        inner = {_config_type(a, where) for a in args if a is not Ellipsis}
-        return list[inner.pop()] if len(inner) == 1 else list[Any]
-    if origin is dict or annotation is dict:
-        return dict[str, _config_type(args[1], where)] if args else dict[str, Any]
-    raise PluginError(
-        f"{where}: a config cannot hold the type {annotation!r}; use int, float, str, bool, Path, Literal, list, dict, "
-        "or one of these | None"
-    )
-
-
-def _plain(value: Any) -> Any:
-    """The value as JSON would have it: paths and enums as text, tuples as lists."""
-    if isinstance(value, enum.Enum):
-        return value.name
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    return value
 
 
 def build(plugin: Plugin, values: Mapping[str, Any]) -> Any:
@@ -126,52 +85,43 @@ def build(plugin: Plugin, values: Mapping[str, Any]) -> Any:
         if key not in hints or key not in {f.name for f in plugin.fields}:
             names = [f.name for f in plugin.fields]
             raise UsageError(f"{plugin.kind} {plugin.name} has no parameter {key!r}. {did_you_mean(key, names)}")
-        arguments[key] = _convert(value, hints[key], f"{plugin.kind}.{key}")
+        arguments[key] = convert(value, hints[key], _key(plugin, key))
     try:
         return plugin.cls(**arguments)
     except (ValueError, TypeError) as error:
         raise UsageError(f"{plugin.kind} {plugin.name}: {error}") from error
 
 
-def _convert(value: Any, annotation: Any, where: str) -> Any:
-    """From JSON values to what the annotation says."""
-    origin, args = typing.get_origin(annotation), typing.get_args(annotation)
-    if value is None or annotation is Any:
-        return value
-    if origin is Literal:
-        if value not in args:
-            names = [str(a) for a in args]
-            raise UsageError(f"{where}={value}: not one of {', '.join(names)}. {did_you_mean(str(value), names)}")
-        return value
-    if origin in (Union, types.UnionType):
-        inner = [a for a in args if a is not type(None)]
-        return _convert(value, inner[0], where) if len(inner) == 1 else value
-    if origin is tuple or annotation is tuple:
-        return tuple(value)
-    if annotation is Path:
-        return Path(value)
-    if annotation is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if isinstance(annotation, type) and issubclass(annotation, enum.Enum) and isinstance(value, str):
-        return annotation[value]
-    if annotation in (int, float, bool, str) and type(value) is not annotation:
-        raise UsageError(f"{where}={value}: expected {annotation.__name__}, got {type(value).__name__}")
-    if annotation is float and math.isnan(value):
-        raise UsageError(f"{where}=nan: expected a number")
-    return value
+def _key(plugin: Plugin, parameter: str) -> str:
+    """What a parameter is called on the command line."""
+    return f"metric.{plugin.name}.{parameter}" if plugin.kind == "metric" else f"{plugin.kind}.{parameter}"
+
+
+def check_value(plugin: Plugin, parameter: str, value: Any) -> None:
+    """Raise :class:`UsageError` for a value of a command line that does not fit the type of a parameter."""
+    annotation = field_types(plugin)[parameter]
+    if is_text(annotation) and isinstance(value, (int, float)):
+        value = str(value)  # as the config does it, see _config_types
+    convert(value, annotation, _key(plugin, parameter))
 
 
 def defaults(plugin: Plugin) -> dict[str, Any]:
     """The default of every parameter, as JSON values."""
-    return {
-        f.name: _plain(f.default_factory() if f.default is dataclasses.MISSING else f.default)  # type: ignore[misc]
-        for f in plugin.fields
-    }
+    return {f.name: _default(f) for f in plugin.fields}
+
+
+def _default(field: dataclasses.Field[Any]) -> Any:
+    return plain(field.default_factory() if field.default is dataclasses.MISSING else field.default)  # type: ignore[misc]
 
 
 def parameters(plugin: Plugin, instance: Any) -> dict[str, Any]:
-    """The value of every parameter of a plugin object, as JSON values."""
-    return {f.name: _plain(getattr(instance, f.name)) for f in plugin.fields}
+    """The value of every parameter of a plugin object, as JSON values; they identify a cell.
+
+    A parameter that a plugin got later (``metadata={"since": VERSION}``) is left out at its default: cells that were
+    stored before it existed keep their ids.
+    """
+    values = {f.name: plain(getattr(instance, f.name)) for f in plugin.fields}
+    return {f.name: values[f.name] for f in plugin.fields if "since" not in f.metadata or values[f.name] != _default(f)}
 
 
 def variant(plugin: Plugin, values: Mapping[str, Any]) -> str:
@@ -220,10 +170,13 @@ class _Group(dict):
 
 def _config_node(plugin: Plugin) -> Any:
     from hydra.core.config_store import ConfigNode
-    from omegaconf import OmegaConf
+    from omegaconf import DictConfig, OmegaConf
 
     package = f"metric.{plugin.name}" if plugin.kind == "metric" else None
     node = OmegaConf.structured(config_class(plugin))
+    for name in node:
+        if isinstance(node[name], DictConfig):
+            OmegaConf.set_struct(node[name], False)  # the keys of a mapping are the user's
     return ConfigNode(f"{plugin.name}.yaml", node, plugin.kind, package, plugin.origin)
 
 

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .errors import UsageError
 from .shapes import PointCloud, Shape
 
 if TYPE_CHECKING:
@@ -95,29 +94,14 @@ def build_steps(steps: Sequence[str | Mapping[str, Any]]) -> tuple[Step, ...]:
     ValueError
         Naming the step, what was expected and, for a wrong name, the nearest right one.
     """
-    from .registry import registry
-    from .schema import build
+    from .parts import build_parts
 
     if not steps:
         raise ValueError("steps: expected at least one, for instance [poisson_disk, gaussian]")
-    built = []
-    for number, step in enumerate(steps, 1):
-        if isinstance(step, str):
-            name, values = step, {}
-        elif isinstance(step, Mapping) and len(step) == 1:
-            name, values = next(iter(step.items()))
-        else:
-            raise ValueError(f"steps: number {number} is {step!r}; expected a name or {{name: {{parameter: value}}}}")
-        if values is not None and not isinstance(values, Mapping):
-            raise ValueError(f"steps: the parameters of {name} are {values!r}; expected {{parameter: value, ...}}")
-        try:
-            plugin = registry().find("sensor", name)
-            sensor = build(plugin, values or {})
-        except UsageError as error:
-            raise ValueError(f"steps: number {number}: {error}") from error
-        built.append(Step(plugin, sensor))
-        _check_step(number, built)
-    return tuple(built)
+    built = tuple(Step(*part) for part in build_parts("sensor", steps, "steps"))
+    for number in range(1, len(built) + 1):
+        _check_step(number, built[:number])
+    return built
 
 
 def _check_step(number: int, built: Sequence[Step]) -> None:

@@ -160,7 +160,8 @@ class Shape:
         How the truth is known, one of :data:`EXACTNESS`.
     attributes : mapping, or a function without arguments that makes it
         Named arrays that belong to the mesh, a row per vertex or per face, in the coordinates of the dataset: part
-        labels, skinning weights, a displacement and the base that it was applied to.
+        labels, skinning weights, a displacement and the base that it was applied to. Or a row per column of another
+        one: the joints of skinning weights.
     """
 
     def __init__(
@@ -217,6 +218,18 @@ class Shape:
             surface=self._surface,
             tags=self.tags,
             info=self.info,
+            exactness=self.exactness,
+            attributes=lambda: self.attributes,
+        )
+
+    def renamed(self, id: str, **info: Any) -> Shape:
+        """This shape under another id, with more ``info``; it is made when it is asked for, as before."""
+        return Shape(
+            id,
+            lambda: self.mesh,
+            surface=self._surface,
+            tags=self.tags,
+            info={**self.info, **info},
             exactness=self.exactness,
             attributes=lambda: self.attributes,
         )

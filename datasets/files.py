@@ -7,10 +7,10 @@ import glob
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from bench import Shape, UsageError, register
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off")
 EXPECTED = f"expected a mesh file, a folder of them, or a pattern such as 'scans/*.ply' ({' '.join(SUFFIXES)})"
+# Parameters that came later: cells that do without them are called as before (docs/write-a-plugin.md).
+LATER = {"since": "0.2"}
 
 
 @register("dataset", requires=("trimesh",))
@@ -28,69 +30,130 @@ class Files:
 
     A folder means the mesh files in it, not those in its sub-folders; use ``folder/**/*.ply`` for these. Shapes are
     sorted by path, and named after their files. Each is read when its turn comes, so that a damaged file fails as its
-    own case and the others go on. All files are test data: the ``train`` split is empty, and a learned method must
-    bring weights that were trained elsewhere.
+    own case and the others go on.
+
+    All files are test data unless you say which are for training: ``train_path`` names others, and ``train_share``
+    takes a share of ``path``, chosen by the files' contents, so that it depends neither on names nor on what else is
+    there, and copies of a file stay together. A file whose content is in both splits is refused.
     """
 
     path: str = ""  # a mesh file, a folder or a glob pattern; several with ':' between them (';' on Windows)
+    train_path: str = field(default="", metadata=LATER)  # the same for the train split; path is then for the test split
+    train_share: float = field(default=0.0, metadata=LATER)  # of path, for the train split: 0 to 1, by content
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.train_share <= 1:
+            raise ValueError(f"train_share: expected 0 to 1, got {self.train_share}")
+        if self.train_path and self.train_share:
+            raise ValueError("train_path and train_share: give one of them, either other files or a share of path")
 
     def shapes(self, split: str) -> Iterator[Shape]:
-        """All files for ``test``, none for ``train``."""
-        if split == "train":
-            return
-        for id, file in self._named().items():
-            yield Shape(id, _reader(file), info={"file": file.name})
+        """The meshes of a split.
 
-    def check(self) -> None:
-        """Raise :class:`bench.UsageError` unless ``path`` leads to at least one mesh file."""
-        self._files()
+        Raises
+        ------
+        UsageError
+            Where the split has none, or where a content is in both.
+        """
+        self.check(split)
+        for id, found in self._named().items():
+            if found.split == split:
+                yield Shape(id, _reader(found.file), info={"file": found.file.name})
+
+    def check(self, split: str = "test") -> None:
+        """Raise :class:`bench.UsageError` unless the split has at least one mesh file, and none of the other split."""
+        found = self._named().values()
+        if self.train_path:
+            _refuse_common(found)
+        if any(f.split == split for f in found):
+            return
+        if self.train_share:
+            raise UsageError(
+                f"dataset.train_share={self.train_share:g} leaves none of the {len(found)} mesh files of "
+                f"dataset.path={self.path} to the split {split}; choose another share"
+            )
+        raise UsageError(
+            f"dataset files: split={split} has no meshes, since all of dataset.path={self.path} are test data. Name "
+            "others with dataset.train_path=FOLDER, or give a share of them to the train split: dataset.train_share=0.5"
+        )
 
     def state(self) -> dict[str, str]:
         """The SHA-256 of each file's content by the id of its shape, so that an edited file is a changed input."""
-        return {f"{id} ({file.name})": _sha256(file) for id, file in self._named().items()}
+        return {f"{id} ({found.file.name})": _sha256(found.file) for id, found in self._named().items()}
 
-    def _named(self) -> dict[str, Path]:
-        """The files by ids that are unique (also where upper and lower case are one) and safe as file names."""
-        named: dict[str, Path] = {}
-        taken: set[str] = set()
-        for file in self._files():
-            stem = re.sub(r"[^A-Za-z0-9._-]+", "_", file.stem).strip("._-")[:80] or "mesh"
-            id, number = stem, 1
-            while id.lower() in taken:
-                number += 1
-                id = f"{stem}-{number}"
-            taken.add(id.lower())
-            named[id] = file
-        return named
-
-    def _files(self) -> list[Path]:
-        parts = [part for part in self.path.split(os.pathsep) if part.strip()]
-        if not parts:
-            raise UsageError(f"dataset.path is empty; {EXPECTED}")
-        # A file whose name holds the separator is meant as it stands.
-        if Path(self.path).expanduser().exists():
-            parts = [self.path]
-        return sorted({file for part in parts for file in _matches(part)})
+    def _named(self) -> dict[str, _Found]:
+        """The files of both splits by their ids."""
+        share = self.train_share
+        found = [_Found(f, "train" if share and _share(f) < share else "test") for f in _files("path", self.path)]
+        if self.train_path:
+            found += [_Found(f, "train") for f in _files("train_path", self.train_path)]
+        return _by_id(found)
 
 
-def _matches(part: str) -> list[Path]:
+class _Found(NamedTuple):
+    """A mesh file and the split that it belongs to."""
+
+    file: Path
+    split: str
+
+
+def _by_id(found: list[_Found]) -> dict[str, _Found]:
+    """The files by ids that are unique (also where upper and lower case are one) and safe as file names."""
+    named: dict[str, _Found] = {}
+    taken: set[str] = set()
+    for one in found:
+        stem = re.sub(r"[^A-Za-z0-9._-]+", "_", one.file.stem).strip("._-")[:80] or "mesh"
+        id, number = stem, 1
+        while id.lower() in taken:
+            number += 1
+            id = f"{stem}-{number}"
+        taken.add(id.lower())
+        named[id] = one
+    return named
+
+
+def _refuse_common(found: Iterable[_Found]) -> None:
+    """Raise :class:`UsageError` with both names for a content that is in both splits."""
+    files: dict[str, dict[str, Path]] = {"test": {}, "train": {}}
+    for one in found:
+        files[one.split].setdefault(_sha256(one.file), one.file)
+    for content in files["test"].keys() & files["train"].keys():
+        if not content.startswith(UNREADABLE):
+            raise UsageError(
+                f"{files['test'][content]} (dataset.path) and {files['train'][content]} (dataset.train_path) have the "
+                "same content; a mesh must not be in both splits: remove it from one of them"
+            )
+
+
+def _files(key: str, path: str) -> list[Path]:
+    """The mesh files that a parameter names, sorted."""
+    parts = [part for part in path.split(os.pathsep) if part.strip()]
+    if not parts:
+        raise UsageError(f"dataset.{key} is empty; {EXPECTED}")
+    # A file whose name holds the separator is meant as it stands.
+    if Path(path).expanduser().exists():
+        parts = [path]
+    return sorted({file for part in parts for file in _matches(key, part)})
+
+
+def _matches(key: str, part: str) -> list[Path]:
     path = Path(part).expanduser()
     if path.is_file():
         if path.suffix.lower() not in SUFFIXES:
-            raise UsageError(f"dataset.path={part}: unknown suffix {path.suffix!r}; {EXPECTED}")
+            raise UsageError(f"dataset.{key}={part}: unknown suffix {path.suffix!r}; {EXPECTED}")
         return [path]
     if path.is_dir():
         try:
             found, where = list(path.iterdir()), "the folder"
         except OSError as error:
-            raise UsageError(f"dataset.path={part}: the folder cannot be read ({error.strerror})") from error
+            raise UsageError(f"dataset.{key}={part}: the folder cannot be read ({error.strerror})") from error
     else:
         found, where = [Path(name) for name in glob.glob(str(path), recursive=True)], "the pattern"
         if not found:
-            raise UsageError(f"dataset.path={part}: no such file or folder, and no file matches; {EXPECTED}")
+            raise UsageError(f"dataset.{key}={part}: no such file or folder, and no file matches; {EXPECTED}")
     files = [file for file in found if file.suffix.lower() in SUFFIXES and file.is_file()]
     if not files:
-        raise UsageError(f"dataset.path={part}: {where} holds no mesh file ({len(found)} others); {EXPECTED}")
+        raise UsageError(f"dataset.{key}={part}: {where} holds no mesh file ({len(found)} others); {EXPECTED}")
     return files
 
 
@@ -103,12 +166,21 @@ def _reader(file: Path) -> Callable[[], Trimesh]:
     return read
 
 
+def _share(file: Path) -> float:
+    """A number from 0 to 1 that depends on a file's content alone; 1 for a file that cannot be read."""
+    content = _sha256(file)
+    return 1.0 if content.startswith(UNREADABLE) else int(content[:13], 16) / 16**13
+
+
+UNREADABLE = "unreadable"
+
+
 def _sha256(file: Path) -> str:
     try:
         stat = file.stat()
         return _sha256_of(file, stat.st_mtime_ns, stat.st_size)
     except OSError as error:
-        return f"unreadable ({error.strerror})"  # its case says so; the others go on
+        return f"{UNREADABLE} ({error.strerror})"  # its case says so; the others go on
 
 
 @functools.lru_cache(maxsize=100_000)  # every cell of a sweep asks; gigabytes of scans are read once

@@ -1,15 +1,21 @@
 """Registering, finding, and what is said when a name is wrong."""
 
+import json
 from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pytest
 
+from bench.config import compose
+from bench.conversion import check_type
 from bench.errors import MissingLibrary, PluginError, UsageError, did_you_mean
 from bench.fields import _comments_of_fields, field_help
+from bench.overrides import check_overrides
+from bench.plan import Cell
 from bench.registry import Registry, missing_library, register, registry, snake_case
-from bench.schema import build, config_class, defaults, parameters, variant
+from bench.schema import _config_node, build, config_class, defaults, parameters, variant
 
 
 def write(folder: Path, name: str, text: str) -> Path:
@@ -190,7 +196,7 @@ def test_a_dataclass_survives_the_way_through_a_config():
         ({"whole": -1}, "whole: expected at least 0"),
         ({"choice": "fra"}, "Did you mean 'far'"),
         ({"hole": 3}, "no parameter 'hole'. Did you mean 'whole'"),
-        ({"flag": 3}, "method.flag=3: expected bool"),
+        ({"flag": 3}, "method.flag=3: expected true or false"),
         ({"real": float("nan")}, "expected a number"),
     ],
 )
@@ -199,11 +205,146 @@ def test_wrong_values_are_refused(values, words):
         build(all_types(), values)
 
 
-def test_wrong_types_are_refused_by_the_config():
-    from omegaconf.errors import ValidationError
+def test_a_value_of_a_wrong_type_passes_the_config_and_is_refused_with_its_key():
+    with pytest.raises(UsageError, match=r"method\.whole=abc: expected a whole number \(int\), got the text"):
+        build(all_types(), composed(whole="abc"))
 
-    with pytest.raises(ValidationError):
-        composed(whole="abc")
+
+class Colour(Enum):
+    RED = 1
+    BLUE = 2
+
+
+@register("method", name="deep_types")
+@dataclass(frozen=True)
+class DeepTypes:
+    """Types within types."""
+
+    kinds: list[Literal["near", "far"]] = field(default_factory=lambda: ["near"])
+    paths: tuple[Path, ...] = (Path("a"),)
+    pair: tuple[int, str] = (1, "x")
+    table: dict[str, float] = field(default_factory=lambda: {"a": 1.0})
+    mode: Literal["open", "shut"] | None = None
+    counts: list[int] | None = None
+    colours: list[Colour] = field(default_factory=lambda: [Colour.RED])
+    nested: dict[str, list[tuple[int, Literal["a", "b"]]]] = field(default_factory=dict)
+    parts: list[str | dict[str, Any]] = field(default_factory=list)
+    either: Literal["auto"] | float = "auto"
+    keyed: dict[Literal["left", "right"], bool] = field(default_factory=dict)
+
+    def denoise(self, cloud, run):
+        return cloud
+
+
+# What is written in a config or a record, and what the plugin gets.
+DEEP = {
+    "kinds": (["far", "near"], ["far", "near"]),
+    "paths": (["/tmp", "b"], (Path("/tmp"), Path("b"))),
+    "pair": ([2, "y"], (2, "y")),
+    "table": ({"b": 2, "c": 0.5}, {"b": 2.0, "c": 0.5}),
+    "mode": ("shut", "shut"),
+    "counts": ([3, 4], [3, 4]),
+    "colours": (["BLUE", "RED"], [Colour.BLUE, Colour.RED]),
+    "nested": ({"k": [[1, "a"], [2, "b"]]}, {"k": [(1, "a"), (2, "b")]}),
+    "parts": (["fbm", {"cad": {"kind": "gear"}}], ["fbm", {"cad": {"kind": "gear"}}]),
+    "either": (3, 3.0),
+    "keyed": ({"left": True}, {"left": True}),
+}
+
+
+def deep_types():
+    return registry().find("method", "deep_types")
+
+
+def typed(value):
+    """A value as Hydra's command line takes it: like JSON, but keys have no quotes."""
+    if isinstance(value, dict):
+        return f"{{{','.join(f'{k}:{typed(v)}' for k, v in value.items())}}}"
+    return f"[{','.join(map(typed, value))}]" if isinstance(value, list) else json.dumps(value)
+
+
+def deep_cell(*overrides):
+    from omegaconf import OmegaConf
+
+    words = ["task=denoise", "method=deep_types", *overrides]
+    check_overrides(words, multirun=False)
+    return Cell.from_config(OmegaConf.to_container(compose(words), resolve=True))
+
+
+@pytest.mark.parametrize("name", DEEP)
+def test_a_type_within_a_type_is_converted_and_survives_command_line_yaml_and_record(name):
+    from omegaconf import OmegaConf
+
+    written, expected = DEEP[name]
+    made = build(deep_types(), {name: written})
+    assert repr(getattr(made, name)) == repr(expected)  # types count: 3 is no 3.0, a list no tuple
+    stored = parameters(deep_types(), made)
+    assert build(deep_types(), json.loads(json.dumps(stored))) == made
+    # As YAML, over the defaults that the config has; the keys of a mapping are added to them.
+    yaml = OmegaConf.to_yaml(OmegaConf.create({name: written}))
+    merged = OmegaConf.merge(_config_node(deep_types()).node, OmegaConf.create(yaml))
+    default = getattr(DeepTypes(), name)
+    united = default | expected if isinstance(expected, dict) else expected
+    assert getattr(build(deep_types(), OmegaConf.to_container(merged)), name) == united
+    cell = deep_cell(f"method.{name}={typed(written)}")
+    assert getattr(cell.method.build(), name) == united
+    assert Cell.from_json(json.loads(json.dumps(cell.to_json()))) == cell
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"kinds": ["near", "fra"]}, r"^method\.kinds\[1\]=fra: expected one of near, far\. Did you mean 'far'\?$"),
+        ({"kinds": "near"}, r"^method\.kinds=near: expected a list .*one of near, far.*got the text"),
+        ({"paths": ["a", 3]}, r"method\.paths\[1\]=3: expected a path"),
+        ({"pair": [1]}, r"method\.pair=\[1\]: expected a list of 2 \(a whole number .*, a text .*\), got 1"),
+        ({"pair": ["1", "x"]}, r"method\.pair\[0\]=1: expected a whole number \(int\), got the text '1'"),
+        ({"pair": [True, "x"]}, r"method\.pair\[0\]=true: expected a whole number \(int\), got true or false"),
+        ({"pair": [1, 2]}, r"method\.pair\[1\]=2: expected a text \(str\), got a whole number"),
+        ({"table": {"a": "x"}}, r"method\.table\.a=x: expected a number"),
+        ({"table": {"a": True}}, r"method\.table\.a=true: expected a number"),
+        ({"table": {"a": float("nan")}}, r"method\.table\.a=nan: expected a number"),
+        ({"table": [1.0]}, r"method\.table=\[1.0\]: expected a mapping"),
+        ({"table": {1: 1.0}}, r"method\.table, key=1: expected a text"),
+        ({"mode": "shot"}, r"method\.mode=shot: expected one of open, shut\. Did you mean 'shut'"),
+        ({"counts": [1, 2.0]}, r"method\.counts\[1\]=2.0: expected a whole number"),
+        ({"colours": ["BLEU"]}, r"method\.colours\[0\]=BLEU: expected one of RED, BLUE\. Did you mean 'BLUE'"),
+        ({"nested": {"k": [[1, "c"]]}}, r"method\.nested\.k\[0\]\[1\]=c: expected one of a, b"),
+        ({"parts": ["fbm", 3]}, r"method\.parts\[1\]=3: expected a text .* or a mapping"),
+        ({"either": "atuo"}, r"method\.either=atuo: expected auto or a number .*\. Did you mean 'auto'"),
+        ({"keyed": {"letf": True}}, r"method\.keyed, key=letf: expected one of left, right\. Did you mean 'left'"),
+        ({"pair": None}, r"method\.pair=null: expected a list of 2 .*got null"),
+    ],
+)
+def test_what_does_not_fit_deep_within_is_refused_with_place_and_nearest_value(values, words):
+    with pytest.raises(UsageError, match=words):
+        build(deep_types(), values)
+
+
+def test_a_sweep_is_refused_before_it_starts_for_one_value_of_a_wrong_type():
+    with pytest.raises(UsageError, match=r"method\.kinds\[0\]=naer: .*Did you mean 'near'"):
+        check_overrides(["method=deep_types", "method.kinds=[far],[naer]"], multirun=True)
+    with pytest.raises(UsageError, match=r"metric\.fscore\.t=x: expected a number"):
+        check_overrides(["metric=[fscore]", "metric.fscore.t=x"], multirun=False)
+    check_overrides(["method=deep_types,all_types", "method.pair=[1,a],[2,b]", "method.whole=${seed}"], multirun=True)
+
+
+def test_a_number_on_the_command_line_is_a_text_where_one_is_expected():
+    """A command line has no quotes, and a folder may be called 2024."""
+    from omegaconf import OmegaConf
+
+    words = ["task=denoise", "method=all_types", "method.text=7", "method.path=2024"]
+    check_overrides(words, multirun=False)
+    made = Cell.from_config(OmegaConf.to_container(compose(words))).method.build()
+    assert (made.text, made.path) == ("7", Path("2024"))
+    with pytest.raises(UsageError, match=r"method\.text=7: expected a text"):
+        build(all_types(), {"text": 7})  # of a record, say
+
+
+@pytest.mark.parametrize("annotation", [complex, list[complex], dict[int, str], tuple[int, set[str]], bytes | None])
+def test_types_that_cannot_be_held_are_refused_however_deep(annotation):
+    with pytest.raises(PluginError, match="method x: .*cannot hold the type|keys of .* are not texts"):
+        check_type(annotation, "method x")
 
 
 def test_the_variant_names_what_is_not_default():

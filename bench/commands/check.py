@@ -4,6 +4,7 @@
   detailbench check poisson jet         plugins by name
   detailbench check poisson_9           a plugin with the parameters of a preset
   detailbench check siren method.steps=50 method.resolution=64    with other parameters, for instance a short training
+  detailbench check fscore metric.t=0.02          of a metric, as of any other kind of plugin: dataset., sensor., task.
 
 Every trial runs in a child process: a plugin that crashes or hangs is a failed check. It hangs when it takes longer
 than limit.seconds, 300 unless you say otherwise. Exit code 0 when nothing failed, 3 otherwise.
@@ -54,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
             failed = True
             report.append({"plugin": broken.origin, "check": "import", "verdict": "fail", "detail": broken.reason})
             if not args.json:
-                print(f"{MARKS['fail']}  {broken.origin}: {broken.reason}\n{broken.details}")
+                print("\n".join(filter(None, (f"{MARKS['fail']}  {broken.origin}: {broken.reason}", broken.details))))
     plugins = _plugins(what, files, already=bool(report))
     _refuse_foreign(overrides, [plugin for plugin, _ in plugins])
     given = [settings(plugin, name, overrides) for plugin, name in plugins]
@@ -76,12 +77,27 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _refuse_foreign(overrides: Sequence[str], plugins: Sequence[Plugin]) -> None:
-    """Each word must be a limit, or a parameter of a kind of plugin that is checked."""
-    kinds = sorted({plugin.kind for plugin in plugins} - {"metric"})
+    """Each word must be a limit, or a parameter of a plugin that is checked."""
     for word in overrides:
-        if not word.lstrip("+").startswith(("limit.", *(f"{kind}." for kind in kinds))):
-            known = ", ".join(f"{kind}.PARAMETER=..." for kind in kinds) or "nothing"
+        if not word.lstrip("+").startswith("limit.") and not any(_own([word], plugin) for plugin in plugins):
+            known = ", ".join(f"{kind}.PARAMETER=..." for kind in sorted({p.kind for p in plugins})) or "nothing"
             raise UsageError(f"{word}: expected limit.seconds=..., or for what is checked here: {known}")
+
+
+def _own(overrides: Sequence[str], plugin: Plugin) -> list[str]:
+    """The words that give ``plugin`` parameters; ``metric.samples=9`` stands for ``metric.NAME.samples=9``."""
+    found = []
+    for word in overrides:
+        bare = word.lstrip("+")
+        if not bare.startswith(f"{plugin.kind}."):
+            continue
+        key = bare.partition("=")[0].split(".")[1:]
+        if plugin.kind == "metric" and not (len(key) > 1 and key[0] in registry().names("metric")):
+            word = word.replace("metric.", f"metric.{plugin.name}.", 1)
+        elif plugin.kind == "metric" and key[0] != plugin.name:
+            continue
+        found.append(word)
+    return found
 
 
 def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[str, Any], Limits]:
@@ -94,15 +110,16 @@ def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[
     from ..schema import build
 
     limits = [word for word in overrides if word.lstrip("+").startswith("limit.")]
-    own = [word for word in overrides if word.lstrip("+").startswith(f"{plugin.kind}.")]
+    own = _own(overrides, plugin)
     if own or name != plugin.name:
-        own = [f"{plugin.kind}={name}", *own]
+        own = [f"metric=[{name}]" if plugin.kind == "metric" else f"{plugin.kind}={name}", *own]
     if not (limits or own):
         return {}, LIMIT
     words = [*own, *limits]
     check_overrides(words, multirun=False)
     values = OmegaConf.to_container(compose(words), resolve=True)
-    parameters = values[plugin.kind] if own else {}
+    chosen = values["metric"][plugin.name] if plugin.kind == "metric" and own else values[plugin.kind]
+    parameters = chosen if own else {}
     if own:
         build(plugin, parameters)  # a value that is refused is refused here, not as a failed check
     said = [word.lstrip("+").partition("=")[0].removeprefix("limit.") for word in limits]
