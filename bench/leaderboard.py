@@ -13,7 +13,8 @@ What makes it honest:
 * A method that was not run on some case looks no better for it: two methods are compared on the units (case and seed)
   that both were to solve.
 * A method that was given true distances of the reference says so in ``true_distances``, and is marked when printed.
-* Intervals are over cases, with their seeds; see :mod:`bench.statistics`.
+* Intervals and ranks are over shapes: the seeds of one shape, and the sensors that it was seen with where a table holds
+  several, share its difficulty and count as one cluster; see :mod:`bench.statistics`.
 """
 
 from __future__ import annotations
@@ -25,9 +26,8 @@ import numpy as np
 import pandas as pd
 
 from .errors import UsageError
-from .seeds import generator
-from .selection import Names, metrics_of, pool, select
-from .statistics import mean_intervals, rank_intervals, resampling_weights
+from .selection import Names, completed, metrics_of, pool, select
+from .statistics import mean_intervals, rank_intervals
 
 COLUMNS = (
     "task",
@@ -50,9 +50,15 @@ COLUMNS = (
     "true_distances",
 )
 GROUP = ["task", "dataset", "sensor"]  # one table each
+UNIT = ["case", "seed", "condition"]  # the first one is the cluster: a shape; the others are how it was met
 CONTENDER = ["method", "variant"]
-UNIT = ["case", "seed"]
 WORSE = 0.1  # an unsolved unit is this share of the case's spread worse than the worst solved result on the case
+
+_GROUP = slice(len(GROUP))  # where these are among the codes of a cell
+_UNIT = slice(_GROUP.stop, _GROUP.stop + len(UNIT))
+_CASE = slice(_UNIT.start, _UNIT.start + 1)
+_SEEDED = slice(_UNIT.start, _UNIT.start + 2)
+_CONTENDER = slice(_UNIT.stop, _UNIT.stop + len(CONTENDER))
 
 _Part = dict[str, np.ndarray]  # columns of a board, with "row": the cell that has the names, "metric": which one
 
@@ -71,8 +77,6 @@ def leaderboard(
     tag: Names = None,
     by: Names = None,
     level: float = 0.95,
-    resamples: int = 2000,
-    seed: int = 0,
 ) -> pd.DataFrame:
     """One row per task, dataset, sensor, metric and method (with its variant), best first.
 
@@ -88,10 +92,6 @@ def leaderboard(
         What tables are made by besides the task, see :func:`bench.selection.pool`; by dataset and sensor without it.
     level : float
         Confidence level of the intervals and of the ranks.
-    resamples : int
-        Bootstrap samples behind each interval.
-    seed : int
-        Of the resampling.
 
     Returns
     -------
@@ -106,17 +106,16 @@ def leaderboard(
     Raises
     ------
     UsageError
-        For a filter that matches nothing, or a level or number of resamples that makes no sense.
+        For a filter that matches nothing, or a level that makes no sense.
     """
     if not 0 < level < 1:
         raise UsageError(f"level: expected a number between 0 and 1, got {level}")
-    if resamples < 100:
-        raise UsageError(f"resamples: expected at least 100, got {resamples}")
+    rows = completed(rows)
     rows = pool(select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag), by)
     if not len(rows):
         return pd.DataFrame(columns=list(COLUMNS))
     cells = _cells(rows, metrics_of(rows, metric))
-    parts = [_group_board(cells, group, level, resamples, seed) for group in cells.groups()]
+    parts = [_group_board(cells, group, level) for group in cells.groups()]
     board = _joined(cells, [part for part in parts if part], costs(rows))
     board.attrs["level"] = level
     return board
@@ -143,7 +142,7 @@ class _Cells:
     """
 
     keys: pd.DataFrame  # the columns GROUP, UNIT, CONTENDER of each cell
-    codes: np.ndarray  # (cells, 7) the same as integers that sort alike
+    codes: np.ndarray  # (cells, columns) the same as integers that sort alike
     metrics: list[str]
     better: list[str]
     planned: np.ndarray  # how many rows were to be scored
@@ -156,7 +155,7 @@ class _Cells:
 
     def groups(self) -> list[slice]:
         """The cells of each group."""
-        starts = _starts(self.codes[:, :3])
+        starts = _starts(self.codes[:, _GROUP])
         return [slice(a, b) for a, b in zip(starts, [*starts[1:], len(self.codes)], strict=True)]
 
 
@@ -176,7 +175,7 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
 
     # A metric that a method is never scored by (normals of a method that gives none) is no failure of its cases;
     # who failed in all of them is taken to miss all metrics of the group.
-    group, contender = _ids(codes[:, :3]), _ids(codes[:, [0, 1, 2, 5, 6]])
+    group, contender = _ids(codes[:, _GROUP]), _ids(np.delete(codes, _UNIT, axis=1))
     never_ok = ~_any_by(contender, ok[:, None])
     planned &= never_ok | _any_by(contender, declared & ok[:, None])
     planned &= _any_by(group, declared)
@@ -212,7 +211,7 @@ def _sorted(rows: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
     names = [*GROUP, *UNIT, *CONTENDER, "threads", "device", "host"]
     codes = np.column_stack([pd.factorize(rows[name], sort=True)[0] for name in names])
     order = np.lexsort(codes.T[::-1])
-    return rows.iloc[order], codes[order, :7]
+    return rows.iloc[order], codes[order, : _CONTENDER.stop]
 
 
 def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[str], np.ndarray]:
@@ -272,10 +271,10 @@ def _clipped(low: np.ndarray, high: np.ndarray, scores: np.ndarray, better: list
 # -- one group ---------------------------------------------------------------------------------------------------------
 
 
-def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed: int) -> _Part:
+def _group_board(cells: _Cells, group: slice, level: float) -> _Part:
     """The board of one (task, dataset, sensor)."""
     codes = cells.codes[group]
-    unit, contender = _ids(codes[:, 3:5]), _ids(codes[:, 5:7])
+    unit, contender = _ids(codes[:, _UNIT]), _ids(codes[:, _CONTENDER])
     first = np.unique(contender, return_index=True)[1]
     used = np.flatnonzero(cells.planned[group].any(axis=0))
     if not len(used):
@@ -288,17 +287,15 @@ def _group_board(cells: _Cells, group: slice, level: float, resamples: int, seed
         return full
 
     planned, solved, floor = cube(cells.planned), cube(cells.solved), cube(cells.floor, np.nan)
-    case_of_unit = codes[np.unique(unit, return_index=True)[1], 3:4]
-    cases = _starts(case_of_unit)
-    # Of a single case only the seeds can be resampled: the interval then speaks of this case, not of others.
-    clusters = cases if len(cases) > 1 else np.arange(len(case_of_unit))
+    units = codes[np.unique(unit, return_index=True)[1]]
+    cases = _starts(units[:, _CASE])
+    # Of a single shape only the seeds differ by luck: the interval then speaks of this shape, not of others.
+    clusters = cases if len(cases) > 1 else _starts(units[:, _SEEDED])
 
-    label = cells.keys.iloc[group.start][GROUP]
-    weights = resampling_weights(len(clusters), resamples, generator(seed, *map(str, label)))
     scores = cube(cells.value)
     sums = np.add.reduceat(scores, clusters).reshape(len(clusters), -1)
     counts = np.add.reduceat((solved > 0).astype(float), clusters).reshape(len(clusters), -1)
-    mean, low, high = (a.reshape(len(first), -1) for a in mean_intervals(sums, counts, weights, level))
+    mean, low, high = (a.reshape(len(first), -1) for a in mean_intervals(sums, counts, level))
     low, high = _clipped(low, high, scores, [cells.better[m] for m in used])
 
     values = penalise(cube(cells.badness), (solved == planned) & (planned > 0), cases)
@@ -418,6 +415,6 @@ def notes(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _told(rows: pd.DataFrame) -> pd.DataFrame:
     """How many rows of each group, contender and status there are, and the first message."""
-    rows = rows.sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
+    rows = completed(rows).sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
     grouped = rows.groupby([*GROUP, *CONTENDER, "status"], sort=True)["message"]
     return grouped.agg(count="size", message="first").reset_index()

@@ -54,11 +54,24 @@ def select(
     return rows if chosen.all() else rows[chosen]
 
 
+LATER = {"condition": ""}  # columns that rows of results may lack, and what they then are
+
+
+def completed(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with all columns that tables are made by: ``condition`` is what a pooled unit differs in."""
+    missing = {name: value for name, value in LATER.items() if name not in rows}
+    return rows.assign(**missing) if missing else rows
+
+
 GROUPINGS = ("task", "dataset", "sensor", "tag")
 
 
 def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
     """The rows with all cases of other datasets and sensors put into one table, or into one for each challenge tag.
+
+    A shape stays one case, however many sensors it was seen with: they go into the column ``condition``, which makes
+    each a unit of its own within the case. Shapes of different datasets are different cases, also where one dataset
+    was run with several parameters: its label tells them apart.
 
     Parameters
     ----------
@@ -77,7 +90,7 @@ def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
     chosen = set(matching("by", by, GROUPINGS))
     rows = rows.copy()
     if "sensor" not in chosen:
-        rows["case"] += " " + rows["sensor"]
+        rows["condition"] = rows["sensor"]
         rows["sensor"] = "all sensors"
     group = [[name] for name in rows["dataset"]]
     if "dataset" not in chosen:

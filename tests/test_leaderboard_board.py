@@ -263,13 +263,6 @@ def test_a_group_does_not_depend_on_the_others():
     pd.testing.assert_frame_equal(alone, both, check_exact=True)
 
 
-def test_another_seed_moves_the_interval_a_little():
-    frame = table({"a": units(1, 2, 3, 5, 8)})
-    first, second = leaderboard(frame, seed=0).iloc[0], leaderboard(frame, seed=1).iloc[0]
-    assert first["ci_low"] != second["ci_low"]
-    assert first["ci_low"] == pytest.approx(second["ci_low"], abs=0.5)
-
-
 @pytest.mark.parametrize("tags", [["sharp,thin", "smooth"], [["sharp", "thin"], ["smooth"]]])
 def test_filters(tags):
     frame = rows(
@@ -296,7 +289,7 @@ def test_a_wrong_name_gets_the_nearest_right_one(option):
         leaderboard(frame, **{option: right + "x"})
 
 
-@pytest.mark.parametrize("wrong", [{"level": 0}, {"level": 95}, {"resamples": 0}])
+@pytest.mark.parametrize("wrong", [{"level": 0}, {"level": 95}])
 def test_settings_that_make_no_sense(wrong):
     with pytest.raises(UsageError, match=next(iter(wrong))):
         leaderboard(table({"a": units(1, 2)}), **wrong)

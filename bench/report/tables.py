@@ -209,9 +209,7 @@ def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[
     notes = []
     if columns:
         notes.append(f"rank: by {columns[0].name}, {level:.0%} interval; methods whose intervals overlap may be equal.")
-        notes.append(
-            f"mean [{level:.0%} bootstrap interval over cases]; seconds: median; peak MB: largest, of solved cases."
-        )
+        notes.append(f"mean [{level:.0%} interval over shapes]; seconds: median; peak MB: largest, of solved cases.")
     if any(c.exponent for c in columns):
         notes.append("A power of ten beside a metric: its numbers are in that unit.")
     if any(cell.mark for c in columns for cell in c.cells):
