@@ -33,6 +33,7 @@ COLUMNS = (
     "task",
     "dataset",
     "sensor",
+    "split",
     "method",
     "variant",
     "metric",
@@ -49,7 +50,7 @@ COLUMNS = (
     "peak_rss_mb",
     "true_distances",
 )
-GROUP = ["task", "dataset", "sensor"]  # one table each
+GROUP = ["task", "dataset", "sensor", "split"]  # one table each
 UNIT = ["case", "seed", "condition"]  # the first one is the cluster: a shape; the others are how it was met
 CONTENDER = ["method", "variant"]
 WORSE = 0.1  # an unsolved unit is this share of the case's spread worse than the worst solved result on the case
@@ -75,16 +76,19 @@ def leaderboard(
     sensor: Names = None,
     method: Names = None,
     tag: Names = None,
+    split: Names = None,
     by: Names = None,
     level: float = 0.95,
 ) -> pd.DataFrame:
-    """One row per task, dataset, sensor, metric and method (with its variant), best first.
+    """One row per task, dataset, sensor, split, metric and method (with its variant), best first.
+
+    Train and test shapes are never in one table.
 
     Parameters
     ----------
     rows : DataFrame
         One row per planned case.
-    task, dataset, sensor, method, tag
+    task, dataset, sensor, method, tag, split
         Filters, see :func:`select`. Ranks are among the methods that are left.
     metric : str or list of str
         Metric keys; ``fscore`` stands for every ``fscore@...``.
@@ -110,8 +114,8 @@ def leaderboard(
     """
     if not 0 < level < 1:
         raise UsageError(f"level: expected a number between 0 and 1, got {level}")
-    rows = completed(rows)
-    rows = pool(select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag), by)
+    chosen = select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag, split=split)
+    rows = pool(chosen, by)
     if not len(rows):
         return pd.DataFrame(columns=list(COLUMNS))
     cells = _cells(rows, metrics_of(rows, metric))
@@ -272,7 +276,7 @@ def _clipped(low: np.ndarray, high: np.ndarray, scores: np.ndarray, better: list
 
 
 def _group_board(cells: _Cells, group: slice, level: float) -> _Part:
-    """The board of one (task, dataset, sensor)."""
+    """The board of one table."""
     codes = cells.codes[group]
     unit, contender = _ids(codes[:, _UNIT]), _ids(codes[:, _CONTENDER])
     first = np.unique(contender, return_index=True)[1]
@@ -377,13 +381,13 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index ``task, dataset, sensor, method, variant``; columns ``seconds_median``, ``peak_rss_mb`` (the largest),
-        ``parameters`` and ``active_parameters`` (of a learned method; missing where none) and ``true_distances`` (the
-        most points at which they were given; missing where none were).
+        Index ``task, dataset, sensor, split, method, variant``; columns ``seconds_median``, ``peak_rss_mb`` (the
+        largest), ``parameters`` and ``active_parameters`` (of a learned method; missing where none) and
+        ``true_distances`` (the most points at which they were given; missing where none were).
     """
     # Results of earlier versions do not have these columns.
     later = ("active_parameters", "true_distances")
-    rows = rows.assign(**{name: pd.to_numeric(rows[name]) if name in rows else np.nan for name in later})
+    rows = completed(rows).assign(**{name: pd.to_numeric(rows[name]) if name in rows else np.nan for name in later})
     solved = rows[(rows["status"] == "ok").to_numpy()].groupby([*GROUP, *CONTENDER], sort=True)
     return pd.DataFrame(
         {
@@ -402,7 +406,7 @@ def failures(rows: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns ``task, dataset, sensor, method, variant, status, count, message``.
+        Columns ``task, dataset, sensor, split, method, variant, status, count, message``.
     """
     return _told(rows[(rows["status"] != "ok").to_numpy()])
 

@@ -52,6 +52,8 @@ def overview(
     whole = board[board["metric"] == name]
     groups = parts["sensor" if chosen == ["sensor"] else "dataset"]
     parts = parts.assign(metric=groups, dataset=whole["dataset"].iloc[0], sensor=whole["sensor"].iloc[0])
-    joined = pd.concat([whole, parts], ignore_index=True).sort_values("task", kind="stable", ignore_index=True)
+    joined = pd.concat([whole, parts], ignore_index=True).sort_values(
+        ["task", "split"], kind="stable", ignore_index=True
+    )
     joined.attrs["level"] = level
     return joined

@@ -101,7 +101,9 @@ def finished_rows(
     rows = stored.rows if stored else []
     rows = rows + results.partial_rows(cell.id, mark)
     before = stored.meta["settings"]["limit"] if stored else {}
-    return {row["case_index"]: row for row in rows if not _must_rerun(row, settings, before)}, stored
+    # A partial file of an earlier version has no column of the split.
+    rows = [{"split": cell.split} | row for row in rows if not _must_rerun(row, settings, before)]
+    return {row["case_index"]: row for row in rows}, stored
 
 
 def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str, float]) -> bool:
@@ -241,6 +243,7 @@ def constant_columns(cell: Cell, settings: Settings, mark: str) -> dict[str, Any
         "task": cell.task.label,
         "dataset": cell.dataset.label,
         "sensor": cell.sensor.label if cell.sensor in cell.choices else "",
+        "split": cell.split,
         "method": cell.method.name,
         "variant": cell.method.variant,
         "seed": cell.seed,

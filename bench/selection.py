@@ -14,6 +14,18 @@ from .errors import UsageError, did_you_mean
 Names = str | Iterable[str] | None
 
 
+# Columns that tables are made by and that rows of results may lack, and what they then are. ``condition`` is what the
+# units of one case differ in where sensors are pooled; rows read by other means than ours may have no ``split``.
+LATER = {"split": "test", "condition": ""}
+
+
+def completed(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with all columns that tables are made by."""
+    missing = {name: value for name, value in LATER.items() if name not in rows}
+    empty = {name: rows[name].fillna(LATER[name]) for name in LATER if name in rows and rows[name].hasnans}
+    return rows.assign(**missing, **empty) if missing or empty else rows
+
+
 def select(
     rows: pd.DataFrame,
     *,
@@ -22,6 +34,7 @@ def select(
     sensor: Names = None,
     method: Names = None,
     tag: Names = None,
+    split: Names = None,
 ) -> pd.DataFrame:
     """The rows that the filters leave.
 
@@ -29,7 +42,7 @@ def select(
     ----------
     rows : DataFrame
         One row per planned case, as :meth:`bench.store.Results.rows` gives them.
-    task, dataset, sensor, method, tag : str or list of str
+    task, dataset, sensor, method, tag, split : str or list of str
         Names, a list of them or one string with commas. ``bumps`` stands for every ``bumps[...]`` too, and ``*``
         and ``?`` stand for anything.
 
@@ -38,8 +51,9 @@ def select(
     UsageError
         For a name that no row has, with the nearest one; and when no row passes all filters.
     """
+    rows = completed(rows)
     chosen = np.ones(len(rows), dtype=bool)
-    wanted = {"task": task, "dataset": dataset, "sensor": sensor, "method": method}
+    wanted = {"task": task, "dataset": dataset, "sensor": sensor, "method": method, "split": split}
     for option, names in wanted.items():
         if names is not None:
             chosen &= rows[option].isin(matching(option, names, rows[option].unique())).to_numpy()
@@ -52,15 +66,6 @@ def select(
         given = [f"{option}={names}" for option, names in {**wanted, "tag": tag}.items() if names is not None]
         raise UsageError(f"no result has {' and '.join(given)} together")
     return rows if chosen.all() else rows[chosen]
-
-
-LATER = {"condition": ""}  # columns that rows of results may lack, and what they then are
-
-
-def completed(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with all columns that tables are made by: ``condition`` is what a pooled unit differs in."""
-    missing = {name: value for name, value in LATER.items() if name not in rows}
-    return rows.assign(**missing) if missing else rows
 
 
 GROUPINGS = ("task", "dataset", "sensor", "tag")

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-SCHEMA_VERSION = 3  # 2: without active_parameters; 1: without true_distances either; all are read
+SCHEMA_VERSION = 4  # 3: without split; 2: without active_parameters too; 1: without true_distances too; all are read
 META_KEY = b"detailbench"
 STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
 
@@ -44,6 +44,7 @@ COLUMNS = {
     "task": "string",
     "dataset": "string",
     "sensor": "string",
+    "split": "string",
     "method": "string",
     "variant": "string",
     "seed": "int64",
@@ -78,7 +79,7 @@ COLUMNS = {
 # What only a reader of one record wants.
 NOT_INDEXED = ("traceback", "trace")
 # One result per place in a table: of several records, the newest counts.
-IDENTITY = ("task", "dataset", "sensor", "method", "variant", "seed", "threads", "device", "case")
+IDENTITY = ("task", "dataset", "sensor", "split", "method", "variant", "seed", "threads", "device", "case")
 
 
 @dataclass
@@ -177,7 +178,7 @@ class Results:
         except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
             self._set_aside(path, error)
             return None
-        return Record(meta["cell_id"], meta["fingerprint"], meta, rows)
+        return Record(meta["cell_id"], meta["fingerprint"], meta, [{"split": split_of(meta)} | row for row in rows])
 
     def _set_aside(self, path: Path, error: Exception) -> None:
         target = self.folder / "damaged" / path.name
@@ -295,6 +296,12 @@ class Results:
         from . import index
 
         return index.rows(self, use_index=use_index)
+
+
+def split_of(meta: Mapping[str, Any]) -> str:
+    """The split of a record's cases by its metadata: rows of versions below 4 have no column of it."""
+    cell = meta.get("cell")
+    return cell.get("split", "test") if isinstance(cell, dict) else "test"
 
 
 def _table(record: Record) -> pa.Table:

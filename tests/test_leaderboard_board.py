@@ -14,7 +14,7 @@ from bench.report.terminal import remarks
 from bench.selection import pool, select
 
 DOCUMENTED = (
-    "task,dataset,sensor,method,variant,metric,better,mean,ci_low,ci_high,floor,rank_low,rank_high,solved,planned,"
+    "task,dataset,sensor,split,method,variant,metric,better,mean,ci_low,ci_high,floor,rank_low,rank_high,solved,planned,"
     "seconds_median,peak_rss_mb,true_distances"
 )
 
@@ -28,6 +28,7 @@ def row(method="poisson", case="a", seed=0, scores=None, floors=None, better="lo
         "task": "reconstruct",
         "dataset": "bumps",
         "sensor": "samples",
+        "split": "test",
         "method": method,
         "variant": "",
         "seed": seed,
@@ -379,7 +380,7 @@ def test_across_groups_one_metric_stands_beside_that_over_all(spread, across, me
     board = overview(spread, across)
     assert list(board.columns) == list(leaderboard(spread).columns)
     assert dict(board[board["method"] == "poisson"].set_index("metric")["mean"]) == means
-    assert len(board.groupby(["task", "dataset", "sensor"])) == 1
+    assert len(board.groupby(["task", "dataset", "sensor", "split"])) == 1
     text = render(board, "markdown", rows=pool(spread, "task"), metrics=list(dict.fromkeys(board["metric"])))
     head = text.splitlines()[2]
     assert all(f"| {name} ↓ " in head for name in means) and head.startswith("| method | rank | d ↓ |")

@@ -131,7 +131,7 @@ def test_every_format_says_so(ran):
     assert f"| told {GIVEN} |" in markdown and "| told (asks=False) |" in markdown
     csv = shell.call("leaderboard", shell.results, "--format", "csv").stdout.splitlines()
     assert csv[0].endswith(",true_distances")
-    assert {(line.split(",")[4], line.rpartition(",")[2]) for line in csv[1:]} == {("", "440"), ("asks=False", "0")}
+    assert {(line.split(",")[5], line.rpartition(",")[2]) for line in csv[1:]} == {("", "440"), ("asks=False", "0")}
 
 
 def test_a_file_of_one_s_own_has_no_truth(ran):

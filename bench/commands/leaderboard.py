@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", nargs="*", metavar="RESULTS", help="folders of results (default: results)")
     for name in ("task", "dataset", "sensor", "method", "metric", "tag"):
         parser.add_argument(f"--{name}", metavar="NAMES", help=f"only these {name}s: one, or several with commas")
+    parser.add_argument("--split", metavar="NAMES", help="only test or only train shapes; they are never in one table")
     parser.add_argument(
         "--by", metavar="WORDS", help="one table for each of: dataset, sensor, tag (default: dataset,sensor)"
     )
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
     rows = read_rows(args.results or ["results"], use_index=not args.no_index)
-    filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag")}
+    filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag", "split")}
     if args.across:
         show_across(rows, args.across, args.format, metric=args.metric, level=args.level, **filters)
     else:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..conventions import Convention
     from ..published import Published
 
-GROUP = ["task", "dataset", "sensor"]
+GROUP = ["task", "dataset", "sensor", "split"]
 Line = dict[str, Any]  # one row of a board
 FAILED = "†"  # behind a mean that leaves failed cases out
 GIVEN = "‡"  # behind a method that was given the truth
@@ -49,6 +49,7 @@ class Table:
     task: str
     dataset: str
     sensor: str
+    split: str
     methods: tuple[str, ...]
     ranks: tuple[str, ...]  # by the first metric
     metrics: tuple[Metric, ...]
@@ -60,14 +61,19 @@ class Table:
 
     @property
     def title(self) -> str:
-        """``reconstruct · bumps · samples``; a task without a sensor has two parts."""
-        return " · ".join(filter(None, (self.task, self.dataset, self.sensor)))
+        """``reconstruct · bumps · samples``; see :func:`title_of`."""
+        return title_of(self.task, self.dataset, self.sensor, self.split)
 
     @property
     def costs(self) -> list[tuple[str, tuple[str, ...]]]:
         """The columns that are not scores: heading and cells."""
         columns = [("solved", self.solved), ("seconds", self.seconds), ("peak MB", self.memory)]
         return [*columns, ("params", self.parameters)] if self.parameters else columns
+
+
+def title_of(task: str, dataset: str, sensor: str, split: str) -> str:
+    """``reconstruct · bumps · samples``; a task without a sensor has two parts, a table over train shapes says so."""
+    return " · ".join(filter(None, (task, dataset, sensor, "" if split == "test" else f"split {split}")))
 
 
 def tables(
@@ -86,7 +92,7 @@ def tables(
     lines = board.to_dict("records")
     return [
         _table(label, list(part), parameters, metrics, level, convention, states.get(label), published)
-        for label, part in itertools.groupby(lines, key=lambda line: (line["task"], line["dataset"], line["sensor"]))
+        for label, part in itertools.groupby(lines, key=lambda line: tuple(line[name] for name in GROUP))
     ]
 
 
@@ -118,7 +124,7 @@ def metric_order(lines: list[Line], wanted: Sequence[str] = ()) -> list[str]:
 
 
 def _table(
-    group: tuple[str, str, str],
+    group: tuple[str, str, str, str],
     lines: list[Line],
     parameters: dict[tuple, str],
     wanted: Sequence[str],
@@ -235,12 +241,16 @@ def _is_given(line: Line) -> bool:
     return line.get("true_distances", 0) > 0
 
 
-def _states(rows: pd.DataFrame | None) -> dict[tuple[str, str, str], str]:
+def _states(rows: pd.DataFrame | None) -> dict[tuple[str, str, str, str], str]:
     """What the inputs of each table really were like, in words: see the ``describe`` of the tasks."""
     if rows is None:
         return {}
+    from ..selection import completed
+
     columns = [column for column in rows.columns if column.startswith("input.")]
-    states = {label: _state(part[columns].median()) for label, part in rows.groupby(GROUP)} if columns else {}
+    states = (
+        {label: _state(part[columns].median()) for label, part in completed(rows).groupby(GROUP)} if columns else {}
+    )
     return {label: state for label, state in states.items() if state}
 
 

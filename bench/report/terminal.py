@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Any
 
-from .tables import GROUP, Metric, Table, label, shared_notes
+from .tables import GROUP, Metric, Table, label, shared_notes, title_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -112,9 +112,9 @@ def remarks(board: pd.DataFrame, rows: pd.DataFrame, color: bool = False) -> str
 
     shown = set(board[[*GROUP, "method", "variant"]].itertuples(index=False, name=None))
     parts = []
-    for title, told in (("Not solved", failures(rows)), ("Solved, with a note", notes(rows))):
-        lines = [_remark(t) for t in told.itertuples(index=False) if tuple(t[:5]) in shown]
-        parts += [Text(f"\n{title}", style="bold"), *lines] if lines else []
+    for caption, told in (("Not solved", failures(rows)), ("Solved, with a note", notes(rows))):
+        lines = [_remark(t) for t in told.itertuples(index=False) if tuple(t[:6]) in shown]
+        parts += [Text(f"\n{caption}", style="bold"), *lines] if lines else []
     return _print(parts, color) if parts else ""
 
 
@@ -124,7 +124,7 @@ def _remark(told: Any) -> Text:
 
     message = " ".join(str(told.message or "").split())
     message = message if len(message) <= MOST_MESSAGE else message[: MOST_MESSAGE - 1] + "…"
-    where = " · ".join(filter(None, (told.task, told.dataset, told.sensor)))
+    where = title_of(told.task, told.dataset, told.sensor, told.split)
     what = "" if told.status == "ok" else f" {told.status}"
     return Text(
         f"  {label(told.method, told.variant)}: {told.count}{what} ({where}){': ' + message if message else ''}"
