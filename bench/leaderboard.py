@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 from .errors import UsageError
-from .selection import Names, completed, metrics_of, pool, select
+from .selection import CONTENDER, GROUP, UNIT, Names, metrics_of, pool, prepared, select
 from .statistics import mean_intervals, rank_intervals
 
 COLUMNS = (
@@ -36,6 +36,9 @@ COLUMNS = (
     "split",
     "method",
     "variant",
+    "threads",
+    "device",
+    "host",
     "metric",
     "better",
     "mean",
@@ -50,9 +53,6 @@ COLUMNS = (
     "peak_rss_mb",
     "true_distances",
 )
-GROUP = ["task", "dataset", "sensor", "split"]  # one table each
-UNIT = ["case", "seed", "condition"]  # the first one is the cluster: a shape; the others are how it was met
-CONTENDER = ["method", "variant"]
 WORSE = 0.1  # an unsolved unit is this share of the case's spread worse than the worst solved result on the case
 
 _GROUP = slice(len(GROUP))  # where these are among the codes of a cell
@@ -82,7 +82,8 @@ def leaderboard(
 ) -> pd.DataFrame:
     """One row per task, dataset, sensor, split, metric and method (with its variant), best first.
 
-    Train and test shapes are never in one table.
+    Train and test shapes are never in one table, and results of two devices, or of two numbers of threads, never in one
+    line; nor are those of two machines where both ran the same cases.
 
     Parameters
     ----------
@@ -141,8 +142,8 @@ def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFr
 class _Cells:
     """Rows gathered per group, case, seed and contender, sorted by these; arrays are (cells, metrics).
 
-    Rows that differ in the number of threads or in the device alone fall into one cell: its value is their mean, and
-    for the ranks it is solved if all of them are.
+    Results hold one row of a kind; of several, the value is their mean, and for the ranks the cell is solved if all of
+    them are.
     """
 
     keys: pd.DataFrame  # the columns GROUP, UNIT, CONTENDER of each cell
@@ -212,7 +213,7 @@ def _sorted(rows: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
     Rows of one cell are in an order of their own as well, so that not even the last digit of a sum depends on the
     order in which the rows came.
     """
-    names = [*GROUP, *UNIT, *CONTENDER, "threads", "device", "host"]
+    names = [*GROUP, *UNIT, *CONTENDER, *(["finished"] if "finished" in rows else [])]
     codes = np.column_stack([pd.factorize(rows[name], sort=True)[0] for name in names])
     order = np.lexsort(codes.T[::-1])
     return rows.iloc[order], codes[order, : _CONTENDER.stop]
@@ -381,13 +382,13 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index ``task, dataset, sensor, split, method, variant``; columns ``seconds_median``, ``peak_rss_mb`` (the
-        largest), ``parameters`` and ``active_parameters`` (of a learned method; missing where none) and
-        ``true_distances`` (the most points at which they were given; missing where none were).
+        Index ``task, dataset, sensor, split, method, variant, threads, device, host``; columns ``seconds_median``,
+        ``peak_rss_mb`` (the largest), ``parameters`` and ``active_parameters`` (of a learned method; missing where
+        none) and ``true_distances`` (the most points at which they were given; missing where none were).
     """
     # Results of earlier versions do not have these columns.
     later = ("active_parameters", "true_distances")
-    rows = completed(rows).assign(**{name: pd.to_numeric(rows[name]) if name in rows else np.nan for name in later})
+    rows = prepared(rows).assign(**{name: pd.to_numeric(rows[name]) if name in rows else np.nan for name in later})
     solved = rows[(rows["status"] == "ok").to_numpy()].groupby([*GROUP, *CONTENDER], sort=True)
     return pd.DataFrame(
         {
@@ -406,7 +407,7 @@ def failures(rows: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns ``task, dataset, sensor, split, method, variant, status, count, message``.
+        Columns ``task, dataset, sensor, split, method, variant, threads, device, host, status, count, message``.
     """
     return _told(rows[(rows["status"] != "ok").to_numpy()])
 
@@ -419,6 +420,6 @@ def notes(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _told(rows: pd.DataFrame) -> pd.DataFrame:
     """How many rows of each group, contender and status there are, and the first message."""
-    rows = completed(rows).sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
+    rows = prepared(rows).sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
     grouped = rows.groupby([*GROUP, *CONTENDER, "status"], sort=True)["message"]
     return grouped.agg(count="size", message="first").reset_index()

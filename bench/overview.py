@@ -7,7 +7,7 @@ import pandas as pd
 from .errors import UsageError
 from .leaderboard import leaderboard
 from .report.tables import metric_order
-from .selection import Names, matching
+from .selection import Names, matching, pool, select
 
 GROUPS = ("dataset", "sensor", "tag")
 
@@ -42,13 +42,15 @@ def overview(
     chosen = matching("across", across, GROUPS)
     if len(chosen) > 1:
         raise UsageError(f"across {across}: expected one of {', '.join(GROUPS)}; for several see --by")
-    board = leaderboard(rows, by="task", metric=metric, level=level, **filters)
+    rows = select(rows, **filters)
+    rows = rows.assign(host=pool(rows, "task")["host"].to_numpy())  # a line has one name in all columns
+    board = leaderboard(rows, by="task", metric=metric, level=level)
     wanted = matching("metric", metric, board["metric"].unique()) if metric else ()
     names = [name for name in metric_order(board.to_dict("records"), wanted) if name]
     if not names:
         raise UsageError(f"across {across}: nothing was solved yet, so there is no metric to show")
     name = names[0]
-    parts = leaderboard(rows, by=chosen, metric=name, level=level, **filters)
+    parts = leaderboard(rows, by=chosen, metric=name, level=level)
     whole = board[board["metric"] == name]
     groups = parts["sensor" if chosen == ["sensor"] else "dataset"]
     parts = parts.assign(metric=groups, dataset=whole["dataset"].iloc[0], sensor=whole["sensor"].iloc[0])

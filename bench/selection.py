@@ -14,6 +14,10 @@ from .errors import UsageError, did_you_mean
 Names = str | Iterable[str] | None
 
 
+GROUP = ["task", "dataset", "sensor", "split"]  # one table each
+UNIT = ["case", "seed", "condition"]  # the first one is the cluster: a shape; the others are how it was met
+CONTENDER = ["method", "variant", "threads", "device", "host"]  # one line each
+
 # Columns that tables are made by and that rows of results may lack, and what they then are. ``condition`` is what the
 # units of one case differ in where sensors are pooled; rows read by other means than ours may have no ``split``.
 LATER = {"split": "test", "condition": ""}
@@ -24,6 +28,27 @@ def completed(rows: pd.DataFrame) -> pd.DataFrame:
     missing = {name: value for name, value in LATER.items() if name not in rows}
     empty = {name: rows[name].fillna(LATER[name]) for name in LATER if name in rows and rows[name].hasnans}
     return rows.assign(**missing, **empty) if missing or empty else rows
+
+
+def prepared(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with all columns that tables are made by, and the host of each line in ``host``.
+
+    A sweep over several machines may run some cases of a method here and some there: these stay one line, whose
+    ``host`` names all machines. Where two machines ran the *same* cases, their results are not averaged: each machine
+    has a line of its own.
+    """
+    rows = completed(rows)
+    if rows["host"].nunique() < 2:
+        return rows
+    who = CONTENDER[:-1]
+    twice = rows.groupby([*GROUP, *UNIT, *who], dropna=False)["host"].transform("nunique") > 1
+    apart = twice.groupby([rows[name] for name in who], dropna=False).transform("any")
+    together = rows.groupby([*GROUP, *who], dropna=False)["host"].transform(_joined)
+    return rows.assign(host=rows["host"].where(apart, together))
+
+
+def _joined(hosts: pd.Series) -> str:
+    return ", ".join(sorted({name for host in hosts for name in host.split(", ")}))
 
 
 def select(
@@ -91,7 +116,7 @@ def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
         For another word.
     """
     if by is None:
-        return rows
+        return prepared(rows)
     chosen = set(matching("by", by, GROUPINGS))
     rows = rows.copy()
     if "sensor" not in chosen:
@@ -106,7 +131,7 @@ def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
         shown = "{tag}" if "dataset" not in chosen else "{name} {tag}"
         group = [[shown.format(name=n[0], tag=t) for t in ts] for n, ts in zip(group, tags, strict=True)]
     rows["dataset"] = group
-    return rows.explode("dataset", ignore_index=True)
+    return prepared(rows.explode("dataset", ignore_index=True))
 
 
 def metrics_of(rows: pd.DataFrame, metric: Names = None) -> list[str]:

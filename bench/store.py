@@ -322,6 +322,11 @@ def _arrow_type(pa: Any, kind: str) -> pa.DataType:
 
 
 def newest(frame: pd.DataFrame) -> pd.DataFrame:
-    """Of several rows for one place in a table, the newest."""
+    """Of several rows for one place in a table, the newest; and what other machines made of the very same cell."""
     ordered = frame.sort_values("finished", kind="stable")
-    return ordered.drop_duplicates(subset=list(IDENTITY), keep="last").sort_index().reset_index(drop=True)
+    last = ordered.drop_duplicates(subset=list(IDENTITY), keep="last")
+    if frame["host"].nunique() > 1:
+        current = last.set_index([*IDENTITY, "fingerprint"]).index
+        same = ordered[ordered.set_index([*IDENTITY, "fingerprint"]).index.isin(current)]
+        last = same.drop_duplicates(subset=[*IDENTITY, "host"], keep="last")
+    return last.sort_index().reset_index(drop=True)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from .labels import hosts_note, label, setup, shown_setup
 from .numbers import count, plain, unit_exponent, with_interval
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from ..published import Published
 
 GROUP = ["task", "dataset", "sensor", "split"]
+CONTENDER = ["method", "variant", "threads", "device", "host"]
 Line = dict[str, Any]  # one row of a board
 FAILED = "†"  # behind a mean that leaves failed cases out
 GIVEN = "‡"  # behind a method that was given the truth
@@ -133,16 +135,20 @@ def _table(
     state: str | None,
     published: Published | None,
 ) -> Table:
+    shown = shown_setup(lines)
+    lines = [line | {"label": label(line["method"], line["variant"], setup(line, shown))} for line in lines]
     names = metric_order(lines, wanted)
     by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
     for line in lines:
         if line["metric"] in by_metric:
-            by_metric[line["metric"]][_label(line)] = line
+            by_metric[line["metric"]][line["label"]] = line
     first = by_metric[names[0] if names else ""]
-    methods = list(dict.fromkeys([*first, *map(_label, lines)]))  # who has no such score stands at the end
+    methods = list(
+        dict.fromkeys([*first, *(line["label"] for line in lines)])
+    )  # who has no such score stands at the end
     # What a method solved, whatever the metrics say of it: the most of any metric.
-    most = {_label(line): line for line in sorted(lines, key=lambda line: line["solved"])}
-    counts = [parameters.get((*group, most[m]["method"], most[m]["variant"]), "-") for m in methods]
+    most = {line["label"]: line for line in sorted(lines, key=lambda line: line["solved"])}
+    counts = [parameters.get((*group, *(most[m][name] for name in CONTENDER)), "-") for m in methods]
     digits = convention.digits if convention else {}
     lines_shown = [most[m] for m in methods]
     columns: list[Metric] = []
@@ -161,6 +167,7 @@ def _table(
         notes=(
             *([state] if state else []),
             *_notes(lines, columns, level),
+            *hosts_note(lines, shown),
             *(convention.notes(names) if convention else ()),
             *(_published_notes(published, [(m["method"], m["variant"]) for m in lines_shown], group[2])),
         ),
@@ -185,7 +192,7 @@ def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int
     floor = floors[0] if len(floors) == 1 else f"{floors[0]} to {floors[-1]}" if floors else ""
     better = next(iter(scored.values()))["better"]
     return Metric(
-        name, better, exponent, tuple(_cell(scored.get(_label(m)), m, exponent, digits) for m in methods), floor
+        name, better, exponent, tuple(_cell(scored.get(m["label"]), m, exponent, digits) for m in methods), floor
     )
 
 
@@ -275,15 +282,6 @@ def _rank(line: Line | None) -> str:
         return "-"
     low, high = line["rank_low"], line["rank_high"]
     return str(low) if low == high else f"{low}-{high}"
-
-
-def _label(line: Line) -> str:
-    return label(line["method"], line["variant"])
-
-
-def label(method: str, variant: str) -> str:
-    """``poisson (depth=9, trim=0.1)``."""
-    return f"{method} ({', '.join(part.strip() for part in variant.split(','))})" if variant else method
 
 
 def _seconds(value: float) -> str:
