@@ -7,9 +7,10 @@
 
 What makes it honest:
 
-* A failed case is never left out in silence. ``mean`` is over solved cases, and solved/planned stands beside it; in
-  the ranks an unsolved case counts as worse than every solved result on that case, and a method that solved nothing is
-  last. A score that is NaN or infinite is a failure of that metric.
+* Failing never pays. A failed case enters the mean and the rank with what the worst pseudo-method scores on it
+  (:mod:`bench.imputation`), and solved/planned stands beside the mean. Where that is not known, the mean leaves the
+  case out, and for the rank it is worse than any answer. A method that solved nothing has no rank and stands last. A
+  score that is NaN or infinite is a failure of that metric.
 * A method that was not run on some case looks no better for it: two methods are compared on the units (case and seed)
   that both were to solve.
 * A method that was given true distances of the reference says so in ``true_distances``, and is marked when printed.
@@ -26,7 +27,8 @@ import numpy as np
 import pandas as pd
 
 from .errors import UsageError
-from .selection import CONTENDER, GROUP, UNIT, Names, metrics_of, pool, prepared, select
+from .imputation import PREFIX, lent
+from .selection import CONTENDER, GROUP, UNIT, Names, completed, metrics_of, pool, prepared, select
 from .statistics import mean_intervals, rank_intervals
 
 COLUMNS = (
@@ -49,11 +51,12 @@ COLUMNS = (
     "rank_high",
     "solved",
     "planned",
+    "imputed",
     "seconds_median",
     "peak_rss_mb",
     "true_distances",
 )
-WORSE = 0.1  # an unsolved unit is this share of the case's spread worse than the worst solved result on the case
+FAR = 1e6  # times the largest score: what a failure counts in the ranks where its worth is not known
 
 _GROUP = slice(len(GROUP))  # where these are among the codes of a cell
 _UNIT = slice(_GROUP.stop, _GROUP.stop + len(UNIT))
@@ -101,9 +104,11 @@ def leaderboard(
     Returns
     -------
     DataFrame
-        With :data:`COLUMNS`. ``mean``, ``ci_low``, ``ci_high`` and ``floor`` are in the metric's unit, over solved
-        cases; ``better`` is lower, higher or reference (nearest to ``floor``, the reference's own value);
-        ``rank_low`` to ``rank_high`` is the interval of the rank; ``seconds_median`` and ``peak_rss_mb`` (the
+        With :data:`COLUMNS`. ``mean``, ``ci_low``, ``ci_high`` and ``floor`` are in the metric's unit. Of the
+        ``planned`` cases ``solved`` enter the mean with their scores, and ``imputed`` ones, which failed, with that of
+        the worst pseudo-method; the floor is over solved cases. ``better`` is lower, higher or reference (nearest to
+        ``floor``, the reference's own value); ``rank_low`` to ``rank_high`` is the interval of the rank, missing where
+        nothing was solved, as the mean is; ``seconds_median`` and ``peak_rss_mb`` (the
         largest) are over solved cases, and so is ``true_distances``: at how many points a method was given true
         distances of the reference, in the case where they were most; 0 for most methods. A group in which nothing was
         solved and no metric is known has one line per method with an empty ``metric``.
@@ -115,7 +120,9 @@ def leaderboard(
     """
     if not 0 < level < 1:
         raise UsageError(f"level: expected a number between 0 and 1, got {level}")
-    chosen = select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag, split=split)
+    chosen = select(
+        lent(completed(rows)), task=task, dataset=dataset, sensor=sensor, method=method, tag=tag, split=split
+    )
     rows = pool(chosen, by)
     if not len(rows):
         return pd.DataFrame(columns=list(COLUMNS))
@@ -134,6 +141,8 @@ def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFr
     board["better"] = np.array([*cells.better, ""], dtype=object)[board["metric"]]
     board["metric"] = np.array([*cells.metrics, ""], dtype=object)[board["metric"]]
     board = board.join(costs, on=[*GROUP, *CONTENDER])
+    for name in ("rank_low", "rank_high"):
+        board[name] = board[name].astype("Int64").mask(board["solved"] == 0)
     board["true_distances"] = board["true_distances"].fillna(0).astype("int64")
     return board[list(COLUMNS)]
 
@@ -142,8 +151,7 @@ def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFr
 class _Cells:
     """Rows gathered per group, case, seed and contender, sorted by these; arrays are (cells, metrics).
 
-    Results hold one row of a kind; of several, the value is their mean, and for the ranks the cell is solved if all of
-    them are.
+    Results hold one row of a kind; of several, the value is their mean.
     """
 
     keys: pd.DataFrame  # the columns GROUP, UNIT, CONTENDER of each cell
@@ -152,7 +160,8 @@ class _Cells:
     better: list[str]
     planned: np.ndarray  # how many rows were to be scored
     solved: np.ndarray  # how many were
-    value: np.ndarray  # mean score over the solved rows, 0 without
+    imputed: np.ndarray  # how many were not, but have the score of the worst pseudo-method
+    value: np.ndarray  # mean score over the solved and the imputed rows, 0 without
     badness: np.ndarray  # the same as "lower is better"
     floor: np.ndarray  # NaN where unknown
     rows: np.ndarray  # (cells,) how many rows
@@ -171,6 +180,7 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
     declared, better, silent = _declared(rows, metrics)
     score = rows[[f"score.{m}" for m in metrics]].to_numpy(dtype=float)
     floor = rows.reindex(columns=[f"floor.{m}" for m in metrics]).to_numpy(dtype=float)
+    worst = rows.reindex(columns=[f"{PREFIX}{m}" for m in metrics]).to_numpy(dtype=float)
     badness = _badness(score, floor, better)
     # Without the reference's own value nothing says how near to it a score is.
     solved = ok[:, None] & np.isfinite(badness)
@@ -185,11 +195,14 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
     planned &= never_ok | _any_by(contender, declared & ok[:, None])
     planned &= _any_by(group, declared)
     mute = ~_any_by(group, (ok | ~silent)[:, None])[:, 0]
+    imputed = planned & ~solved & np.isfinite(_badness(worst, floor, better))
+    known = solved | imputed
+    score, badness = np.where(solved, score, worst), np.where(solved, badness, _badness(worst, floor, better))
 
     def total(array: np.ndarray) -> np.ndarray:
         return np.add.reduceat(array, starts, axis=0) if len(starts) else array[:0]
 
-    count, floored = total(solved.astype(int)), solved & np.isfinite(floor)
+    count, floored = total(known.astype(int)), solved & np.isfinite(floor)
     with np.errstate(divide="ignore", invalid="ignore"):
         floor = total(np.where(floored, floor, 0.0)) / total(floored.astype(int))
     return _Cells(
@@ -198,9 +211,10 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
         metrics=metrics,
         better=better,
         planned=total(planned.astype(int)),
-        solved=count,
-        value=total(np.where(solved, score, 0.0)) / np.maximum(count, 1),
-        badness=total(np.where(solved, badness, 0.0)) / np.maximum(count, 1),
+        solved=total(solved.astype(int)),
+        imputed=total(imputed.astype(int)),
+        value=total(np.where(known, score, 0.0)) / np.maximum(count, 1),
+        badness=total(np.where(known, badness, 0.0)) / np.maximum(count, 1),
         floor=floor,
         rows=total(np.ones(len(rows), dtype=int)),
         mute=mute[starts],
@@ -220,13 +234,17 @@ def _sorted(rows: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
 
 
 def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """Which row says that it is scored by which metric, the direction of each, and which rows say nothing."""
+    """Which row says that it is scored by which metric, the direction of each, and which rows say nothing.
+
+    A failed row says nothing, even if it knows what hopeless outputs are scored by.
+    """
+    failed = (rows["status"] != "ok").to_numpy()
     codes, texts = pd.factorize(rows["directions"].fillna(""), sort=True)
     said = [json.loads(text) if text else {} for text in texts]
     table = np.array([[m in s for m in metrics] for s in said], dtype=bool).reshape(len(said), len(metrics))
     better = [next((s[m] for s in said if m in s), "lower") for m in metrics]
     silent = np.array([not s for s in said], dtype=bool)
-    return table[codes], better, silent[codes]
+    return table[codes] & ~failed[:, None], better, silent[codes] | failed
 
 
 def _badness(score: np.ndarray, floor: np.ndarray, better: list[str]) -> np.ndarray:
@@ -292,6 +310,7 @@ def _group_board(cells: _Cells, group: slice, level: float) -> _Part:
         return full
 
     planned, solved, floor = cube(cells.planned), cube(cells.solved), cube(cells.floor, np.nan)
+    known = cube(cells.solved + cells.imputed)
     units = codes[np.unique(unit, return_index=True)[1]]
     cases = _starts(units[:, _CASE])
     # Of a single shape only the seeds differ by luck: the interval then speaks of this shape, not of others.
@@ -299,11 +318,12 @@ def _group_board(cells: _Cells, group: slice, level: float) -> _Part:
 
     scores = cube(cells.value)
     sums = np.add.reduceat(scores, clusters).reshape(len(clusters), -1)
-    counts = np.add.reduceat((solved > 0).astype(float), clusters).reshape(len(clusters), -1)
+    counts = np.add.reduceat((known > 0).astype(float), clusters).reshape(len(clusters), -1)
     mean, low, high = (a.reshape(len(first), -1) for a in mean_intervals(sums, counts, level))
     low, high = _clipped(low, high, scores, [cells.better[m] for m in used])
+    mean, low, high = (np.where(solved.any(axis=0), array, np.nan) for array in (mean, low, high))
 
-    values = penalise(cube(cells.badness), (solved == planned) & (planned > 0), cases)
+    values = penalise(cube(cells.badness), (known == planned) & (planned > 0))
     rank_low, rank_high, order = _ranks(values, planned > 0, solved.any(axis=0), clusters, level)
     floors = np.isfinite(floor).sum(axis=0)
     table = {
@@ -317,6 +337,7 @@ def _group_board(cells: _Cells, group: slice, level: float) -> _Part:
         "rank_high": rank_high,
         "order": order,
         "solved": solved.sum(axis=0),
+        "imputed": known.sum(axis=0) - solved.sum(axis=0),
         "planned": planned.sum(axis=0),
     }
     # By metric, then rank; contenders are in the order of their names.
@@ -327,31 +348,25 @@ def _group_board(cells: _Cells, group: slice, level: float) -> _Part:
     return {name: array.ravel()[place] for name, array in table.items()}
 
 
-def penalise(badness: np.ndarray, solved: np.ndarray, cases: np.ndarray) -> np.ndarray:
-    """Give every unsolved unit a value that is worse than all solved results on its case.
+def penalise(badness: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Give units whose worth is not known a value that is worse than any answer.
 
-    The case's own worst result is the measure, not the worst of all: cases differ in scale, and one bad outlier
-    elsewhere should not decide what a failure costs here.
+    So much worse that the relative difference to any answer is 1, the largest there is: what a failure costs against
+    one method then does not depend on which others are shown.
 
     Parameters
     ----------
     badness : (units, k, m) array
         Lower is better.
-    solved : (units, k, m) bool array
-    cases : (n,) int array
-        The first unit of each case.
+    known : (units, k, m) bool array
+        Whether the unit was solved, or has the score of the worst pseudo-method.
 
     Returns
     -------
     (units, k, m) array
     """
-    worst = np.maximum.reduceat(np.where(solved, badness, -np.inf).max(axis=1), cases)
-    best = np.minimum.reduceat(np.where(solved, badness, np.inf).min(axis=1), cases)
-    nobody = np.isinf(worst)
-    worst, best = np.where(nobody, 0.0, worst), np.where(nobody, 0.0, best)
-    scale = np.where(worst > best, worst - best, np.where(worst != 0, abs(worst), 1.0))
-    failed = np.repeat(worst + WORSE * scale, np.diff([*cases, len(badness)]), axis=0)
-    return np.where(solved, badness, failed[:, None])
+    largest = abs(np.where(known, badness, 0.0)).max(axis=(0, 1))
+    return np.where(known, badness, FAR * np.where(largest > 0, largest, 1.0))
 
 
 def _ranks(
@@ -369,7 +384,8 @@ def _unscored(cells: _Cells, group: slice, first: np.ndarray, contender: np.ndar
         return {}
     k = len(first)
     part = {name: np.full(k, np.nan) for name in ("mean", "ci_low", "ci_high", "floor")}
-    part |= {name: np.full(k, n) for name, n in (("metric", -1), ("rank_low", 1), ("rank_high", k), ("solved", 0))}
+    numbers = {"metric": -1, "rank_low": 1, "rank_high": k, "solved": 0, "imputed": 0}
+    part |= {name: np.full(k, number) for name, number in numbers.items()}
     return part | {"row": group.start + first, "planned": np.bincount(contender, cells.rows[group]).astype(int)}
 
 

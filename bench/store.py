@@ -32,11 +32,13 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-SCHEMA_VERSION = 4  # 3: without split; 2: without active_parameters too; 1: without true_distances too; all are read
+# Of the columns. 3: without split and worst.<key>; 2: and without active_parameters; 1: and without true_distances; all
+# are read.
+SCHEMA_VERSION = 4
 META_KEY = b"detailbench"
 STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
 
-# Columns of every file, in order; what was measured follows as input.<key>, score.<key> and floor.<key>, all float64.
+# Columns of every file, in order; what was measured follows as input.<key>, score.<key>, floor.<key>, worst.<key>.
 COLUMNS = {
     "schema_version": "int64",
     "cell": "string",
@@ -308,7 +310,9 @@ def _table(record: Record) -> pa.Table:
     """The rows of a record as a table with the documented columns, the metadata in its schema."""
     import pyarrow as pa
 
-    scores = sorted({key for row in record.rows for key in row if key.startswith(("input.", "score.", "floor."))})
+    scores = sorted(
+        {key for row in record.rows for key in row if key.startswith(("input.", "score.", "floor.", "worst."))}
+    )
     types = {**COLUMNS, **dict.fromkeys(scores, "float64")}
     schema = pa.schema(
         [pa.field(name, _arrow_type(pa, kind)) for name, kind in types.items()],

@@ -7,19 +7,19 @@ import pandas as pd
 import pytest
 
 from bench.errors import UsageError
-from bench.leaderboard import COLUMNS, failures, leaderboard, notes, penalise
+from bench.leaderboard import COLUMNS, failures, leaderboard, notes
 from bench.overview import overview
 from bench.report import render
 from bench.report.terminal import remarks
 from bench.selection import pool, select
 
 DOCUMENTED = (
-    "task,dataset,sensor,split,method,variant,threads,device,host,metric,better,mean,ci_low,ci_high,floor,rank_low,rank_high,solved,planned,"
-    "seconds_median,peak_rss_mb,true_distances"
+    "task,dataset,sensor,split,method,variant,threads,device,host,metric,better,mean,ci_low,ci_high,floor,rank_low,"
+    "rank_high,solved,planned,imputed,seconds_median,peak_rss_mb,true_distances"
 )
 
 
-def row(method="poisson", case="a", seed=0, scores=None, floors=None, better="lower", **changes):
+def row(method="poisson", case="a", seed=0, scores=None, floors=None, better="lower", worst=None, **changes):
     """One row as the store gives it; ``scores=None`` is a failure that says nothing of metrics."""
     base = {
         "schema_version": 1,
@@ -51,6 +51,7 @@ def row(method="poisson", case="a", seed=0, scores=None, floors=None, better="lo
     }
     base |= {f"score.{key}": value for key, value in (scores or {}).items()}
     base |= {f"floor.{key}": value for key, value in (floors or {}).items()}
+    base |= {f"worst.{key}": value for key, value in (worst or {}).items()}
     return base | changes
 
 
@@ -77,7 +78,9 @@ def units(*values, cases="abcdefgh", seeds=1):
 
 
 def ranks(board):
-    return {m: (int(a), int(b)) for m, a, b in zip(board["method"], board["rank_low"], board["rank_high"], strict=True)}
+    """The rank interval of each method; None for one that solved nothing."""
+    lines = zip(board["method"], board["rank_low"], board["rank_high"], strict=True)
+    return {m: None if pd.isna(low) else (int(low), int(high)) for m, low, high in lines}
 
 
 def line(board, method, metric="d"):
@@ -138,15 +141,6 @@ def test_identical_results_are_ties():
     assert board["method"].tolist() == ["one", "two"]
 
 
-def test_a_failure_counts_as_worse_than_every_solved_result_of_its_case():
-    values = np.array([[[1.0], [5.0], [0.0]], [[2.0], [0.0], [0.0]], [[0.0], [0.0], [0.0]]])
-    solved = np.array([[[1], [1], [0]], [[1], [0], [0]], [[0], [0], [0]]], dtype=bool)
-    full = penalise(values, solved, np.array([0, 1, 2]))[..., 0]
-    assert full[0].tolist() == pytest.approx([1, 5, 5.4])
-    assert full[1].tolist() == pytest.approx([2, 2.2, 2.2])
-    assert len(set(full[2])) == 1  # nobody solved it: it tells nobody apart
-
-
 def test_solving_only_the_easy_cases_does_not_pay():
     careful = units(*(1.0, 1.1, 0.9, 1.0, 10.0, 11.0, 9.0, 10.0))
     lucky = units(*(0.99, 1.09, 0.89, 0.99, None, None, None, None))
@@ -165,13 +159,13 @@ def test_who_solved_nothing_is_last(status):
     assert (got["method"], got["solved"], got["planned"]) == ("none", 0, 4)
     assert np.isnan(got["mean"])
     assert np.isnan(got["seconds_median"])
-    assert (got["rank_low"], got["rank_high"]) == (3, 3)
+    assert pd.isna(got["rank_low"]) and pd.isna(got["rank_high"])
     assert board["rank_high"].iloc[:2].max() <= 2
 
 
-def test_several_who_solved_nothing_share_the_last_places():
+def test_several_who_solved_nothing_have_no_rank_and_stand_last():
     board = leaderboard(table({"good": units(1, 2), "no": units(None, None), "nor": units(None, None)}))
-    assert ranks(board) == {"good": (1, 1), "no": (2, 3), "nor": (2, 3)}
+    assert ranks(board) == {"good": (1, 1), "no": None, "nor": None}
 
 
 def test_when_all_failed_the_group_stays_on_the_board():
@@ -179,7 +173,7 @@ def test_when_all_failed_the_group_stays_on_the_board():
     assert board["metric"].tolist() == ["", ""]
     assert board["planned"].tolist() == [2, 2]
     assert board["solved"].tolist() == [0, 0]
-    assert ranks(board) == {"a": (1, 2), "b": (1, 2)}
+    assert ranks(board) == {"a": None, "b": None}
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -392,7 +386,7 @@ def test_across_shows_who_solved_nothing_and_keeps_tasks_apart(spread):
     board = overview(failed, "tag")
     lost = board[board["method"] == "rimls"]
     assert set(lost["metric"]) == {"d", "smooth", "thin", "sharp", "untagged"}
-    assert (lost["solved"] == 0).all() and (lost["rank_low"] == 3).all()
+    assert (lost["solved"] == 0).all() and lost["rank_low"].isna().all()
     assert list(dict.fromkeys(board["task"])) == ["denoise", "reconstruct"]
     assert (board.groupby("task").size() == [10, 15]).all()
 

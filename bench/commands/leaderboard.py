@@ -8,9 +8,10 @@
   detailbench leaderboard DIR --published table_4_1        the table of an experiment, the paper's numbers beside ours
   detailbench leaderboard DIR --format csv > board.csv     markdown, latex and csv besides the terminal
 
-Means are over solved cases with 95 % intervals over shapes, whatever seeds and sensors each was met with; rank 1-2
-means that nobody is surely better than place 1, nor is it surely worse than place 2. An unsolved case counts as worse
-than every solved one in the ranks, and solved/planned stands beside the mean. docs/metrics.md has the formulas.
+Means have 95 % intervals over shapes, whatever seeds and sensors each was met with; rank 1-2 means that nobody is
+surely better than place 1, nor is it surely worse than place 2. A failed case enters mean and rank with the score of
+the worst pseudo-method, and solved/planned stands beside the mean. Train shapes have tables of their own.
+docs/metrics.md has the formulas.
 """
 
 from __future__ import annotations

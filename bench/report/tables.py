@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 GROUP = ["task", "dataset", "sensor", "split"]
 CONTENDER = ["method", "variant", "threads", "device", "host"]
 Line = dict[str, Any]  # one row of a board
-FAILED = "†"  # behind a mean that leaves failed cases out
+FAILED = "†"  # behind a mean into which failed cases enter with the score of the worst pseudo-method
+LEFT_OUT = "††"  # behind a mean that leaves failed cases out, for nothing says what they are worth
 GIVEN = "‡"  # behind a method that was given the truth
 
 
@@ -213,9 +214,11 @@ def _cell(line: Line | None, most: Line, exponent: int, digits: int | None) -> C
     mark = ""
     if 0 < line["solved"] < line["planned"]:
         usual = (line["solved"], line["planned"]) == (most["solved"], most["planned"])
-        mark = FAILED if usual else f"{FAILED}{line['solved']}/{line['planned']}"
+        sign = FAILED if line["solved"] + line["imputed"] == line["planned"] else LEFT_OUT
+        mark = sign if usual else f"{sign}{line['solved']}/{line['planned']}"
     text = with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent, digits)
-    return Cell(text, line["rank_low"] == 1 and math.isfinite(line["mean"]), mark)
+    # What failed anywhere is not printed as the best, whatever its rank.
+    return Cell(text, 0 < line["planned"] == line["solved"] and line["rank_low"] == 1, mark)
 
 
 def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[str, ...]:
@@ -225,10 +228,13 @@ def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[
         notes.append(f"mean [{level:.0%} interval over shapes]; seconds: median; peak MB: largest, of solved cases.")
     if any(c.exponent for c in columns):
         notes.append("A power of ten beside a metric: its numbers are in that unit.")
-    if any(cell.mark for c in columns for cell in c.cells):
+    marks = {cell.mark.rstrip("0123456789/") for c in columns for cell in c.cells}
+    if FAILED in marks:
+        notes.append(f"{FAILED} failed cases enter mean and rank with the score of the worst pseudo-method.")
+    if LEFT_OUT in marks:
+        why = "no pseudo-method was scored on them"
         notes.append(
-            f"{FAILED} the mean leaves failed cases out; for the rank, a failed case is worse than every solved result "
-            "on that case."
+            f"{LEFT_OUT} the mean leaves failed cases out ({why}); for the rank they are worse than any answer."
         )
     if any(map(_is_given, lines)):
         notes.append(
@@ -278,7 +284,7 @@ def _state(medians: pd.Series) -> str:
 
 
 def _rank(line: Line | None) -> str:
-    if line is None:
+    if line is None or not line["solved"]:
         return "-"
     low, high = line["rank_low"], line["rank_high"]
     return str(low) if low == high else f"{low}-{high}"
