@@ -14,6 +14,7 @@ from typing import Any, Protocol
 from .affinity import claim
 from .errors import UsageError
 from .forkserver import ForkServer, ServerDied, begun
+from .imputation import lacks_worst
 from .plan import Cell, Settings
 from .provenance import fingerprint, ingredients, memory_keys, provenance, source_digest
 from .store import COLUMNS, SCHEMA_VERSION, Record, Results
@@ -101,7 +102,9 @@ def finished_rows(
     rows = stored.rows if stored else []
     rows = rows + results.partial_rows(cell.id, mark)
     before = stored.meta["settings"]["limit"] if stored else {}
-    return {row["case_index"]: row for row in rows if not _must_rerun(row, settings, before)}, stored
+    # A partial file of an earlier version has no column of the split.
+    rows = [{"split": cell.split} | row for row in rows if not _must_rerun(row, settings, before)]
+    return {row["case_index"]: row for row in rows}, stored
 
 
 def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str, float]) -> bool:
@@ -138,6 +141,7 @@ class _Job:
         self.cell, self.settings, self.results, self.mark = cell, settings, results, mark
         self.rows, self.reporter, self.alive = rows, reporter, alive
         self.ids: list[str] = []
+        self.scored: set[int] = set()  # cases whose worst scores were asked for: once is enough
         self.constants = constant_columns(cell, settings, mark)
 
     def run(self, cpus: list[int]) -> None:
@@ -173,6 +177,7 @@ class _Job:
         return {
             "cell": self.cell.to_json(),
             "done": sorted(self.rows),
+            "owed": sorted(i for i, row in self.rows.items() if i not in self.scored and lacks_worst(row)),
             "cpus": cpus,
             "threads": self.cell.threads,
             "seconds": s.limit.seconds,
@@ -193,6 +198,11 @@ class _Job:
             self.keep(event["row"])
         elif event["event"] == "no_plan":
             self.no_plan(event["row"])
+        elif event["event"] == "begin" and event["stage"] == "worst":
+            self.scored.add(event["index"])
+        elif event["event"] == "worst":
+            row = self.rows[event["index"]]
+            row |= {key: value for key, value in event["row"].items() if not row.get(key)}
         self.reporter.event(event)
 
     def keep(self, row: dict[str, Any]) -> None:
@@ -241,6 +251,7 @@ def constant_columns(cell: Cell, settings: Settings, mark: str) -> dict[str, Any
         "task": cell.task.label,
         "dataset": cell.dataset.label,
         "sensor": cell.sensor.label if cell.sensor in cell.choices else "",
+        "split": cell.split,
         "method": cell.method.name,
         "variant": cell.method.variant,
         "seed": cell.seed,

@@ -32,11 +32,13 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-SCHEMA_VERSION = 3  # 2: without active_parameters; 1: without true_distances either; all are read
+# Of the columns. 3: without split and worst.<key>; 2: and without active_parameters; 1: and without true_distances; all
+# are read.
+SCHEMA_VERSION = 4
 META_KEY = b"detailbench"
 STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
 
-# Columns of every file, in order; what was measured follows as input.<key>, score.<key> and floor.<key>, all float64.
+# Columns of every file, in order; what was measured follows as input.<key>, score.<key>, floor.<key>, worst.<key>.
 COLUMNS = {
     "schema_version": "int64",
     "cell": "string",
@@ -44,6 +46,7 @@ COLUMNS = {
     "task": "string",
     "dataset": "string",
     "sensor": "string",
+    "split": "string",
     "method": "string",
     "variant": "string",
     "seed": "int64",
@@ -78,7 +81,7 @@ COLUMNS = {
 # What only a reader of one record wants.
 NOT_INDEXED = ("traceback", "trace")
 # One result per place in a table: of several records, the newest counts.
-IDENTITY = ("task", "dataset", "sensor", "method", "variant", "seed", "threads", "device", "case")
+IDENTITY = ("task", "dataset", "sensor", "split", "method", "variant", "seed", "threads", "device", "case")
 
 
 @dataclass
@@ -177,7 +180,7 @@ class Results:
         except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
             self._set_aside(path, error)
             return None
-        return Record(meta["cell_id"], meta["fingerprint"], meta, rows)
+        return Record(meta["cell_id"], meta["fingerprint"], meta, [{"split": split_of(meta)} | row for row in rows])
 
     def _set_aside(self, path: Path, error: Exception) -> None:
         target = self.folder / "damaged" / path.name
@@ -297,11 +300,19 @@ class Results:
         return index.rows(self, use_index=use_index)
 
 
+def split_of(meta: Mapping[str, Any]) -> str:
+    """The split of a record's cases by its metadata: rows of versions below 4 have no column of it."""
+    cell = meta.get("cell")
+    return cell.get("split", "test") if isinstance(cell, dict) else "test"
+
+
 def _table(record: Record) -> pa.Table:
     """The rows of a record as a table with the documented columns, the metadata in its schema."""
     import pyarrow as pa
 
-    scores = sorted({key for row in record.rows for key in row if key.startswith(("input.", "score.", "floor."))})
+    scores = sorted(
+        {key for row in record.rows for key in row if key.startswith(("input.", "score.", "floor.", "worst."))}
+    )
     types = {**COLUMNS, **dict.fromkeys(scores, "float64")}
     schema = pa.schema(
         [pa.field(name, _arrow_type(pa, kind)) for name, kind in types.items()],
@@ -315,6 +326,11 @@ def _arrow_type(pa: Any, kind: str) -> pa.DataType:
 
 
 def newest(frame: pd.DataFrame) -> pd.DataFrame:
-    """Of several rows for one place in a table, the newest."""
+    """Of several rows for one place in a table, the newest; and what other machines made of the very same cell."""
     ordered = frame.sort_values("finished", kind="stable")
-    return ordered.drop_duplicates(subset=list(IDENTITY), keep="last").sort_index().reset_index(drop=True)
+    last = ordered.drop_duplicates(subset=list(IDENTITY), keep="last")
+    if frame["host"].nunique() > 1:
+        current = last.set_index([*IDENTITY, "fingerprint"]).index
+        same = ordered[ordered.set_index([*IDENTITY, "fingerprint"]).index.isin(current)]
+        last = same.drop_duplicates(subset=[*IDENTITY, "host"], keep="last")
+    return last.sort_index().reset_index(drop=True)

@@ -17,12 +17,14 @@ import sys
 import time
 import traceback
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from . import imputation
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from .memo import Memo, RememberedDataset, RememberedSensor
 from .meter import Meter
@@ -89,6 +91,8 @@ class _Session:
         self.spec, self.channel = spec, channel
         self.cell = Cell.from_json(spec["cell"])
         self.done = set(spec["done"])  # indices of cases that need not be run
+        self.owed = set(spec["owed"])  # and those of them whose worst scores are not known
+        self.case: Case | None = None  # the one that was worked on last
         self.meter = Meter(spec["memory_gb"], self.cell.device)
         # All that is remembered depends on the dataset; what depends on more says so where it is remembered.
         self.memo = Memo(Path(spec["cache"]), spec["keys"]["dataset"], spec["cache_gb"])
@@ -103,11 +107,14 @@ class _Session:
             return
         self.channel.send("cases", ids=[recipe.id for recipe in recipes])
         for index, recipe in enumerate(recipes):
-            if index in self.done:
-                continue
-            row = {"case": recipe.id, "case_index": index, "started": now()}
-            row |= self.run_case(index, recipe, task)
-            self.channel.send("row", row=plain(row | {"finished": now()}))
+            owed = index in self.owed
+            if index not in self.done:
+                row = {"case": recipe.id, "case_index": index, "started": now()}
+                row |= self.run_case(index, recipe, task)
+                self.channel.send("row", row=plain(row | {"finished": now()}))
+                owed = imputation.lacks_worst(row)
+            if owed:
+                self.send_worst(index, recipe, task)
 
     def plan(self) -> tuple[Any, list[Any]]:
         """The task, and the recipes of its cases; nothing is made yet."""
@@ -129,14 +136,19 @@ class _Session:
             raise UsageError(f"dataset {cell.dataset.label}: two cases have one id: {max(ids, key=ids.count)!r}")
         return task, recipes
 
+    def made(self, recipe: Any) -> Case:
+        """The case of a recipe, with its corner of the memory."""
+        case = recipe.build()
+        case._memo = self.memo.at("case", self.cell.split, self.cell.seed, case.id)
+        return case
+
     def run_case(self, index: int, recipe: Any, task: Any) -> dict[str, Any]:
         """The row of one case; whatever is raised on the way is its status."""
-        cell = self.cell
         row: dict[str, Any] = {}
+        self.case = None
         try:
             self.channel.enter("case", index)
-            case = recipe.build()
-            case._memo = self.memo.at("case", cell.split, cell.seed, case.id)
+            self.case = case = self.made(recipe)
             row["tags"] = ",".join(case.tags)
             row |= conditions(task, case)
             output = self.call_method(index, case, task, row)
@@ -236,6 +248,51 @@ class _Session:
 
         name = f"floor of {choice.name} {self.spec['keys'][choice.name]} for {kind}"
         return {key: float(value) for key, value in case.remember(name, scored).items()}
+
+    def send_worst(self, index: int, recipe: Any, task: Any) -> None:
+        """Tell the runner what a failure is worth on this case.
+
+        After the case's row: whatever happens here, the result of the method is safe, and its clock and memory are as
+        they were.
+        """
+        self.channel.enter("worst", index)
+        case, self.case = self.case, None
+        try:
+            row = self.worst(self.made(recipe) if case is None else case, task)
+        except Exception as error:  # the boundary: the case has its row, and does without these values
+            print(f"{recipe.id}: cannot score hopeless outputs: {error!r}", file=sys.stderr)
+            return
+        self.channel.send("worst", index=index, row=plain(row))
+
+    def worst(self, case: Case, task: Any) -> dict[str, Any]:
+        """``worst.<key>`` of every metric: what the worst output scores that knows nothing of the case."""
+        row: dict[str, Any] = {}
+        directions: dict[str, str] = {}
+        if not hasattr(task, "hopeless"):
+            return row
+        kind = f"{self.cell.task.label}, {task.expected(case.input)} points"
+        for choice in self.cell.metrics:
+            name = f"worst of {choice.name} {self.spec['keys'][choice.name]} for {kind}"
+            scores = case.remember(name, lambda choice=choice: self.worst_of(choice, case, task))
+            row |= {f"{imputation.PREFIX}{key}": float(value) for key, value in scores.items()}
+            directions |= {key: choice.plugin.better(key) for key in scores}
+        return row | ({"directions": json.dumps(directions, sort_keys=True)} if directions else {})
+
+    def worst_of(self, choice: Choice, case: Case, task: Any) -> dict[str, np.ndarray]:
+        """The worst scores of one metric. Fewer samples than usual do: no hopeless output is near the reference."""
+        from .geometry.comparison import set_samples
+
+        metric, outputs = choice.build(), task.hopeless(case)
+        rough = replace(case, _cache={})
+        set_samples(rough, imputation.SAMPLES)
+        hopeless = []
+        for output in outputs:
+            # A metric of a user may refuse what the tasks never let through; it then has no worst score.
+            with contextlib.suppress(Exception):
+                hopeless.append(metric.score(output, rough))
+        perfect = self.floor(choice, metric, outputs[0], case) if hopeless else {}
+        worst = imputation.worst_scores(hopeless, perfect, choice.plugin.better)
+        return {key: np.float64(value) for key, value in worst.items()}
 
     def keep(self, index: int, case: Case, output: Any) -> str:
         """Write the output as a PLY file where the settings ask for it; its path below the results folder."""

@@ -34,8 +34,8 @@ FLOORS = (
     "overview",
     "leaderboard selection report headline resolution fronts statistics runner isolate application conformance testing "
     "templates progress catalog listing",
-    "store index worker plan config schema presets sensors conventions published memo overrides provenance forkserver "
-    "watch affinity meter",
+    "store index worker imputation plan config schema presets sensors conventions published memo overrides provenance "
+    "forkserver watch affinity meter",
     "registry tasks run fields kept",
     "geometry shapes",
     "errors seeds __init__",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -92,6 +92,10 @@ class DetailTransfer(Task):
             else None,
             "target_base": _mesh(frame.apply(target_base.vertices), target_base.faces),
         }
+
+    def expected(self, input: Mapping[str, Any]) -> int:
+        """As many vertices as the target's base has."""
+        return len(input["target_base"].vertices)
 
     def describe(self, case: Case) -> dict[str, float]:
         """How large the details are that the reference has on the target's base, in the frame.
