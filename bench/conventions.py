@@ -95,7 +95,8 @@ class Convention:
         import pandas as pd
 
         parts = []
-        for _, lines in board.groupby(["task", "dataset", "sensor"], sort=False, dropna=False):
+        group = [name for name in ("task", "dataset", "sensor", "split") if name in board]
+        for _, lines in board.groupby(group, sort=False, dropna=False):
             shown = [self._column(lines, column) for column in self.columns]
             shown.append(lines[lines["metric"] == ""])
             parts.extend(part for part in shown if len(part))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import StoreError
-from .store import COLUMNS, IDENTITY, NOT_INDEXED, ORDER, SCHEMA_VERSION, newest, write_atomically
+from .store import COLUMNS, IDENTITY, META_KEY, NOT_INDEXED, ORDER, SCHEMA_VERSION, newest, split_of, write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -128,6 +128,9 @@ def _read_all(results: Results, paths: list[Path]) -> list[pa.Table]:
             table = pq.ParquetFile(path, page_checksum_verification=True).read()
             if "fingerprint" not in table.column_names or not table.num_rows:
                 raise ValueError("it is no record of detailbench")
+            if "split" not in table.column_names:
+                split = split_of(json.loads((table.schema.metadata or {}).get(META_KEY, b"{}")))
+                table = table.append_column("split", pa.array([split] * table.num_rows, pa.string()))
         except (pa.ArrowException, OSError, ValueError) as error:
             return error
         table = table.drop_columns([c for c in NOT_INDEXED if c in table.column_names]).replace_schema_metadata(None)

@@ -7,13 +7,15 @@
 
 What makes it honest:
 
-* A failed case is never left out in silence. ``mean`` is over solved cases, and solved/planned stands beside it; in
-  the ranks an unsolved case counts as worse than every solved result on that case, and a method that solved nothing is
-  last. A score that is NaN or infinite is a failure of that metric.
+* Failing never pays. A failed case enters the mean and the rank with what the worst pseudo-method scores on it
+  (:mod:`bench.imputation`), and solved/planned stands beside the mean. Where that is not known, the mean leaves the
+  case out, and for the rank it is worse than any answer. A method that solved nothing has no rank and stands last. A
+  score that is NaN or infinite is a failure of that metric.
 * A method that was not run on some case looks no better for it: two methods are compared on the units (case and seed)
   that both were to solve.
 * A method that was given true distances of the reference says so in ``true_distances``, and is marked when printed.
-* Intervals are over cases, with their seeds; see :mod:`bench.statistics`.
+* Intervals and ranks are over shapes: the seeds of one shape, and the sensors that it was seen with where a table holds
+  several, share its difficulty and count as one cluster; see :mod:`bench.statistics`.
 """
 
 from __future__ import annotations
@@ -26,46 +28,54 @@ import pandas as pd
 
 from .errors import UsageError
 from .fronts import COSTS, criteria_of, front
+from .imputation import PREFIX, lent
 from .resolution import EQUAL, Standings, check_region, rankable, resolve
-from .seeds import generator
-from .selection import Names, metrics_of, pool, select
-from .statistics import mean_intervals, ranks_of, resampling_weights, sure_differences
+from .selection import CONTENDER, GROUP, UNIT, Names, completed, metrics_of, pool, prepared, select
+from .statistics import mean_intervals, ranks_of, sure_differences
 
 COLUMNS = (
     "task",
     "dataset",
     "sensor",
+    "split",
     "method",
     "variant",
+    "threads",
+    "device",
+    "host",
     "metric",
-    "better",
-    "mean",
+    "better",  # lower, higher or reference (nearest to `floor`, the reference's own value)
+    "mean",  # in the metric's unit, as the next three; of a reference metric, that of the absolute difference
     "ci_low",
     "ci_high",
-    "floor",
-    "rank_low",
+    "floor",  # over solved cases
+    "rank_low",  # the interval of the rank; missing where nothing was solved, as the mean is
     "rank_high",
-    "solved",
+    "solved",  # of the `planned` cases, these enter the mean with their scores
     "planned",
-    "seconds_median",
-    "peak_rss_mb",
-    "true_distances",
+    "imputed",  # and these, which failed, with the score of the worst pseudo-method
+    "seconds_median",  # over solved cases, as the next two
+    "peak_rss_mb",  # the largest
+    "true_distances",  # at how many points the method was given true distances, in the case where they were most
     # What a table can tell, see bench/resolution.py and bench/fronts.py. What compares lines is empty with fewer than
     # four shapes, which are too few to rank by: ranks are then those of a tie.
     "front",  # 1 on the Pareto front of two criteria, else empty
     "shapes",  # on how many shapes the method was to be scored
     "not_run",  # on how many units (case and seed) of the table the method was not run
     "undefined",  # on how many units the metric is not defined for this output, where it is for another's
-    "score_mean",  # of a reference metric: the mean of the score itself, over solved units
+    "score_mean",  # of a reference metric: the mean of the score itself, as `mean` is over solved and imputed units
     "versus_next",  # against the next line: better (surely) or open
     "detectable",  # the relative difference to the next line found with 80 % power; 0.1: one is 1.1 times the other
     "more_shapes",  # first line: how many more shapes separate the first two; infinite above 1,000, empty: none would
     "versus_first",  # first, equal (the difference is surely smaller than `equal`), worse (surely) or open
 )
-GROUP = ["task", "dataset", "sensor"]  # one table each
-CONTENDER = ["method", "variant"]
-UNIT = ["case", "seed"]
-WORSE = 0.1  # an unsolved unit is this share of the case's spread worse than the worst solved result on the case
+FAR = 1e6  # times the largest score: what a failure counts in the ranks where its worth is not known
+
+_GROUP = slice(len(GROUP))  # where these are among the codes of a cell
+_UNIT = slice(_GROUP.stop, _GROUP.stop + len(UNIT))
+_CASE = slice(_UNIT.start, _UNIT.start + 1)
+_SEEDED = slice(_UNIT.start, _UNIT.start + 2)
+_CONTENDER = slice(_UNIT.stop, _UNIT.stop + len(CONTENDER))
 
 _Part = dict[str, np.ndarray]  # columns of a board, with "row": the cell that has the names, "metric": which one
 
@@ -82,20 +92,22 @@ def leaderboard(
     sensor: Names = None,
     method: Names = None,
     tag: Names = None,
+    split: Names = None,
     by: Names = None,
     pareto: Names = None,
     level: float = 0.95,
     equal: float = EQUAL,
-    resamples: int = 2000,
-    seed: int = 0,
 ) -> pd.DataFrame:
-    """One row per task, dataset, sensor, metric and method (with its variant), best first.
+    """One row per task, dataset, sensor, split, metric and method (with its variant), best first.
+
+    Train and test shapes are never in one table, and results of two devices, or of two numbers of threads, never in one
+    line; nor are those of two machines where both ran the same cases.
 
     Parameters
     ----------
     rows : DataFrame
         One row per planned case.
-    task, dataset, sensor, method, tag
+    task, dataset, sensor, method, tag, split
         Filters, see :func:`select`. Ranks are among the methods that are left.
     metric : str or list of str
         Metric keys; ``fscore`` stands for every ``fscore@...``.
@@ -103,24 +115,14 @@ def leaderboard(
         What tables are made by besides the task, see :func:`bench.selection.pool`; by dataset and sensor without it.
     pareto : str or list of str, optional
         The two criteria of ``front``, see :func:`bench.fronts.front`; on the board even if not in ``metric``.
-    level : float
-        Confidence level of the intervals and of the ranks.
-    equal : float
-        Relative difference below which two methods are equal in practice.
-    resamples : int
-        Bootstrap samples behind each interval.
-    seed : int
-        Of the resampling.
+    level, equal : float
+        Confidence level of intervals and ranks; relative difference below which two methods are equal in practice.
 
     Returns
     -------
     DataFrame
-        With :data:`COLUMNS`. ``mean``, ``ci_low``, ``ci_high`` and ``floor`` are in the metric's unit, over solved
-        cases; ``better`` is lower, higher or reference (nearest to ``floor``, the reference's own value: ``mean`` is
-        that of the absolute difference); ``rank_low`` to ``rank_high`` is the interval of the rank; ``seconds_median``
-        and ``peak_rss_mb`` (the largest) are over solved cases, and so is ``true_distances``: at how many points a
-        method was given true distances of the reference, in the case where they were most; 0 for most methods. A group
-        in which nothing was solved and no metric is known has one line per method with an empty ``metric``.
+        With :data:`COLUMNS`, where they are explained. A group in which nothing was solved and no metric is known has
+        one line per method with an empty ``metric``.
 
     Raises
     ------
@@ -130,19 +132,23 @@ def leaderboard(
     if not 0 < level < 1:
         raise UsageError(f"level: expected a number between 0 and 1, got {level}")
     check_region(equal)
-    if resamples < 100:
-        raise UsageError(f"resamples: expected at least 100, got {resamples}")
-    rows = pool(select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag), by)
+    rows = lent(completed(rows))
+    rows = select(rows, task=task, dataset=dataset, sensor=sensor, method=method, tag=tag, split=split)
+    rows = pool(rows, by)
     if not len(rows):
         return pd.DataFrame(columns=list(COLUMNS))
     criteria = criteria_of(pareto, metrics_of(rows))
-    cells = _cells(rows, sorted({*metrics_of(rows, metric), *criteria} - {*COSTS}))
-    parts = [_group_board(cells, group, level, equal, resamples, seed) for group in cells.groups()]
-    board = _joined(cells, [part for part in parts if part], costs(rows))
+    board = _board(rows, sorted({*metrics_of(rows, metric), *criteria} - {*COSTS}), level, equal)
     if pareto is not None or metric is None:
         board["front"] = pd.array(front(board, criteria, GROUP, CONTENDER), dtype="Int64")
     board.attrs |= {"level": level, "equal": equal, "pareto": criteria}
     return board
+
+
+def _board(rows: pd.DataFrame, metrics: list[str], level: float, equal: float) -> pd.DataFrame:
+    cells = _cells(rows, metrics)
+    parts = [_group_board(cells, group, level, equal) for group in cells.groups()]
+    return _joined(cells, [part for part in parts if part], costs(rows))
 
 
 def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFrame:
@@ -153,6 +159,8 @@ def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFr
     board["better"] = np.array([*cells.better, ""], dtype=object)[board["metric"]]
     board["metric"] = np.array([*cells.metrics, ""], dtype=object)[board["metric"]]
     board = board.join(costs, on=[*GROUP, *CONTENDER])
+    for name in ("rank_low", "rank_high"):
+        board[name] = board[name].astype("Int64").mask(board["solved"] == 0)
     board["true_distances"] = board["true_distances"].fillna(0).astype("int64")
     board["front"] = pd.array([pd.NA] * len(board), dtype="Int64")
     return board[list(COLUMNS)]
@@ -162,17 +170,17 @@ def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFr
 class _Cells:
     """Rows gathered per group, case, seed and contender, sorted by these; arrays are (cells, metrics).
 
-    Rows that differ in the number of threads or in the device alone fall into one cell: its value is their mean, and
-    for the ranks it is solved if all of them are.
+    Results hold one row of a kind; of several, the value is their mean.
     """
 
     keys: pd.DataFrame  # the columns GROUP, UNIT, CONTENDER of each cell
-    codes: np.ndarray  # (cells, 7) the same as integers that sort alike
+    codes: np.ndarray  # (cells, columns) the same as integers that sort alike
     metrics: list[str]
     better: list[str]
     planned: np.ndarray  # how many rows were to be scored
     solved: np.ndarray  # how many were
-    score: np.ndarray  # mean score over the solved rows, 0 without
+    imputed: np.ndarray  # how many were not, but have the score of the worst pseudo-method
+    score: np.ndarray  # mean score over the solved and the imputed rows, 0 without
     value: np.ndarray  # what is shown: the same, but of a "reference" metric how far from the reference's own value
     badness: np.ndarray  # the same as "lower is better"
     floor: np.ndarray  # NaN where unknown
@@ -181,7 +189,7 @@ class _Cells:
 
     def groups(self) -> list[slice]:
         """The cells of each group."""
-        starts = _starts(self.codes[:, :3])
+        starts = _starts(self.codes[:, _GROUP])
         return [slice(a, b) for a, b in zip(starts, [*starts[1:], len(self.codes)], strict=True)]
 
 
@@ -192,6 +200,7 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
     declared, better, silent = _declared(rows, metrics)
     score = rows[[f"score.{m}" for m in metrics]].to_numpy(dtype=float)
     floor = rows.reindex(columns=[f"floor.{m}" for m in metrics]).to_numpy(dtype=float)
+    worst = rows.reindex(columns=[f"{PREFIX}{m}" for m in metrics]).to_numpy(dtype=float)
     badness = _badness(score, floor, better)
     # Without the reference's own value nothing says how near to it a score is.
     solved = ok[:, None] & np.isfinite(badness)
@@ -201,16 +210,19 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
 
     # A metric that a method is never scored by (normals of a method that gives none) is no failure of its cases;
     # who failed in all of them is taken to miss all metrics of the group.
-    group, contender = _ids(codes[:, :3]), _ids(codes[:, [0, 1, 2, 5, 6]])
+    group, contender = _ids(codes[:, _GROUP]), _ids(np.delete(codes, _UNIT, axis=1))
     never_ok = ~_any_by(contender, ok[:, None])
     planned &= never_ok | _any_by(contender, declared & ok[:, None])
     planned &= _any_by(group, declared)
     mute = ~_any_by(group, (ok | ~silent)[:, None])[:, 0]
+    imputed = planned & ~solved & np.isfinite(_badness(worst, floor, better))
+    known = solved | imputed
+    score, badness = np.where(solved, score, worst), np.where(solved, badness, _badness(worst, floor, better))
 
     def total(array: np.ndarray) -> np.ndarray:
         return np.add.reduceat(array, starts, axis=0) if len(starts) else array[:0]
 
-    count, floored = total(solved.astype(int)), solved & np.isfinite(floor)
+    count, floored = total(known.astype(int)), solved & np.isfinite(floor)
     with np.errstate(divide="ignore", invalid="ignore"):
         floor = total(np.where(floored, floor, 0.0)) / total(floored.astype(int))
     return _Cells(
@@ -219,11 +231,12 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
         metrics=metrics,
         better=better,
         planned=total(planned.astype(int)),
-        solved=count,
-        score=total(np.where(solved, score, 0.0)) / np.maximum(count, 1),
+        solved=total(solved.astype(int)),
+        imputed=total(imputed.astype(int)),
+        score=total(np.where(known, score, 0.0)) / np.maximum(count, 1),
         # Signed differences of several cases would cancel in a mean: genus 5 too high and 5 too low is not perfect.
-        value=total(np.where(solved, np.where(_to_reference(better), badness, score), 0.0)) / np.maximum(count, 1),
-        badness=total(np.where(solved, badness, 0.0)) / np.maximum(count, 1),
+        value=total(np.where(known, np.where(_to_reference(better), badness, score), 0.0)) / np.maximum(count, 1),
+        badness=total(np.where(known, badness, 0.0)) / np.maximum(count, 1),
         floor=floor,
         rows=total(np.ones(len(rows), dtype=int)),
         mute=mute[starts],
@@ -236,20 +249,24 @@ def _sorted(rows: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
     Rows of one cell are in an order of their own as well, so that not even the last digit of a sum depends on the
     order in which the rows came.
     """
-    names = [*GROUP, *UNIT, *CONTENDER, "threads", "device", "host"]
+    names = [*GROUP, *UNIT, *CONTENDER, *(["finished"] if "finished" in rows else [])]
     codes = np.column_stack([pd.factorize(rows[name], sort=True)[0] for name in names])
     order = np.lexsort(codes.T[::-1])
-    return rows.iloc[order], codes[order, :7]
+    return rows.iloc[order], codes[order, : _CONTENDER.stop]
 
 
 def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """Which row says that it is scored by which metric, the direction of each, and which rows say nothing."""
+    """Which row says that it is scored by which metric, the direction of each, and which rows say nothing.
+
+    A failed row says nothing, even if it knows what hopeless outputs are scored by.
+    """
+    failed = (rows["status"] != "ok").to_numpy()
     codes, texts = pd.factorize(rows["directions"].fillna(""), sort=True)
     said = [json.loads(text) if text else {} for text in texts]
     table = np.array([[m in s for m in metrics] for s in said], dtype=bool).reshape(len(said), len(metrics))
     better = [next((s[m] for s in said if m in s), "lower") for m in metrics]
     silent = np.array([not s for s in said], dtype=bool)
-    return table[codes], better, silent[codes]
+    return table[codes] & ~failed[:, None], better, silent[codes] | failed
 
 
 def _to_reference(better: list[str]) -> np.ndarray:
@@ -304,10 +321,10 @@ def _clipped(low: np.ndarray, high: np.ndarray, scores: np.ndarray, better: list
 # -- one group ---------------------------------------------------------------------------------------------------------
 
 
-def _group_board(cells: _Cells, group: slice, level: float, equal: float, resamples: int, seed: int) -> _Part:
-    """The board of one (task, dataset, sensor)."""
+def _group_board(cells: _Cells, group: slice, level: float, equal: float) -> _Part:
+    """The board of one table."""
     codes = cells.codes[group]
-    unit, contender = _ids(codes[:, 3:5]), _ids(codes[:, 5:7])
+    unit, contender = _ids(codes[:, _UNIT]), _ids(codes[:, _CONTENDER])
     first = np.unique(contender, return_index=True)[1]
     used = np.flatnonzero(cells.planned[group].any(axis=0))
     if not len(used):
@@ -320,20 +337,20 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float, resamp
         return full
 
     planned, solved, floor = cube(cells.planned), cube(cells.solved), cube(cells.floor, np.nan)
-    case_of_unit = codes[np.unique(unit, return_index=True)[1], 3:4]
-    cases = _starts(case_of_unit)
-    # Of a single case only the seeds can be resampled: the interval then speaks of this case, not of others.
-    clusters = cases if len(cases) > 1 else np.arange(len(case_of_unit))
+    known = cube(cells.solved + cells.imputed)
+    units = codes[np.unique(unit, return_index=True)[1]]
+    cases = _starts(units[:, _CASE])
+    # Of a single shape only the seeds differ by luck: the interval then speaks of this shape, not of others.
+    clusters = cases if len(cases) > 1 else _starts(units[:, _SEEDED])
 
-    label = cells.keys.iloc[group.start][GROUP]
-    weights = resampling_weights(len(clusters), resamples, generator(seed, *map(str, label)))
     scores = cube(cells.value)
     sums = np.add.reduceat(scores, clusters).reshape(len(clusters), -1)
-    counts = np.add.reduceat((solved > 0).astype(float), clusters).reshape(len(clusters), -1)
-    mean, low, high = (a.reshape(len(first), -1) for a in mean_intervals(sums, counts, weights, level))
+    counts = np.add.reduceat((known > 0).astype(float), clusters).reshape(len(clusters), -1)
+    mean, low, high = (a.reshape(len(first), -1) for a in mean_intervals(sums, counts, level))
     low, high = _clipped(low, high, scores, [cells.better[m] for m in used])
+    mean, low, high = (np.where(solved.any(axis=0), array, np.nan) for array in (mean, low, high))
 
-    values = penalise(cube(cells.badness), (solved == planned) & (planned > 0), cases)
+    values = penalise(cube(cells.badness), (known == planned) & (planned > 0))
     shapes = np.logical_or.reduceat(planned > 0, cases).sum(axis=0)
     standings = _standings(values, planned > 0, solved.any(axis=0), clusters, level, shapes)
     floors = np.isfinite(floor).sum(axis=0)
@@ -348,12 +365,13 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float, resamp
         "rank_high": standings.high,
         "order": standings.order,
         "solved": solved.sum(axis=0),
+        "imputed": known.sum(axis=0) - solved.sum(axis=0),
         "planned": planned.sum(axis=0),
     }
     table |= resolve(standings, (planned > 0).any(axis=0) & solved.any(axis=0), level, equal)
     table |= _missed(unit, contender, planned > 0)
     reference = _to_reference(cells.better)[used]
-    table["score_mean"] = np.where(reference, _solved_mean(cube(cells.score), solved > 0), np.nan)
+    table["score_mean"] = np.where(reference & solved.any(axis=0), _mean(cube(cells.score), known > 0), np.nan)
     # By metric, then rank; contenders are in the order of their names.
     place = np.lexsort(
         [table["row"].ravel(), *(table[c].ravel() for c in ("rank_high", "order", "rank_low", "metric"))]
@@ -362,31 +380,25 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float, resamp
     return {name: array.ravel()[place] for name, array in table.items()}
 
 
-def penalise(badness: np.ndarray, solved: np.ndarray, cases: np.ndarray) -> np.ndarray:
-    """Give every unsolved unit a value that is worse than all solved results on its case.
+def penalise(badness: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Give units whose worth is not known a value that is worse than any answer.
 
-    The case's own worst result is the measure, not the worst of all: cases differ in scale, and one bad outlier
-    elsewhere should not decide what a failure costs here.
+    So much worse that the relative difference to any answer is 1, the largest there is: what a failure costs against
+    one method then does not depend on which others are shown.
 
     Parameters
     ----------
     badness : (units, k, m) array
         Lower is better.
-    solved : (units, k, m) bool array
-    cases : (n,) int array
-        The first unit of each case.
+    known : (units, k, m) bool array
+        Whether the unit was solved, or has the score of the worst pseudo-method.
 
     Returns
     -------
     (units, k, m) array
     """
-    worst = np.maximum.reduceat(np.where(solved, badness, -np.inf).max(axis=1), cases)
-    best = np.minimum.reduceat(np.where(solved, badness, np.inf).min(axis=1), cases)
-    nobody = np.isinf(worst)
-    worst, best = np.where(nobody, 0.0, worst), np.where(nobody, 0.0, best)
-    scale = np.where(worst > best, worst - best, np.where(worst != 0, abs(worst), 1.0))
-    failed = np.repeat(worst + WORSE * scale, np.diff([*cases, len(badness)]), axis=0)
-    return np.where(solved, badness, failed[:, None])
+    largest = abs(np.where(known, badness, 0.0)).max(axis=(0, 1))
+    return np.where(known, badness, FAR * np.where(largest > 0, largest, 1.0))
 
 
 def _standings(
@@ -404,10 +416,9 @@ def _standings(
     return Standings(values, planned & some, clusters, low, high, order, sure, shapes)
 
 
-def _solved_mean(scores: np.ndarray, solved: np.ndarray) -> np.ndarray:
-    """(contenders, metrics): the mean over solved units; NaN without."""
-    count = solved.sum(axis=0)
-    return np.divide(scores.sum(axis=0), count, out=np.full(count.shape, np.nan), where=count > 0)
+def _mean(scores: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(contenders, metrics): the mean of (units, contenders, metrics) over the known ones; 0 without."""
+    return scores.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
 
 
 def _missed(unit: np.ndarray, contender: np.ndarray, planned: np.ndarray) -> _Part:
@@ -427,8 +438,8 @@ def _unscored(cells: _Cells, group: slice, first: np.ndarray, contender: np.ndar
     unknown = ("mean", "ci_low", "ci_high", "floor", "score_mean", "detectable", "more_shapes")
     part = {name: np.full(k, np.nan) for name in unknown}
     part |= {name: np.full(k, "", dtype=object) for name in ("versus_next", "versus_first")}
-    part |= {name: np.full(k, n) for name, n in (("metric", -1), ("rank_low", 1), ("rank_high", k), ("solved", 0))}
-    part |= {name: np.zeros(k, dtype=int) for name in ("shapes", "not_run", "undefined")}
+    part |= {name: np.full(k, n) for name, n in (("metric", -1), ("rank_low", 1), ("rank_high", k))}
+    part |= {name: np.zeros(k, dtype=int) for name in ("solved", "imputed", "shapes", "not_run", "undefined")}
     return part | {"row": group.start + first, "planned": np.bincount(contender, cells.rows[group]).astype(int)}
 
 
@@ -441,13 +452,13 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Index ``task, dataset, sensor, method, variant``; columns ``seconds_median``, ``peak_rss_mb`` (the largest),
-        ``parameters`` and ``active_parameters`` (of a learned method; missing where none) and ``true_distances`` (the
-        most points at which they were given; missing where none were).
+        Index ``task, dataset, sensor, split, method, variant, threads, device, host``; columns ``seconds_median``,
+        ``peak_rss_mb`` (the largest), ``parameters`` and ``active_parameters`` (of a learned method; missing where
+        none) and ``true_distances`` (the most points at which they were given; missing where none were).
     """
     # Results of earlier versions do not have these columns.
     later = ("active_parameters", "true_distances")
-    rows = rows.assign(**{name: pd.to_numeric(rows[name]) if name in rows else np.nan for name in later})
+    rows = prepared(rows).assign(**{name: pd.to_numeric(rows[name]) if name in rows else np.nan for name in later})
     solved = rows[(rows["status"] == "ok").to_numpy()].groupby([*GROUP, *CONTENDER], sort=True)
     return pd.DataFrame(
         {
@@ -466,7 +477,7 @@ def failures(rows: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns ``task, dataset, sensor, method, variant, status, count, message``.
+        Columns ``task, dataset, sensor, split, method, variant, threads, device, host, status, count, message``.
     """
     return _told(rows[(rows["status"] != "ok").to_numpy()])
 
@@ -479,6 +490,6 @@ def notes(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _told(rows: pd.DataFrame) -> pd.DataFrame:
     """How many rows of each group, contender and status there are, and the first message."""
-    rows = rows.sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
+    rows = prepared(rows).sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
     grouped = rows.groupby([*GROUP, *CONTENDER, "status"], sort=True)["message"]
     return grouped.agg(count="size", message="first").reset_index()

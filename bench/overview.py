@@ -10,7 +10,7 @@ from .errors import UsageError
 from .leaderboard import leaderboard
 from .report.tables import metric_order
 from .resolution import EQUAL
-from .selection import Names, matching
+from .selection import Names, matching, pool, select
 
 GROUPS = ("dataset", "sensor", "tag")
 
@@ -51,17 +51,21 @@ def overview(
     chosen = matching("across", across, GROUPS)
     if len(chosen) > 1:
         raise UsageError(f"across {across}: expected one of {', '.join(GROUPS)}; for several see --by")
-    board = leaderboard(rows, by="task", metric=metric, level=level, equal=equal, **filters)
+    rows = select(rows, **filters)
+    rows = rows.assign(host=pool(rows, "task")["host"].to_numpy())  # a line has one name in all columns
+    board = leaderboard(rows, by="task", metric=metric, level=level, equal=equal)
     wanted = matching("metric", metric, board["metric"].unique()) if metric else ()
     heads = {task: _head(lines, wanted) for task, lines in board.groupby("task")}
     heads = {task: head for task, head in heads.items() if head}
     if not heads:
         raise UsageError(f"across {across}: nothing was solved yet, so there is no metric to show")
-    parts = leaderboard(rows, by=chosen, metric=sorted(set(heads.values())), level=level, equal=equal, **filters)
+    parts = leaderboard(rows, by=chosen, metric=sorted(set(heads.values())), level=level, equal=equal)
     whole, parts = (lines[lines["metric"] == lines["task"].map(heads)] for lines in (board, parts))
     groups = parts["sensor" if chosen == ["sensor"] else "dataset"]
     parts = parts.assign(metric=groups, dataset=whole["dataset"].iloc[0], sensor=whole["sensor"].iloc[0])
-    joined = pd.concat([whole, parts], ignore_index=True).sort_values("task", kind="stable", ignore_index=True)
+    joined = pd.concat([whole, parts], ignore_index=True).sort_values(
+        ["task", "split"], kind="stable", ignore_index=True
+    )
     joined.attrs |= {"level": level, "equal": equal}
     return joined
 

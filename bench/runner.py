@@ -15,6 +15,7 @@ from .affinity import claim
 from .devices import check_device, claim_device
 from .errors import UsageError
 from .forkserver import CannotStart, ForkServer, ServerDied, begun
+from .imputation import lacks_worst
 from .kept_outputs import found
 from .plan import Cell, Settings
 from .provenance import fingerprint, ingredients, memory_keys, plugin_sources, provenance, source_digest
@@ -172,6 +173,7 @@ class _Job:
         self.rows, self.reporter, self.alive = rows, reporter, alive
         self.device = cell.device
         self.ids: list[str] = []
+        self.scored: set[int] = set()  # cases whose worst scores were asked for: once is enough
         self.constants = constant_columns(cell, settings, mark)
 
     def run(self, cpus: list[int]) -> None:
@@ -233,6 +235,7 @@ class _Job:
         return {
             "cell": self.cell.to_json(),
             "done": sorted(self.rows),
+            "owed": sorted(i for i, row in self.rows.items() if i not in self.scored and lacks_worst(row)),
             "cpus": cpus,
             "threads": self.cell.threads,
             "device": self.device,
@@ -255,6 +258,11 @@ class _Job:
             self.keep(event["row"])
         elif event["event"] == "no_plan":
             self.no_plan(event["row"])
+        elif event["event"] == "begin" and event["stage"] == "worst":
+            self.scored.add(event["index"])
+        elif event["event"] == "worst":
+            row = self.rows[event["index"]]
+            row |= {key: value for key, value in event["row"].items() if not row.get(key)}
         self.reporter.event(event)
 
     def keep(self, row: dict[str, Any]) -> None:
@@ -276,7 +284,8 @@ class _Job:
 
     def ordered_rows(self) -> list[dict[str, Any]]:
         """All rows by case."""
-        return [self.rows[index] for index in sorted(self.rows)]
+        # Rows of versions below 4, stored or partial, have no column of the split.
+        return [{"split": self.cell.split} | self.rows[index] for index in sorted(self.rows)]
 
 
 def of_death(death: Death) -> dict[str, Any]:
@@ -304,6 +313,7 @@ def constant_columns(cell: Cell, settings: Settings, mark: str) -> dict[str, Any
         "task": cell.task.label,
         "dataset": cell.dataset.label,
         "sensor": cell.sensor.label if cell.sensor in cell.choices else "",
+        "split": cell.split,
         "method": cell.method.name,
         "variant": cell.method.variant,
         "seed": cell.seed,

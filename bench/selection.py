@@ -14,6 +14,43 @@ from .errors import UsageError, did_you_mean
 Names = str | Iterable[str] | None
 
 
+GROUP = ["task", "dataset", "sensor", "split"]  # one table each
+UNIT = ["case", "seed", "condition"]  # the first one is the cluster: a shape; the others are how it was met
+CONTENDER = ["method", "variant", "threads", "device", "host"]  # one line each
+
+# Columns that tables are made by and that rows of results may lack, and what they then are. ``condition`` is what the
+# units of one case differ in where sensors are pooled; rows read by other means than ours may have no ``split``.
+LATER = {"split": "test", "condition": ""}
+
+
+def completed(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with all columns that tables are made by."""
+    missing = {name: value for name, value in LATER.items() if name not in rows}
+    empty = {name: rows[name].fillna(LATER[name]) for name in LATER if name in rows and rows[name].hasnans}
+    return rows.assign(**missing, **empty) if missing or empty else rows
+
+
+def prepared(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with all columns that tables are made by, and the host of each line in ``host``.
+
+    A sweep over several machines may run some cases of a method here and some there: these stay one line, whose
+    ``host`` names all machines. Where two machines ran the *same* cases, their results are not averaged: each machine
+    has a line of its own.
+    """
+    rows = completed(rows)
+    if rows["host"].nunique() < 2:
+        return rows
+    who = CONTENDER[:-1]
+    twice = rows.groupby([*GROUP, *UNIT, *who], dropna=False)["host"].transform("nunique") > 1
+    apart = twice.groupby([rows[name] for name in who], dropna=False).transform("any")
+    together = rows.groupby([*GROUP, *who], dropna=False)["host"].transform(_joined)
+    return rows.assign(host=rows["host"].where(apart, together))
+
+
+def _joined(hosts: pd.Series) -> str:
+    return ", ".join(sorted({name for host in hosts for name in host.split(", ")}))
+
+
 def select(
     rows: pd.DataFrame,
     *,
@@ -22,6 +59,7 @@ def select(
     sensor: Names = None,
     method: Names = None,
     tag: Names = None,
+    split: Names = None,
 ) -> pd.DataFrame:
     """The rows that the filters leave.
 
@@ -29,7 +67,7 @@ def select(
     ----------
     rows : DataFrame
         One row per planned case, as :meth:`bench.store.Results.rows` gives them.
-    task, dataset, sensor, method, tag : str or list of str
+    task, dataset, sensor, method, tag, split : str or list of str
         Names, a list of them or one string with commas. ``bumps`` stands for every ``bumps[...]`` too, and ``*``
         and ``?`` stand for anything.
 
@@ -38,8 +76,9 @@ def select(
     UsageError
         For a name that no row has, with the nearest one; and when no row passes all filters.
     """
+    rows = completed(rows)
     chosen = np.ones(len(rows), dtype=bool)
-    wanted = {"task": task, "dataset": dataset, "sensor": sensor, "method": method}
+    wanted = {"task": task, "dataset": dataset, "sensor": sensor, "method": method, "split": split}
     for option, names in wanted.items():
         if names is not None:
             chosen &= rows[option].isin(matching(option, names, rows[option].unique())).to_numpy()
@@ -60,6 +99,10 @@ GROUPINGS = ("task", "dataset", "sensor", "tag")
 def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
     """The rows with all cases of other datasets and sensors put into one table, or into one for each challenge tag.
 
+    A shape stays one case, however many sensors it was seen with: they go into the column ``condition``, which makes
+    each a unit of its own within the case. Shapes of different datasets are different cases, also where one dataset
+    was run with several parameters: its label tells them apart.
+
     Parameters
     ----------
     rows : DataFrame
@@ -73,11 +116,11 @@ def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
         For another word.
     """
     if by is None:
-        return rows
+        return prepared(rows)
     chosen = set(matching("by", by, GROUPINGS))
     rows = rows.copy()
     if "sensor" not in chosen:
-        rows["case"] += " " + rows["sensor"]
+        rows["condition"] = rows["sensor"]
         rows["sensor"] = "all sensors"
     group = [[name] for name in rows["dataset"]]
     if "dataset" not in chosen:
@@ -88,7 +131,7 @@ def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
         shown = "{tag}" if "dataset" not in chosen else "{name} {tag}"
         group = [[shown.format(name=n[0], tag=t) for t in ts] for n, ts in zip(group, tags, strict=True)]
     rows["dataset"] = group
-    return rows.explode("dataset", ignore_index=True)
+    return prepared(rows.explode("dataset", ignore_index=True))
 
 
 def metrics_of(rows: pd.DataFrame, metric: Names = None) -> list[str]:

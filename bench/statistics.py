@@ -1,22 +1,22 @@
-"""Intervals of means and of ranks, from few cases that each were run with several seeds.
+"""Intervals of means and of ranks, from few shapes that each were met several times.
 
-The unit that is drawn from a population is the **case**; the seeds of one case share its difficulty. All functions
-therefore take sums and counts per *cluster*: per case, or, where there is one case only, per seed of that case.
+The unit that is drawn from a population is the **shape**; the seeds of one shape, and the sensors it was seen with,
+share its difficulty. All functions therefore take sums and counts per *cluster*: per shape, or, where there is one
+shape only, per seed of that shape. The spread of the cluster means already holds the spread within the clusters; to
+count the units as independent would make intervals too narrow (Field and Welsh, *J. R. Statist. Soc. B* 69, 2007).
 
-* Whole clusters are resampled, and what is inside comes along. The spread of the cluster means already holds the
-  spread between seeds; resampling the seeds of a case once more would count it twice (Davison and Hinkley, *Bootstrap
-  Methods and their Application*, 1997, section 3.8; Field and Welsh, *J. R. Statist. Soc. B* 69, 2007).
-* The percentile interval is too narrow for few cases (Hesterberg, "What Teachers Should Know About the Bootstrap",
-  *The American Statistician* 69, 2015): it lacks Student's t quantile and the factor sqrt(n / (n - 1)). Widening the
-  percentile level, as Hesterberg does, ends at the smallest and largest case, which for four cases covers 88 %. So the
-  percentile interval is stretched instead: the bootstrap says how the width is shared between the two sides, and the
-  width is Student's. ``tests/test_statistics.py`` measures the coverage.
-* Ranks: each two methods are compared on the units (case and seed) that both were run on, by the paired relative
-  difference (a - b) / (|a| + |b|) and Student's t over the clusters. Relative, because the error on a hard case is a
-  multiple of that on an easy one, and so is the difference of two methods: the plain difference would mostly measure
-  how unlike the cases are (Fleming and Wallace, *Comm. ACM* 29, 1986, on normalised results). A method is surely better
-  only if its mean is better too. The standard error is what the paired bootstrap tends to with infinitely many
-  resamples; levels as small as many comparisons ask for could not be read off 2,000.
+* Means: Student's t over the clusters, with the skewness of the scores removed by Hall's transformation ("On the
+  Removal of Skewness by Transformation", *J. R. Statist. Soc. B* 54, 1992). Errors are skewed: a few hard shapes have
+  most of it, and a sample without them looks both better and surer than it is, so that Student's interval, and the
+  bootstrap's, miss the true mean on one side. The transformed statistic is nearly normal; it is compared with
+  Student's quantile rather than the normal one, for few clusters. Without skewness the interval is Student's.
+  ``tests/test_statistics.py`` and ``tests/test_leaderboard_clusters.py`` measure the coverage.
+* Ranks: each two methods are compared on the units (shape, seed and sensor) that both were run on, by the paired
+  relative difference (a - b) / (|a| + |b|) and Student's t over the clusters. Relative, because the error on a hard
+  case is a multiple of that on an easy one, and so is the difference of two methods: the plain difference would mostly
+  measure how unlike the cases are (Fleming and Wallace, *Comm. ACM* 29, 1986, on normalised results). A method is
+  surely better only if its mean is better too. No skewness is removed here: the relative difference of two equally
+  good methods is as often negative as positive.
 * Each rank interval holds at the chosen level for its own method, as each mean's interval does: Holm's correction
   (*Scand. J. Statist.* 6, 1979) runs over the comparisons that involve this method (Mogstad, Romano, Shaikh and
   Wilhelm, "Inference for Ranks", *Review of Economic Studies* 91, 2024).
@@ -34,17 +34,6 @@ _BLOCK = 2_000_000  # numbers held at once
 def student_quantile(probability: float | np.ndarray, freedom: np.ndarray) -> np.ndarray:
     """Quantile of Student's t; ``scipy.special`` has it without the weight of ``scipy.stats``."""
     return special.stdtrit(freedom, probability)
-
-
-def resampling_weights(clusters: int, resamples: int, rng: np.random.Generator) -> np.ndarray:
-    """How often each cluster is drawn in each bootstrap sample.
-
-    Returns
-    -------
-    weights : (resamples, clusters) array
-        Whole numbers; each row adds to ``clusters``.
-    """
-    return rng.multinomial(clusters, np.full(clusters, 1 / clusters), size=resamples).astype(float)
 
 
 def standard_error(sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
@@ -70,60 +59,51 @@ def standard_error(sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def mean_intervals(
-    sums: np.ndarray, counts: np.ndarray, weights: np.ndarray, level: float = 0.95
+    sums: np.ndarray, counts: np.ndarray, level: float = 0.95
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means over clusters with their bootstrap intervals.
+    """Means over clusters with their confidence intervals.
+
+    With T = (mean - truth) / (standard error), n clusters and their skewness g, Hall's statistic is
+    ``T + g T^2 / (3 sqrt n) + g^2 T^3 / (27 n) + g / (6 sqrt n)``; the ends of the interval are where it is Student's
+    quantile.
 
     Parameters
     ----------
     sums, counts : (n, k) arrays
         Per cluster and quantity, as in :func:`standard_error`.
-    weights : (resamples, n) array
-        From :func:`resampling_weights`; the same for all quantities.
     level : float
         The confidence level.
 
     Returns
     -------
     mean, low, high : (k,) arrays
-        ``low`` and ``high`` are NaN where fewer than two clusters have values: one case says nothing of others.
+        ``low`` and ``high`` are NaN where fewer than two clusters have values: one shape says nothing of others.
     """
     n = (counts > 0).sum(axis=0)
+    root = np.sqrt(np.maximum(n, 1))
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = np.where(n > 0, sums.sum(axis=0) / counts.sum(axis=0), np.nan)
-    low, high = np.full(mean.shape, np.nan), np.full(mean.shape, np.nan)
-    tail = (1 - level) / 2
-    known = np.flatnonzero(n > 1)
-    for block in np.array_split(known, max(1, -(-len(known) * len(weights) // _BLOCK))):
-        if not len(block):
-            continue
-        below, above = _percentile_sides(sums[:, block], counts[:, block], weights, mean[block], tail)
-        width = 2 * student_quantile(1 - tail, n[block] - 1.0) * standard_error(sums[:, block], counts[:, block])
-        both = below + above
-        share = np.divide(below, both, out=np.full(both.shape, 0.5), where=both > 0)
-        low[block] = mean[block] - share * width
-        high[block] = mean[block] + (1 - share) * width
-    return mean, low, high
+    error, skew = standard_error(sums, counts), skewness(sums, counts)
+    t = student_quantile((1 + level) / 2, np.maximum(n - 1.0, 1.0))
+    reach = [root * error * _untransformed((q - skew / (6 * root)) / root, skew) for q in (t, -t)]
+    return mean, mean - np.maximum(reach[0], 0), mean - np.minimum(reach[1], 0)
 
 
-def _percentile_sides(
-    sums: np.ndarray, counts: np.ndarray, weights: np.ndarray, mean: np.ndarray, tail: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """How far the percentile interval reaches below and above the mean."""
+def skewness(sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Skewness of the cluster means, as in :func:`standard_error`; 0 where they do not differ."""
+    n = np.maximum((counts > 0).sum(axis=0), 1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        resampled = (sums.T @ weights.T) / (counts.T @ weights.T)
-    # A resample may hold only clusters without a value: NaN, sorted to the end. It is as if it had not been drawn.
-    resampled.sort(axis=1)
-    last = (~np.isnan(resampled)).sum(axis=1, keepdims=True) - 1
-    low, high = (_sorted_quantile(resampled, last, q) for q in (tail, 1 - tail))
-    return np.maximum(mean - low, 0), np.maximum(high - mean, 0)
+        residuals = np.nan_to_num(sums - sums.sum(axis=0) / counts.sum(axis=0) * counts)
+        size = np.sqrt((residuals**2).sum(axis=0) / n)
+        skew = (residuals**3).sum(axis=0) / n / size**3
+    return np.where(size > SAME * abs(sums).max(axis=0, initial=0), skew, 0.0)
 
 
-def _sorted_quantile(rows: np.ndarray, last: np.ndarray, q: float) -> np.ndarray:
-    """The quantile of each sorted row up to its index ``last``, linear between neighbours."""
-    below = np.floor(q * last).astype(int)
-    left, right = (np.take_along_axis(rows, np.minimum(i, last), axis=1) for i in (below, below + 1))
-    return (left + (q * last - below) * (right - left))[:, 0]
+def _untransformed(y: np.ndarray, skew: np.ndarray) -> np.ndarray:
+    """The x with ``x + skew x^2 / 3 + skew^2 x^3 / 27 = y``, whose left side is ``((1 + skew x / 3)^3 - 1) / skew``."""
+    straight = abs(skew) < 1e-6
+    safe = np.where(straight, 1.0, skew)
+    return np.where(straight, y, 3 / safe * (np.cbrt(1 + safe * y) - 1))
 
 
 def paired_differences(values: np.ndarray, planned: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

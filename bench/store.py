@@ -36,11 +36,13 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-SCHEMA_VERSION = 3  # 2: without active_parameters; 1: without true_distances either; all are read
+# Of the columns. 3: without split and worst.<key>; 2: and without active_parameters; 1: and without true_distances; all
+# are read.
+SCHEMA_VERSION = 4
 META_KEY = b"detailbench"
 STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
 
-# Columns of every file, in order; what was measured follows as input.<key>, score.<key> and floor.<key>, all float64.
+# Columns of every file, in order; what was measured follows as input.<key>, score.<key>, floor.<key>, worst.<key>.
 COLUMNS = {
     "schema_version": "int64",
     "cell": "string",
@@ -48,6 +50,7 @@ COLUMNS = {
     "task": "string",
     "dataset": "string",
     "sensor": "string",
+    "split": "string",
     "method": "string",
     "variant": "string",
     "seed": "int64",
@@ -80,12 +83,12 @@ COLUMNS = {
     "started": "string",
     "finished": "string",
 }
-MEASURED = ("input.", "score.", "floor.")
+MEASURED = ("input.", "score.", "floor.", "worst.")
 # What only a reader of one record wants.
 NOT_INDEXED = ("traceback", "trace", "artefacts")
 # One result per place in a table; which of several records counts is told by ORDER.
 ORDER = ("__current", "__when")
-IDENTITY = ("task", "dataset", "sensor", "method", "variant", "seed", "threads", "device", "case")
+IDENTITY = ("task", "dataset", "sensor", "split", "method", "variant", "seed", "threads", "device", "case")
 
 
 @dataclass
@@ -184,7 +187,7 @@ class Results:
         except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
             self._set_aside(path, error)
             return None
-        return Record(meta["cell_id"], meta["fingerprint"], meta, rows)
+        return Record(meta["cell_id"], meta["fingerprint"], meta, [{"split": split_of(meta)} | row for row in rows])
 
     def _set_aside(self, path: Path, error: Exception) -> None:
         target = self.folder / "damaged" / path.name
@@ -350,6 +353,12 @@ def _is_row(value: Any) -> bool:
     return fits and value.get("case_index") is not None and value["status"] in STATUSES
 
 
+def split_of(meta: Mapping[str, Any]) -> str:
+    """The split of a record's cases by its metadata: rows of versions below 4 have no column of it."""
+    cell = meta.get("cell")
+    return cell.get("split", "test") if isinstance(cell, dict) else "test"
+
+
 def _table(record: Record) -> pa.Table:
     """The rows of a record as a table with the documented columns, the metadata in its schema."""
     import pyarrow as pa
@@ -368,10 +377,15 @@ def _arrow_type(pa: Any, kind: str) -> pa.DataType:
 
 
 def newest(frame: pd.DataFrame) -> pd.DataFrame:
-    """Of several rows for one place in a table, the one that counts.
+    """Of several rows for one place in a table, the one that counts, and what other machines made of that cell.
 
     The last by ``frame[ORDER]`` where these columns are given (current or not, and when it was made; see
     :mod:`bench.index`), by ``finished`` otherwise.
     """
     ordered = frame.sort_values([name for name in ORDER if name in frame] or "finished", kind="stable")
-    return ordered.drop_duplicates(subset=list(IDENTITY), keep="last").sort_index().reset_index(drop=True)
+    last = ordered.drop_duplicates(subset=list(IDENTITY), keep="last")
+    if frame["host"].nunique() > 1:
+        current = last.set_index([*IDENTITY, "fingerprint"]).index
+        same = ordered[ordered.set_index([*IDENTITY, "fingerprint"]).index.isin(current)]
+        last = same.drop_duplicates(subset=[*IDENTITY, "host"], keep="last")
+    return last.sort_index().reset_index(drop=True)

@@ -153,7 +153,7 @@ class Worker:
             self._deadline += time.monotonic() - self._paused_at - self.limits.setup_seconds
         elif kind == "done":
             self._finished = True
-        if kind in ("row", "cases", "no_plan", "progress", "begin", "result"):
+        if kind in ("row", "cases", "no_plan", "progress", "begin", "result", "worst"):
             self.on_event(event)
 
     def _enter(self, stage: str, index: int) -> None:

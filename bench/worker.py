@@ -17,12 +17,14 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from . import imputation
 from .artefacts import Artefacts
 from .devices import check_device, make_context
 from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
@@ -93,6 +95,8 @@ class _Session:
         self.spec, self.channel = spec, channel
         self.cell = Cell.from_json(spec["cell"])
         self.done = set(spec["done"])  # indices of cases that need not be run
+        self.owed = set(spec["owed"])  # and those of them whose worst scores are not known
+        self.case: Case | None = None  # the one that was worked on last
         self.device = spec.get("device", self.cell.device)  # `cuda` may have become cuda:1, where the first was taken
         self.meter = Meter(spec["memory_gb"], self.device)
         # All that is remembered depends on the dataset; what depends on more says so where it is remembered.
@@ -108,11 +112,14 @@ class _Session:
             return
         self.channel.send("cases", ids=[recipe.id for recipe in recipes])
         for index, recipe in enumerate(recipes):
-            if index in self.done:
-                continue
-            row = {"case": recipe.id, "case_index": index, "started": now()}
-            row |= self.run_case(index, recipe, task)
-            self.channel.send("row", row=plain(row | {"finished": now()}))
+            owed = index in self.owed
+            if index not in self.done:
+                row = {"case": recipe.id, "case_index": index, "started": now()}
+                row |= self.run_case(index, recipe, task)
+                self.channel.send("row", row=plain(row | {"finished": now()}))
+                owed = imputation.lacks_worst(row)
+            if owed:
+                self.send_worst(index, recipe, task)
 
     def plan(self) -> tuple[Any, list[Any]]:
         """The task, and the recipes of its cases; nothing is made yet."""
@@ -134,16 +141,21 @@ class _Session:
             raise UsageError(f"dataset {cell.dataset.label}: two cases have one id: {max(ids, key=ids.count)!r}")
         return task, recipes
 
+    def made(self, recipe: Any) -> Case:
+        """The case of a recipe, with its corner of the memory."""
+        case = recipe.build()
+        # Two tasks may make cases of one id with other references, and a task may do so itself.
+        parts = (self.spec["keys"]["task"], self.cell.split, case.seed, case.id, shape_digest(case.reference))
+        case._memo = self.memo.at("case", *parts)
+        return case
+
     def run_case(self, index: int, recipe: Any, task: Any) -> dict[str, Any]:
         """The row of one case; whatever is raised on the way is its status."""
-        cell = self.cell
         row: dict[str, Any] = {}
+        self.case = None
         try:
             self.channel.enter("case", index)
-            case = recipe.build()
-            # Two tasks may make cases of one id with other references, and a task may do so itself.
-            made = (self.spec["keys"]["task"], cell.split, case.seed, case.id, shape_digest(case.reference))
-            case._memo = self.memo.at("case", *made)
+            self.case = case = self.made(recipe)
             row["tags"] = ",".join(case.tags)
             row |= conditions(task, case)
             output = self.call_method(index, case, task, row)
@@ -287,6 +299,52 @@ class _Session:
     def keeps(self, index: int) -> bool:
         """Whether the settings ask for the outputs of a case."""
         return self.spec["outputs"] == "all" or (self.spec["outputs"] == "first" and index == 0)
+
+    def send_worst(self, index: int, recipe: Any, task: Any) -> None:
+        """Tell the runner what a failure is worth on this case.
+
+        After the case's row: whatever happens here, the result of the method is safe, and its clock and memory are as
+        they were.
+        """
+        self.channel.enter("worst", index)
+        case, self.case = self.case, None
+        try:
+            row = self.worst(self.made(recipe) if case is None else case, task)
+        except Exception as error:  # the boundary: the case has its row, and does without these values
+            print(f"{recipe.id}: cannot score hopeless outputs: {error!r}", file=sys.stderr)
+            return
+        self.channel.send("worst", index=index, row=plain(row))
+
+    def worst(self, case: Case, task: Any) -> dict[str, Any]:
+        """``worst.<key>`` of every metric: what the worst output scores that knows nothing of the case."""
+        row: dict[str, Any] = {}
+        directions: dict[str, str] = {}
+        if not hasattr(task, "hopeless"):
+            return row
+        keys = self.spec["keys"]
+        kind = f"{self.cell.task.label}, {task.expected(case.input)} points"
+        for choice in self.cell.metrics:
+            name = f"worst of {choice.name} {keys[f'metric {choice.name}']} for {kind} from {keys['sensor']}"
+            scores = case.remember(name, lambda choice=choice: self.worst_of(choice, case, task))
+            row |= {f"{imputation.PREFIX}{key}": float(value) for key, value in scores.items()}
+            directions |= {key: choice.plugin.better(key) for key in scores}
+        return row | ({"directions": json.dumps(directions, sort_keys=True)} if directions else {})
+
+    def worst_of(self, choice: Choice, case: Case, task: Any) -> dict[str, np.ndarray]:
+        """The worst scores of one metric. Fewer samples than usual do: no hopeless output is near the reference."""
+        from .geometry.comparison import set_samples
+
+        metric, outputs = choice.build(), task.hopeless(case)
+        rough = replace(case, _cache={})
+        set_samples(rough, imputation.SAMPLES)
+        hopeless = []
+        for output in outputs:
+            # A metric of a user may refuse what the tasks never let through; it then has no worst score.
+            with contextlib.suppress(Exception):
+                hopeless.append(metric.score(output, rough))
+        perfect = self.floor(choice, metric, outputs[0], case) if hopeless else {}
+        worst = imputation.worst_scores(hopeless, perfect, choice.plugin.better)
+        return {key: np.float64(value) for key, value in worst.items()}
 
     def keep(self, index: int, case: Case, output: Any) -> dict[str, str]:
         """Write the output, and its reference, as PLY files where the settings ask for it.

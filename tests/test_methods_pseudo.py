@@ -6,11 +6,11 @@ import trimesh
 from bench.methods.pseudo.empty import Empty
 from bench.methods.pseudo.identity import Identity
 from bench.methods.pseudo.noise import Noise
-from bench.methods.pseudo.triangles import triangles_around
 from scipy.spatial import cKDTree
 
 from bench import BadInput, InvalidOutput, PointCloud, Run
 from bench.geometry.spacing import mean_spacing
+from bench.geometry.tiny_triangles import triangles_around
 from bench.tasks import Denoise, Reconstruct, Upsample
 
 

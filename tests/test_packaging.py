@@ -34,9 +34,9 @@ FLOORS = (
     "overview",
     "leaderboard selection report headline resolution fronts statistics runner isolate application conformance "
     "dataset_checks agreement testing templates progress catalog listing outlook",
-    "store index worker plan config schema conversion parts presets sensors conventions published memo overrides "
-    "provenance forkserver watch affinity meter current kept_outputs recorded destination safe_path reads forecast "
-    "devices",
+    "store index worker imputation plan config schema conversion parts presets sensors conventions published memo "
+    "overrides provenance forkserver watch affinity meter current kept_outputs recorded destination safe_path reads "
+    "forecast devices",
     "registry tasks run artefacts fields kept",
     "geometry shapes views",
     "errors seeds text __init__",

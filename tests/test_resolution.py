@@ -109,6 +109,18 @@ def test_the_seeds_of_a_shape_are_one_cluster(rng):
     assert (leaderboard(table(scores))["shapes"] == 8).all()
 
 
+def test_the_sensors_of_a_shape_are_one_cluster(rng):
+    """Seen thrice, a shape is still one: a pooled table detects no more than its shapes allow, and few rank nobody."""
+    scores = noisy(rng, {"a": 1.0, "b": 1.05}, n=6)
+    one = table(scores)
+    three = rows(*(r for s in ("x", "y", "z") for r in one.assign(sensor=s).to_dict("records")))
+    alone, pooled = leaderboard(one), leaderboard(three, by="task")
+    assert pooled["shapes"].tolist() == [6, 6]
+    assert pooled["detectable"].iloc[0] == pytest.approx(alone["detectable"].iloc[0])
+    few = three[three["case"].isin(["s00", "s01", "s02"])]
+    assert "Only 3 shapes: too few to rank" in render(leaderboard(few, by="task"))
+
+
 @pytest.mark.parametrize("equal", [0.005, 0.02, 0.1])
 @pytest.mark.parametrize("level", [0.9, 0.95])
 def test_equal_is_two_one_sided_tests(equal, level, rng):

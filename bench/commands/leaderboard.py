@@ -9,10 +9,10 @@
   detailbench leaderboard DIR --pareto p2f_mean,seconds    who is on the front of quality and cost
   detailbench leaderboard DIR --format csv > board.csv     markdown, latex and csv besides the terminal
 
-Means are over solved cases with 95 % bootstrap intervals over cases and seeds; rank 1-2 is the 95 % confidence interval
-of the rank. An unsolved case counts as worse than every solved one in the ranks, and solved/planned stands beside the
-mean. Below each table stands what it can show: which differences this many shapes detect, and who is equal for
-practical purposes. docs/metrics.md has the formulas.
+Means have 95 % intervals over shapes, whatever seeds and sensors each was met with; rank 1-2 is the 95 % confidence
+interval of the rank. A failed case enters mean and rank with the score of the worst pseudo-method, and solved/planned
+stands beside the mean. Train shapes have tables of their own. Below each table stands what it can show: which
+differences this many shapes detect, and who is equal for practical purposes. docs/metrics.md has the formulas.
 
 Where one place in a table has several records (of edited sources, of other versions), the one that is current with
 today's sources is shown, the newest where none is: `detailbench why CELL` says which.
@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", nargs="*", metavar="RESULTS", help="folders of results (default: results)")
     for name in ("task", "dataset", "sensor", "method", "metric", "tag"):
         parser.add_argument(f"--{name}", metavar="NAMES", help=f"only these {name}s: one, or several with commas")
+    parser.add_argument("--split", metavar="NAMES", help="only test or only train shapes; they are never in one table")
     parser.add_argument(
         "--by", metavar="WORDS", help="one table for each of: dataset, sensor, tag (default: dataset,sensor)"
     )
@@ -81,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
     check_region(args.equal)
     rows = read_rows(args.results or ["results"], use_index=not args.no_index)
-    filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag")}
+    filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag", "split")}
     if args.across:
         measures = {"metric": args.metric, "level": args.level, "equal": args.equal}
         show_across(rows, args.across, args.format, **measures, **filters)

@@ -90,7 +90,7 @@ def equality(lines: Sequence[Line], names: Sequence[str], equal: float) -> list[
     groups: dict[str, list[str]] = {"equal": [], "open": [], "less": []}
     for line, name in zip(lines[1:], names[1:], strict=True):
         alike = line["versus_first"] == "equal"
-        if line["rank_low"] == 1 and line["versus_first"]:
+        if line["versus_first"] and line["rank_low"] == 1:
             groups["equal" if alike else "open"].append(name)
         elif alike:
             groups["less"].append(name)
@@ -104,20 +104,18 @@ def equality(lines: Sequence[Line], names: Sequence[str], equal: float) -> list[
     return [f"Compared with {names[0]}: {'; '.join(parts)}."] if parts else []
 
 
-def coverage(lines: Sequence[Line], shown: Sequence[str], label: Any) -> list[str]:
+def coverage(lines: Sequence[Line], shown: Sequence[str]) -> list[str]:
     """Who was not run on all cases, and which metrics are not defined for every output.
 
     Parameters
     ----------
     lines : sequence of dict
-        All of a table.
+        All of a table, each with the ``label`` of its method.
     shown : sequence of str
         The metrics to speak of.
-    label : function
-        The name of a line's method.
     """
     lines = [line for line in lines if not shown or line["metric"] in shown]
-    absent = {label(line): line["not_run"] for line in lines if line["not_run"]}
+    absent = {line["label"]: line["not_run"] for line in lines if line["not_run"]}
     notes = []
     if absent:
         some = ", ".join(f"{name} lacks {n}" for name, n in absent.items())

@@ -12,6 +12,7 @@ from ..headline import primary_metrics
 from ..resolution import EQUAL, FEWEST
 from . import standing
 from .inputs import words_of_input
+from .labels import hosts_note, label, setup, shown_setup
 from .numbers import count, plain, unit_exponent, with_interval
 
 if TYPE_CHECKING:
@@ -20,12 +21,19 @@ if TYPE_CHECKING:
     from ..conventions import Convention
     from ..published import Published
 
-GROUP = ["task", "dataset", "sensor"]
+GROUP = ["task", "dataset", "sensor", "split"]
+CONTENDER = ["method", "variant", "threads", "device", "host"]
 Line = dict[str, Any]  # one row of a board
-FAILED = "†"  # behind a mean that leaves failed cases out
+FAILED = "†"  # behind a mean into which failed cases enter with the score of the worst pseudo-method
+LEFT_OUT = "††"  # behind a mean that leaves failed cases out, for nothing says what they are worth
 DIFFERENCE = "|diff|"  # behind a metric of which the difference to the reference's own value is shown
 GIVEN = "‡"  # behind a method that was given the truth
 LATER: Line = {  # columns that a board of an earlier version lacks, and what stands for "not known"
+    "split": "test",
+    "threads": 1,
+    "device": "cpu",
+    "host": "",
+    "imputed": 0,
     "front": math.nan,
     "shapes": FEWEST,
     "not_run": 0,
@@ -64,6 +72,7 @@ class Table:
     task: str
     dataset: str
     sensor: str
+    split: str
     methods: tuple[str, ...]
     ranks: tuple[str, ...]  # by the first metric; empty where the task has no single rank
     fronts: tuple[str, ...]  # "1" on the Pareto front; empty where none was asked for
@@ -76,8 +85,8 @@ class Table:
 
     @property
     def title(self) -> str:
-        """``reconstruct · bumps · samples``; a task without a sensor has two parts."""
-        return " · ".join(filter(None, (self.task, self.dataset, self.sensor)))
+        """``reconstruct · bumps · samples``; see :func:`title_of`."""
+        return title_of(self.task, self.dataset, self.sensor, self.split)
 
     @property
     def places(self) -> list[tuple[str, tuple[str, ...]]]:
@@ -89,6 +98,11 @@ class Table:
         """The columns that are not scores: heading and cells."""
         columns = [("solved", self.solved), ("seconds", self.seconds), ("peak MB", self.memory)]
         return [*columns, ("params", self.parameters)] if self.parameters else columns
+
+
+def title_of(task: str, dataset: str, sensor: str, split: str) -> str:
+    """``reconstruct · bumps · samples``; a task without a sensor has two parts, a table over train shapes says so."""
+    return " · ".join(filter(None, (task, dataset, sensor, "" if split == "test" else f"split {split}")))
 
 
 def tables(
@@ -109,7 +123,7 @@ def tables(
     lines = [LATER | line for line in board.to_dict("records")]
     return [
         _table(label, list(part), parameters, metrics, said, convention, states.get(label), published)
-        for label, part in itertools.groupby(lines, key=lambda line: (line["task"], line["dataset"], line["sensor"]))
+        for label, part in itertools.groupby(lines, key=lambda line: tuple(line[name] for name in GROUP))
     ]
 
 
@@ -146,7 +160,7 @@ def metric_order(lines: list[Line], wanted: Sequence[str] = ()) -> list[str]:
 
 
 def _table(
-    group: tuple[str, str, str],
+    group: tuple[str, str, str, str],
     lines: list[Line],
     parameters: dict[tuple, str],
     wanted: Sequence[str],
@@ -155,19 +169,23 @@ def _table(
     state: str | None,
     published: Published | None,
 ) -> Table:
+    shown = shown_setup(lines)
+    lines = [line | {"label": label(line["method"], line["variant"], setup(line, shown))} for line in lines]
     names = metric_order(lines, wanted)
     by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
     for line in lines:
         if line["metric"] in by_metric:
-            by_metric[line["metric"]][_label(line)] = line
+            by_metric[line["metric"]][line["label"]] = line
     first = by_metric[names[0] if names else ""]
-    methods = list(dict.fromkeys([*first, *map(_label, lines)]))  # who has no such score stands at the end
+    methods = list(
+        dict.fromkeys([*first, *(line["label"] for line in lines)])
+    )  # who has no such score stands at the end
     # What a method solved, whatever the metrics say of it: the most of any metric.
-    most = {_label(line): line for line in sorted(lines, key=lambda line: line["solved"])}
-    counts = [parameters.get((*group, most[m]["method"], most[m]["variant"]), "-") for m in methods]
+    most = {line["label"]: line for line in sorted(lines, key=lambda line: line["solved"])}
+    counts = [parameters.get((*group, *(most[m][name] for name in CONTENDER)), "-") for m in methods]
     digits = convention.digits if convention else {}
     lines_shown = [most[m] for m in methods]
-    on_front = {_label(line) for line in lines if line["front"] == 1}
+    on_front = {line["label"] for line in lines if line["front"] == 1}
     criteria = (said["pareto"] or primary_metrics(group[0])) if on_front else ()
     alone = bool(on_front) and not said["pareto"] and not wanted  # the task has two primary metrics: no rank
     ranked = standing.is_ranked(list(first.values()))
@@ -190,6 +208,7 @@ def _table(
             *(_rank_notes(names[0], first, said) if names and not alone else ()),
             *(standing.front(criteria, alone) if on_front else ()),
             *_notes(lines, columns, said["level"]),
+            *hosts_note(lines, shown),
             *(convention.notes(names) if convention else ()),
             *(_published_notes(published, [(m["method"], m["variant"]) for m in lines_shown], group[2])),
         ),
@@ -223,7 +242,7 @@ def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int
     if better == "reference":
         better, floor = ("difference", f"ref {floor}" if floor else "") if digits is None else ("reference", floor)
     ranked = standing.is_ranked(list(scored.values()))
-    cells = (_cell(scored.get(_label(m)), m, exponent, digits, ranked) for m in methods)
+    cells = (_cell(scored.get(m["label"]), m, exponent, digits, ranked) for m in methods)
     return Metric(name, better, exponent, tuple(cells), floor)
 
 
@@ -244,23 +263,26 @@ def _cell(line: Line | None, most: Line, exponent: int, digits: int | None, rank
     mark = ""
     if 0 < line["solved"] < line["planned"]:
         usual = (line["solved"], line["planned"]) == (most["solved"], most["planned"])
-        mark = FAILED if usual else f"{FAILED}{line['solved']}/{line['planned']}"
+        sign = FAILED if line["solved"] + line["imputed"] == line["planned"] else LEFT_OUT
+        mark = sign if usual else f"{sign}{line['solved']}/{line['planned']}"
     text = with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent, digits)
-    return Cell(text, ranked and line["rank_low"] == 1 and math.isfinite(line["mean"]), mark)
+    # What failed anywhere is not printed as the best, whatever its rank.
+    return Cell(text, ranked and 0 < line["planned"] == line["solved"] and line["rank_low"] == 1, mark)
 
 
 def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[str, ...]:
     notes = []
     if columns:
-        notes.append(
-            f"mean [{level:.0%} bootstrap interval over cases]; seconds: median; peak MB: largest, of solved cases."
-        )
+        notes.append(f"mean [{level:.0%} interval over shapes]; seconds: median; peak MB: largest, of solved cases.")
     if any(c.exponent for c in columns):
         notes.append("A power of ten beside a metric: its numbers are in that unit.")
-    if any(cell.mark for c in columns for cell in c.cells):
+    marks = {cell.mark.rstrip("0123456789/") for c in columns for cell in c.cells}
+    if FAILED in marks:
+        notes.append(f"{FAILED} failed cases enter mean and rank with the score of the worst pseudo-method.")
+    if LEFT_OUT in marks:
+        why = "no pseudo-method was scored on them"
         notes.append(
-            f"{FAILED} the mean leaves failed cases out; for the rank, a failed case is worse than every solved result "
-            "on that case."
+            f"{LEFT_OUT} the mean leaves failed cases out ({why}); for the rank they are worse than any answer."
         )
     if any(map(_is_given, lines)):
         notes.append(
@@ -269,7 +291,7 @@ def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[
         )
     if any(column.better == "difference" for column in columns):
         notes.append(f"{DIFFERENCE}: mean absolute difference to the reference's own value, which is in the last line.")
-    notes.extend(standing.coverage(lines, [column.name for column in columns], _label))
+    notes.extend(standing.coverage(lines, [column.name for column in columns]))
     if any(line["shapes"] < 2 and math.isfinite(line["mean"]) and not math.isfinite(line["ci_low"]) for line in lines):
         notes.append("No interval: only one case.")
     return tuple(notes)
@@ -280,32 +302,25 @@ def _is_given(line: Line) -> bool:
     return line.get("true_distances", 0) > 0
 
 
-def _states(rows: pd.DataFrame | None) -> dict[tuple[str, str, str], str]:
+def _states(rows: pd.DataFrame | None) -> dict[tuple[str, str, str, str], str]:
     """What the inputs of each table really were like, in words: see the ``describe`` of the tasks."""
     if rows is None:
         return {}
+    from ..selection import completed
+
     columns = [column for column in rows.columns if column.startswith("input.")]
     states = {}
-    for label, part in rows.groupby(GROUP) if columns else ():
+    for group, part in completed(rows).groupby(GROUP) if columns else ():
         medians = {name.removeprefix("input."): float(value) for name, value in part[columns].median().items()}
-        states[label] = words_of_input(label[0], {key: value for key, value in medians.items() if math.isfinite(value)})
-    return {label: state for label, state in states.items() if state}
+        states[group] = words_of_input(group[0], {key: value for key, value in medians.items() if math.isfinite(value)})
+    return {group: state for group, state in states.items() if state}
 
 
 def _rank(line: Line | None) -> str:
-    if line is None:
+    if line is None or not line["solved"]:
         return "-"
     low, high = line["rank_low"], line["rank_high"]
     return str(low) if low == high else f"{low}-{high}"
-
-
-def _label(line: Line) -> str:
-    return label(line["method"], line["variant"])
-
-
-def label(method: str, variant: str) -> str:
-    """``poisson (depth=9, trim=0.1)``."""
-    return f"{method} ({', '.join(part.strip() for part in variant.split(','))})" if variant else method
 
 
 def _seconds(value: float) -> str:

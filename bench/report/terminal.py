@@ -6,7 +6,8 @@ import io
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from .tables import GROUP, Metric, Table, any_best, label, shared_notes
+from .labels import label, setup, shown_setup
+from .tables import CONTENDER, GROUP, Metric, Table, any_best, shared_notes, title_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,25 +115,27 @@ def remarks(board: pd.DataFrame, rows: pd.DataFrame, color: bool = False) -> str
 
     from ..leaderboard import failures, notes
 
-    shown = set(board[[*GROUP, "method", "variant"]].itertuples(index=False, name=None))
+    contenders = set(board[[*GROUP, *CONTENDER]].itertuples(index=False, name=None))
+    lines = board[[*GROUP, *CONTENDER, "metric"]]
+    setups = {group: shown_setup(part.to_dict("records")) for group, part in lines.groupby(GROUP)}
     parts = []
-    for title, told in (("Not solved", failures(rows)), ("Solved, with a note", notes(rows))):
-        lines = [_remark(t) for t in told.itertuples(index=False) if tuple(t[:5]) in shown]
-        parts += [Text(f"\n{title}", style="bold"), *lines] if lines else []
+    for caption, told in (("Not solved", failures(rows)), ("Solved, with a note", notes(rows))):
+        found = [line for line in told.to_dict("records") if tuple(line[c] for c in [*GROUP, *CONTENDER]) in contenders]
+        lines = [_remark(line, setups[tuple(line[name] for name in GROUP)]) for line in found]
+        parts += [Text(f"\n{caption}", style="bold"), *lines] if lines else []
     return _print(parts, color) if parts else ""
 
 
-def _remark(told: Any) -> Text:
+def _remark(told: dict[str, Any], shown: tuple[str, ...]) -> Text:
     """One line of what failed or was noted."""
     from rich.text import Text
 
-    message = " ".join(str(told.message or "").split())
+    message = " ".join(str(told["message"] or "").split())
     message = message if len(message) <= MOST_MESSAGE else message[: MOST_MESSAGE - 1] + "…"
-    where = " · ".join(filter(None, (told.task, told.dataset, told.sensor)))
-    what = "" if told.status == "ok" else f" {told.status}"
-    return Text(
-        f"  {label(told.method, told.variant)}: {told.count}{what} ({where}){': ' + message if message else ''}"
-    )
+    where = title_of(*(told[name] for name in GROUP))
+    what = "" if told["status"] == "ok" else f" {told['status']}"
+    who = label(told["method"], told["variant"], setup(told, shown))
+    return Text(f"  {who}: {told['count']}{what} ({where}){': ' + message if message else ''}")
 
 
 def _print(parts: list, color: bool) -> str:

@@ -101,6 +101,27 @@ class Task:
             f"{medians['coverage']:.1%} of it covered; density varies by {varies:.0%}."
         )
 
+    def expected(self, input: Mapping[str, Any]) -> int:
+        """About how many points or vertices an output has: as many as the first cloud or mesh of the input."""
+        for value in input.values():
+            for name in ("points", "vertices"):
+                if hasattr(value, name):
+                    return len(getattr(value, name))
+        return 1000
+
+    def hopeless(self, case: Case) -> tuple[Any, ...]:
+        """Outputs for a case that know nothing of it: as many random points (or tiny triangles) as expected, and none.
+
+        The worse score of these is what a failed case is worth: see :mod:`bench.imputation`. A task whose outputs are
+        neither clouds nor meshes has none.
+        """
+        from ..geometry.hopeless import no_faces, no_points, random_cloud, random_triangles
+
+        count, rng = self.expected(case.input), generator(case.seed, case.id, "hopeless")
+        if self.output == "cloud":
+            return random_cloud(count, rng), no_points()
+        return (random_triangles(count, rng), no_faces()) if self.output == "mesh" else ()
+
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
         """The arguments of the method's function from the user's files, and the frame that they were scaled to.
 
@@ -199,6 +220,10 @@ class Upsample(Task):
     def input(self, sensed: PointCloud) -> dict[str, Any]:
         """The cloud and the ratio."""
         return {"cloud": sensed, "ratio": self.ratio}
+
+    def expected(self, input: Mapping[str, Any]) -> int:
+        """``ratio`` times as many points as the input has."""
+        return self.ratio * len(input["cloud"])
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
         """Hold an output against the promise."""

@@ -93,6 +93,10 @@ class DetailTransfer(Task):
             "target_base": _mesh(frame.apply(target_base.vertices), target_base.faces),
         }
 
+    def expected(self, input: Mapping[str, Any]) -> int:
+        """As many vertices as the target's base has."""
+        return len(input["target_base"].vertices)
+
     def describe(self, case: Case) -> dict[str, float]:
         """How large the details are that the reference has on the target's base, in the frame.
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from bench import PointCloud, Run, register
+from bench.geometry.hopeless import no_faces, no_points
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -20,22 +19,16 @@ class Empty:
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
         """No points."""
-        return PointCloud(np.empty((0, 3)))
+        return no_points()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """No points."""
-        return PointCloud(np.empty((0, 3)))
+        return no_points()
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """A mesh without vertices and faces."""
-        return _no_mesh()
+        return no_faces()
 
     def detail_transfer(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, run: Run) -> Trimesh:
         """A mesh without vertices and faces."""
-        return _no_mesh()
-
-
-def _no_mesh() -> Trimesh:
-    from trimesh import Trimesh
-
-    return Trimesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64), process=False)
+        return no_faces()

@@ -36,8 +36,7 @@ class Identity:
         """A tiny triangle around every point, in its tangent plane: its distances are those of the cloud."""
         from bench.geometry.normals import with_normals
         from bench.geometry.spacing import mean_spacing
-
-        from .triangles import triangles_around
+        from bench.geometry.tiny_triangles import triangles_around
 
         check_points(cloud.points, "identity", at_least=3)
         normals = with_normals(cloud).normals
