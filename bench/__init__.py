@@ -17,26 +17,31 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _EXPORTS = {
-    "register": "registry",
-    "PointCloud": "shapes",
-    "Shape": "shapes",
-    "ShapePair": "shapes",
-    "Effect": "sensors",
-    "Surface": "shapes",
-    "Frame": "shapes",
-    "Case": "shapes",
-    "Views": "views",
-    "Run": "run",
-    "Task": "tasks",
-    "CaseRecipe": "tasks",
-    "validate_cloud": "tasks",
-    "validate_mesh": "tasks",
+    "register": "plugins.registry",
+    "PointCloud": "geometry.cloud",
+    "Shape": "contract.shape",
+    "ShapePair": "contract.shape",
+    "Effect": "contract.sensors",
+    "Surface": "contract.shape",
+    "Frame": "geometry.cloud",
+    "Case": "contract.case",
+    "Views": "contract.views",
+    "Run": "contract.run",
+    "Task": "contract.task",
+    "CaseRecipe": "contract.task",
+    "validate_cloud": "contract.task",
+    "validate_mesh": "contract.task",
     "BadInput": "errors",
     "InvalidOutput": "errors",
     "MissingLibrary": "errors",
     "UsageError": "errors",
-    "build_parts": "parts",
+    "build_parts": "plugins.parts",
     "generator": "seeds",
+    "snake_case": "plugins.registry",
+    "Plugin": "plugins.registry",
+    "Step": "contract.sensors",
+    "build_steps": "contract.sensors",
+    "given_by": "contract.sensors",
 }
 __all__ = [
     "BadInput",
@@ -46,31 +51,38 @@ __all__ = [
     "Frame",
     "InvalidOutput",
     "MissingLibrary",
+    "Plugin",
     "PointCloud",
     "Run",
     "Shape",
     "ShapePair",
+    "Step",
     "Surface",
     "Task",
     "UsageError",
     "Views",
     "build_parts",
+    "build_steps",
     "generator",
+    "given_by",
     "register",
+    "snake_case",
     "validate_cloud",
     "validate_mesh",
 ]
 
 if TYPE_CHECKING:
+    from .contract.case import Case
+    from .contract.run import Run
+    from .contract.sensors import Effect, Step, build_steps, given_by
+    from .contract.shape import Shape, ShapePair, Surface
+    from .contract.task import CaseRecipe, Task, validate_cloud, validate_mesh
+    from .contract.views import Views
     from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
-    from .parts import build_parts
-    from .registry import register
-    from .run import Run
+    from .geometry.cloud import Frame, PointCloud
+    from .plugins.parts import build_parts
+    from .plugins.registry import Plugin, register, snake_case
     from .seeds import generator
-    from .sensors import Effect
-    from .shapes import Case, Frame, PointCloud, Shape, ShapePair, Surface
-    from .tasks import CaseRecipe, Task, validate_cloud, validate_mesh
-    from .views import Views
 
 
 def __getattr__(name: str) -> Any:

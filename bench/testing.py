@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .conformance import check_plugin
-from .registry import KINDS, registry
+from .authoring.conformance import check_plugin
+from .plugins.registry import KINDS, registry
 
 
 def assert_conforms(file: str | Path) -> None:

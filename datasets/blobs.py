@@ -8,10 +8,10 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .balls import BallField
-from .family import Family, spread
-from .implicit import Body, ImplicitSurface
-from .rotations import random_rotation
+from .common.family import Family, spread
+from .common.rotations import random_rotation
+from .surfaces.balls import BallField
+from .surfaces.implicit import Body, ImplicitSurface
 
 WEIGHT = 5.0  # of each ball at its centre; alone it is the ball of 0.64 of its reach
 NECK = 1.12  # the sum of two neighbours on the way between them, at least; 1 is where they part

@@ -10,11 +10,11 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .balls import BallField
-from .branching import Skeleton, colonise, murray_radii, separate
-from .family import Family, expect_kind, kind_of, spread
-from .implicit import Body, ImplicitSurface
-from .rotations import random_rotation
+from .common.family import Family, expect_kind, kind_of, spread
+from .common.rotations import random_rotation
+from .details.branching import Skeleton, colonise, murray_radii, separate
+from .surfaces.balls import BallField
+from .surfaces.implicit import Body, ImplicitSurface
 
 THIN = 0.03
 KINDS = ("tree", "vessel", "coral")

@@ -9,9 +9,9 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .family import Family, spread
-from .harmonics import HarmonicSum
-from .star_surface import StarSurface, icosphere
+from .common.family import Family, spread
+from .surfaces.harmonics import HarmonicSum
+from .surfaces.star_surface import StarSurface, icosphere
 
 SMALLEST_RADIUS = 0.25  # below it a body is nearly cut in two, and its tessellation uneven
 FLAT = 3.0  # below this exponent there is visible detail at every scale

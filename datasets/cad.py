@@ -9,9 +9,9 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .family import Family, expect_kind, kind_of
-from .parts import KINDS, Part
-from .rotations import random_rotation
+from .common.family import Family, expect_kind, kind_of
+from .common.rotations import random_rotation
+from .solids.parts import KINDS, Part
 
 if TYPE_CHECKING:
     from trimesh import Trimesh

@@ -12,11 +12,11 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .family import Family, expect_kind, kind_of, spread
-from .gradient_noise import FractalNoise
-from .jets import Jet, cos, normalize, sin, stack
-from .parametric import Chart, ParametricSurface, Patch
-from .rotations import random_rotation
+from .common.family import Family, expect_kind, kind_of, spread
+from .common.rotations import random_rotation
+from .surfaces.gradient_noise import FractalNoise
+from .surfaces.jets import Jet, cos, normalize, sin, stack
+from .surfaces.parametric import Chart, ParametricSurface, Patch
 
 BASES = ("sphere", "torus", "box", "ellipsoid")
 ROUGH = 0.75  # below this Hurst exponent there is visible detail at every scale

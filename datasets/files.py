@@ -159,7 +159,7 @@ def _matches(key: str, part: str) -> list[Path]:
 
 def _reader(file: Path) -> Callable[[], Trimesh]:
     def read() -> Trimesh:
-        from bench.geometry.files import load_mesh
+        from bench.geometry.io.files import load_mesh
 
         return load_mesh(file)
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from bench import Shape, ShapePair, generator, register
 
-from .family import expect_kind, kind_of
-from .furniture_parts import CATEGORIES, Piece, bar_grid
-from .rotations import random_rotation
-from .solids import arrays, origins, turned
+from .common.family import expect_kind, kind_of
+from .common.rotations import random_rotation
+from .solids.booleans import arrays, origins, turned
+from .solids.furniture_parts import CATEGORIES, Piece, bar_grid
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

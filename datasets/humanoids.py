@@ -13,11 +13,11 @@ import numpy as np
 
 from bench import Shape, ShapePair, generator, register
 
-from .bodies import template
-from .builds import Build, draw_build, shaped
-from .poses import KEYS, draw_pose
-from .skeleton import ENDS, REST, forward, rotation_about
-from .skinning import dual_quaternion_skinning, heat_weights
+from .figures.bodies import template
+from .figures.builds import Build, draw_build, shaped
+from .figures.poses import KEYS, draw_pose
+from .figures.skeleton import ENDS, REST, forward, rotation_about
+from .figures.skinning import dual_quaternion_skinning, heat_weights
 
 if TYPE_CHECKING:
     from trimesh import Trimesh

@@ -11,9 +11,9 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .family import Family, expect_kind, kind_of, spread
-from .rotations import random_rotation
-from .tubes import FourierCurve, TubeSurface, circle, ellipse, nearest_approach, torus_knot
+from .common.family import Family, expect_kind, kind_of, spread
+from .common.rotations import random_rotation
+from .surfaces.tubes import FourierCurve, TubeSurface, circle, ellipse, nearest_approach, torus_knot
 
 NEAR = 0.03  # parts of a surface that come closer than this fraction of the box's diagonal are in near contact
 THIN = 0.03

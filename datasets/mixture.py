@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bench import Shape, ShapePair, build_parts, register
 
 if TYPE_CHECKING:
-    from bench.registry import Plugin
+    from bench import Plugin
 
 Item = Shape | ShapePair
 

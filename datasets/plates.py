@@ -7,10 +7,10 @@ from typing import Literal
 
 from bench import Shape, generator, register
 
-from .family import Family, expect_kind, kind_of, spread
-from .parametric import ParametricSurface
-from .rotations import random_rotation
-from .sheets import LENGTH, Sheet, corrugated, egg_box, flat, folded
+from .common.family import Family, expect_kind, kind_of, spread
+from .common.rotations import random_rotation
+from .details.sheets import LENGTH, Sheet, corrugated, egg_box, flat, folded
+from .surfaces.parametric import ParametricSurface
 
 NEAR = THIN = 0.03  # fractions of the bounding-box diagonal: of a gap, and of a wall
 KINDS = ("corrugated", "folded", "flat", "egg_box")

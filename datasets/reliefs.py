@@ -13,11 +13,11 @@ import numpy as np
 
 from bench import Shape, ShapePair, generator, register
 
-from .jets import Jet, unit_normal
-from .parametric import Chart, ParametricSurface, Patch
-from .patterns import Pattern, hexagons, knurl, letters, weave
-from .relief_bases import BALL_BAND, Base, band_mask, draw_ball, draw_ring, draw_vase
-from .rotations import random_rotation
+from .common.rotations import random_rotation
+from .details.patterns import Pattern, hexagons, knurl, letters, weave
+from .details.relief_bases import BALL_BAND, Base, band_mask, draw_ball, draw_ring, draw_vase
+from .surfaces.jets import Jet, unit_normal
+from .surfaces.parametric import Chart, ParametricSurface, Patch
 
 if TYPE_CHECKING:
     from trimesh import Trimesh

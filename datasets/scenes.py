@@ -11,9 +11,9 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .family import Family, expect_kind, kind_of, spread
-from .rotations import random_rotation
-from .solids import arrays, turned
+from .common.family import Family, expect_kind, kind_of, spread
+from .common.rotations import random_rotation
+from .solids.booleans import arrays, turned
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

@@ -12,11 +12,11 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from . import sdf_nodes as sdf
-from .family import Family, expect_kind, kind_of, spread
-from .implicit import Body, ImplicitSurface, box_of_ball
-from .rotations import random_rotation
-from .sdf_nodes import Difference, Node, NodeField, Placed, Union
+from .common.family import Family, expect_kind, kind_of, spread
+from .common.rotations import random_rotation
+from .surfaces import sdf_nodes as sdf
+from .surfaces.implicit import Body, ImplicitSurface, box_of_ball
+from .surfaces.sdf_nodes import Difference, Node, NodeField, Placed, Union
 
 UPRIGHT = np.eye(3)
 ALONG_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # turns the axis of a primitive from z to x

@@ -9,10 +9,10 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .family import Family
-from .parametric import ParametricSurface
-from .rotations import random_rotation
-from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
+from .common.family import Family
+from .common.rotations import random_rotation
+from .surfaces.parametric import ParametricSurface
+from .surfaces.spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
 
 # The two-dimensional golden ratio (Roberts 2018): pairs (e1, e2) that fill the square evenly from the first on. The
 # start is chosen so that the first four are a box, an octahedron-like body, a wheel with an edge, and a square ring.

@@ -8,10 +8,10 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .family import Family, spread
-from .parametric import ParametricSurface
-from .rotations import random_rotation
-from .spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
+from .common.family import Family, spread
+from .common.rotations import random_rotation
+from .surfaces.parametric import ParametricSurface
+from .surfaces.spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
 
 KINDS = ("star", "flower", "ridged", "lantern")
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .blending import smooth_max
-from .family import Family, spread
-from .implicit import Body, ImplicitSurface, box_of_ball
-from .rotations import random_rotation
+from .common.family import Family, spread
+from .common.rotations import random_rotation
+from .surfaces.blending import smooth_max
+from .surfaces.implicit import Body, ImplicitSurface, box_of_ball
 
 THIN = 0.03
 HIGH_GENUS = 10

@@ -10,13 +10,13 @@ import numpy as np
 
 from bench import Shape, generator, register
 
-from .family import Family, spread
-from .jets import Jet, abs_power, cos, sin, smooth_step, stack
-from .parametric import Chart, ParametricSurface, Patch
-from .patch_mesh import graded_lines, pole_levels
-from .rotations import random_rotation
-from .shells import offset, round_end
-from .splines import Profile
+from .common.family import Family, spread
+from .common.rotations import random_rotation
+from .surfaces.jets import Jet, abs_power, cos, sin, smooth_step, stack
+from .surfaces.parametric import Chart, ParametricSurface, Patch
+from .surfaces.patch_mesh import graded_lines, pole_levels
+from .surfaces.shells import offset, round_end
+from .surfaces.splines import Profile
 
 THIN = 0.03  # a wall thinner than this fraction of the diagonal counts as thin
 ROWS = 11  # control points above the foot

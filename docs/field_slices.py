@@ -16,10 +16,10 @@ import argparse
 import matplotlib
 import numpy as np
 import torch
-from bench.methods.implicit import field as files
-from bench.methods.implicit.displaced_field import DisplacedField
+from bench.methods.implicit.fields.displaced_field import DisplacedField
+from bench.methods.learned.training import field as files
 
-from bench.registry import registry
+from bench.plugins.registry import registry
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -19,9 +19,9 @@ import pyvista
 
 from bench import Frame, Shape, generator
 from bench.geometry.mesh_surface import MeshSurface
-from bench.presets import presets
-from bench.registry import registry
-from bench.schema import build
+from bench.plugins.presets import presets
+from bench.plugins.registry import registry
+from bench.plugins.schema import build
 
 VIEW = [(2.1, -2.7, 1.7), (0, 0, 0), (0, 0, 1)]
 SHAPES = 6

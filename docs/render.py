@@ -20,10 +20,10 @@ import numpy as np
 import pandas as pd
 import pyvista
 
-from bench.geometry.files import load_cloud, load_mesh
+from bench.geometry.io.files import load_cloud, load_mesh
 from bench.geometry.mesh_surface import MeshSurface
-from bench.registry import registry
-from bench.store import Results
+from bench.plugins.registry import registry
+from bench.results.store import Results
 
 
 def distances(points: np.ndarray, reference) -> np.ndarray:

@@ -19,7 +19,7 @@ import math
 import matplotlib
 import numpy as np
 
-from bench.store import Results
+from bench.results.store import Results
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

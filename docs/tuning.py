@@ -17,7 +17,7 @@ import argparse
 import numpy as np
 import pandas as pd
 
-from bench.store import Results
+from bench.results.store import Results
 
 METRIC = {"reconstruct": "chamfer_l1_mean", "upsample": "chamfer_l1_mean", "denoise": "p2f_mean"}
 REMOVERS = ("statistical_outlier", "radius_outlier")

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bench import Case, PointCloud, register
-
-if TYPE_CHECKING:
-    pass
 
 
 @register("metric", version=1, better="lower", outputs=("cloud",), floor=True, requires=("scipy",))

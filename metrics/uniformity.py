@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bench import Case, PointCloud, generator, register
-
-if TYPE_CHECKING:
-    pass
-
 
 NEIGHBOURS = 8  # of a point, among which the nearest inside a disk mostly is
 

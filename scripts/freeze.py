@@ -11,9 +11,9 @@ import json
 import sys
 from pathlib import Path
 
-from bench.catalog import FILE, measure
 from bench.errors import UsageError
-from bench.registry import registry
+from bench.plugins.catalog import FILE, measure
+from bench.plugins.registry import registry
 
 
 def main() -> None:

@@ -126,7 +126,7 @@ class Shell:
 
     def rows(self, **wanted):
         """The stored rows as a table, without the help of the index."""
-        from bench.store import Results
+        from bench.results.store import Results
 
         frame = Results(self.results).rows(use_index=False)
         for key, value in wanted.items():

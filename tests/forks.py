@@ -27,10 +27,10 @@ IMPORTS = (
     "bench.cli",
     "bench.commands.leaderboard",
     "bench.commands.run",
-    "bench.leaderboard",
-    "bench.report.tables",
-    "bench.report.terminal",
-    "bench.runner",
+    "bench.ranking.leaderboard",
+    "bench.ranking.report.tables",
+    "bench.ranking.report.terminal",
+    "bench.engine.runner",
 )
 
 

@@ -10,11 +10,11 @@ import trimesh
 from conftest import TOYS
 from trimesh.creation import box
 
-import bench.artefacts
+import bench.contract.artefacts
 from bench import PointCloud, Run, Views
-from bench.artefacts import Artefacts
-from bench.conformance import toy_views
-from bench.geometry.files import load_cloud
+from bench.authoring.conformance import toy_views
+from bench.contract.artefacts import Artefacts
+from bench.geometry.io.files import load_cloud
 
 KEEPER = TOYS.with_name("silhouettes.py")
 
@@ -101,7 +101,7 @@ def test_the_last_value_of_a_name_counts(tmp_path):
 
 
 def test_a_case_stores_no_more_than_its_share(tmp_path, monkeypatch):
-    monkeypatch.setattr(bench.artefacts, "LIMIT_BYTES", 100)
+    monkeypatch.setattr(bench.contract.artefacts, "LIMIT_BYTES", 100)
     files, notes = artefacts(tmp_path)
     image = np.zeros((8, 10), np.uint8)
     assert files.keep("one", image) and files.keep("one", image)  # in place of itself there is room
@@ -153,7 +153,7 @@ def test_a_method_cannot_write_elsewhere(shell):
 
 
 def test_apply_stores_nothing(shell):
-    from bench.geometry.files import save
+    from bench.geometry.io.files import save
 
     save(PointCloud(np.random.default_rng(0).normal(size=(20, 3))), shell.work / "in.ply")
     done = shell.call("apply", "--plugin", KEEPER, "method=keeps_all", "in.ply", "out.ply")
@@ -163,7 +163,7 @@ def test_apply_stores_nothing(shell):
 
 def test_results_without_the_column_are_read(shell):
     """Those of earlier versions."""
-    from bench.store import Results
+    from bench.results.store import Results
 
     shell.run("method=fine", "cases=1", sweep=False)
     (path,) = shell.files()

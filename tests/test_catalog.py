@@ -9,10 +9,10 @@ import pytest
 from trimesh import Trimesh
 from trimesh.creation import icosphere
 
-from bench import catalog
 from bench.commands.list import dataset_table
-from bench.listing import listing
-from bench.registry import registry
+from bench.plugins import catalog
+from bench.plugins.listing import listing
+from bench.plugins.registry import registry
 
 OURS = Path(__file__).parent.parent / "datasets"
 FAMILIES = [p for p in registry().all("dataset") if p.file.parent == OURS and not hasattr(p.cls, "state")]

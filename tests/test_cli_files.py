@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from bench.geometry.files import save
-from bench.store import Results
+from bench.geometry.io.files import save
+from bench.results.store import Results
 
 BALL = trimesh.creation.icosphere(3)
 

@@ -8,7 +8,7 @@ import trimesh
 
 from bench import PointCloud, generator
 from bench.cli import main
-from bench.geometry.files import save
+from bench.geometry.io.files import save
 
 FEW = ("--samples", "2000")
 

@@ -12,7 +12,7 @@ import pytest
 from trimesh import Trimesh
 from trimesh.creation import box, icosphere
 
-from bench.agreement import disagreements
+from bench.authoring.agreement import disagreements
 from bench.geometry.mesh_surface import MeshSurface
 
 

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from bench.commands.check import _own, settings
-from bench.registry import registry
+from bench.plugins.registry import registry
 
 HEAD = "from dataclasses import dataclass, field\nfrom bench import register\n"
 METHOD = """@register('method')

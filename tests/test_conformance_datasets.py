@@ -13,10 +13,10 @@ from trimesh import Trimesh
 from trimesh.creation import icosphere
 
 from bench import Shape, ShapePair, register
-from bench.dataset_checks import content_digest, dataset_checks, item_functions, items_trial
+from bench.authoring.dataset_checks import content_digest, dataset_checks, item_functions, items_trial
 from bench.geometry.mesh_surface import MeshSurface
-from bench.registry import registry
-from bench.schema import build
+from bench.plugins.registry import registry
+from bench.plugins.schema import build
 
 FAULTS = {
     # the fault: the line of the report that fails, and what it says
@@ -230,7 +230,7 @@ def test_a_dataset_of_nothing_is_told_what_it_needs():
 
 def test_rows_may_belong_to_the_columns_of_another_attribute():
     """The joints of a skeleton: a row for each column of the skinning weights."""
-    from bench.dataset_checks import attribute_complaints
+    from bench.authoring.dataset_checks import attribute_complaints
 
     mesh = lump(0)
     weights, joints = np.ones((162, 5)) / 5, np.zeros((5, 3))
@@ -249,7 +249,7 @@ def test_the_content_of_a_mesh_is_free_of_place_size_and_order():
 
 def test_what_a_pair_promises_is_a_copy_away_from_failing():
     """The pair of the dataset without fault, with one index exchanged."""
-    from bench.dataset_checks import correspondence_complaints, shapes_of
+    from bench.authoring.dataset_checks import correspondence_complaints, shapes_of
 
     pair = next(OneFault().pairs("test"))
     assert correspondence_complaints(pair, shapes_of(pair)) == []

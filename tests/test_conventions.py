@@ -11,15 +11,15 @@ from bench import Case, PointCloud, Shape, UsageError, generator
 from bench.cli import main
 from bench.commands.leaderboard import show
 from bench.commands.score import _of_convention, in_convention, score
-from bench.config import compose
-from bench.conventions import convention_names, load_convention
 from bench.geometry.comparison import compare, set_samples
 from bench.geometry.triangles import point_triangle_distance
-from bench.leaderboard import COLUMNS
-from bench.overrides import check_overrides
-from bench.plan import Cell, check_root
-from bench.registry import registry
-from bench.report import FORMATS, render
+from bench.plan.cell import Cell, check_root
+from bench.plugins.registry import registry
+from bench.ranking.conventions import convention_names, load_convention
+from bench.ranking.leaderboard import COLUMNS
+from bench.ranking.report import FORMATS, render
+from bench.sweep.composition import compose
+from bench.sweep.overrides import check_overrides
 
 NAMES = (
     "cages",

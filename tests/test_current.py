@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from test_store import record
 
-from bench.current import Today, timestamp
-from bench.index import rows as rows_of
-from bench.plan import Cell, Choice
-from bench.provenance import fingerprint, ingredients
-from bench.store import Record, Results
+from bench.plan.cell import Cell, Choice
+from bench.results.current import Today, timestamp
+from bench.results.index import rows as rows_of
+from bench.results.provenance import fingerprint, ingredients
+from bench.results.store import Record, Results
 
 NOW = datetime(2026, 6, 1, tzinfo=UTC).timestamp()
 
@@ -76,7 +76,7 @@ def test_the_current_record_counts_before_a_newer_one(tmp_path):
 
 
 def test_a_plugin_that_is_not_installed_is_compared_by_its_file_and_not_imported(tmp_path):
-    from bench.provenance import source_digest
+    from bench.results.provenance import source_digest
 
     file = tmp_path / "mine.py"
     file.write_text("raise SystemExit('imported')\n")

@@ -8,9 +8,11 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from bench.datasets import fractals, furniture, furniture_parts, humanoids, poses, scenes, skeleton, skinning
-from bench.datasets.bodies import body, template
-from bench.datasets.builds import Build, shaped
+from bench.datasets import fractals, furniture, humanoids, scenes
+from bench.datasets.figures import poses, skeleton, skinning
+from bench.datasets.figures.bodies import body, template
+from bench.datasets.figures.builds import Build, shaped
+from bench.datasets.solids import furniture_parts
 
 from bench.geometry.self_intersections import self_intersecting_faces
 from bench.geometry.topology import count_topology

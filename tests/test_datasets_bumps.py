@@ -11,8 +11,8 @@ from itertools import islice
 import numpy as np
 import pytest
 from bench.datasets.bumps import Bumps
-from bench.datasets.harmonics import HarmonicSum
-from bench.datasets.star_surface import StarSurface, icosphere
+from bench.datasets.surfaces.harmonics import HarmonicSum
+from bench.datasets.surfaces.star_surface import StarSurface, icosphere
 from scipy.spatial import cKDTree
 from scipy.special import sph_harm_y_all
 

@@ -10,7 +10,7 @@ from itertools import islice
 import numpy as np
 import pytest
 from bench.datasets.cad import Cad
-from bench.datasets.parts import KINDS
+from bench.datasets.solids.parts import KINDS
 
 from bench import generator
 

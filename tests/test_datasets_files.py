@@ -12,10 +12,10 @@ import trimesh
 from bench.datasets.files import SUFFIXES, Files
 
 from bench import BadInput, UsageError
-from bench.geometry.files import MESH_READERS, save
-from bench.plan import Choice
-from bench.registry import registry
-from bench.schema import parameters
+from bench.geometry.io.files import MESH_READERS, save
+from bench.plan.cell import Choice
+from bench.plugins.registry import registry
+from bench.plugins.schema import parameters
 
 
 @pytest.fixture

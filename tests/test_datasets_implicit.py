@@ -7,14 +7,15 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from bench.datasets.band import sample_near_zero
-from bench.datasets.blending import smooth_max, smooth_min
 from bench.datasets.blobs import Blobs
 from bench.datasets.branches import Branches
-from bench.datasets.branching import Skeleton, murray_radii, separate
-from bench.datasets.implicit import Body, ImplicitSurface, _largest_component
+from bench.datasets.details.branching import Skeleton, murray_radii, separate
 from bench.datasets.knots import Knots
-from bench.datasets.sdf_nodes import (
+from bench.datasets.smooth_csg import SmoothCsg
+from bench.datasets.surfaces.band import sample_near_zero
+from bench.datasets.surfaces.blending import smooth_max, smooth_min
+from bench.datasets.surfaces.implicit import Body, ImplicitSurface, _largest_component
+from bench.datasets.surfaces.sdf_nodes import (
     Difference,
     NodeField,
     Placed,
@@ -26,9 +27,8 @@ from bench.datasets.sdf_nodes import (
     sphere,
     torus,
 )
-from bench.datasets.smooth_csg import SmoothCsg
+from bench.datasets.surfaces.tubes import TubeSurface, circle, ellipse, nearest_approach, torus_knot
 from bench.datasets.tpms import SYMMETRY, WINDOWS, ClippedLevel, Tpms, _body
-from bench.datasets.tubes import TubeSurface, circle, ellipse, nearest_approach, torus_knot
 from scipy.spatial import cKDTree
 
 from bench import generator
@@ -455,8 +455,8 @@ def test_twigs_that_come_back_are_cut():
 
 
 def test_a_straight_branch_has_its_radius():
-    from bench.datasets.balls import BallField
     from bench.datasets.branches import REACH, _strung
+    from bench.datasets.surfaces.balls import BallField
 
     skeleton = Skeleton(np.linspace([0, 0, 0], [0, 0, 1.13], 18), np.arange(-1, 17), np.full(18, 0.05))
     centres, radius, spacing = _strung(skeleton)

@@ -11,15 +11,15 @@ import trimesh
 from bench.datasets.files import Files
 from bench.datasets.mixture import Mixture
 
-from bench import provenance
-from bench.catalog import mesh_hash
-from bench.config import compose
+from bench.engine.memo import Memo, RememberedDataset
 from bench.errors import UsageError
-from bench.geometry.files import save
-from bench.memo import Memo, RememberedDataset
-from bench.plan import Cell
-from bench.registry import registry
-from bench.schema import build
+from bench.geometry.io.files import save
+from bench.plan.cell import Cell
+from bench.plugins.catalog import mesh_hash
+from bench.plugins.registry import registry
+from bench.plugins.schema import build
+from bench.results import provenance
+from bench.sweep.composition import compose
 
 SPLITS = ("test", "train")
 

@@ -7,17 +7,17 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from bench.datasets.common.rotations import random_rotation
+from bench.datasets.details.patterns import SEGMENTS, STROKE, hexagons, knurl, letters, weave
 from bench.datasets.fbm import Fbm
-from bench.datasets.gradient_noise import BOUND, FractalNoise, GradientNoise
-from bench.datasets.jets import Jet, abs_power, cos, exp, sin, smooth_step, stack, unit_normal
-from bench.datasets.parametric import Chart, ParametricSurface, Patch
-from bench.datasets.patch_mesh import pole_levels
-from bench.datasets.patterns import SEGMENTS, STROKE, hexagons, knurl, letters, weave
 from bench.datasets.plates import Plates
 from bench.datasets.reliefs import Reliefs
-from bench.datasets.rotations import random_rotation
 from bench.datasets.superquadrics import Superquadrics
 from bench.datasets.supershapes import Supershapes
+from bench.datasets.surfaces.gradient_noise import BOUND, FractalNoise, GradientNoise
+from bench.datasets.surfaces.jets import Jet, abs_power, cos, exp, sin, smooth_step, stack, unit_normal
+from bench.datasets.surfaces.parametric import Chart, ParametricSurface, Patch
+from bench.datasets.surfaces.patch_mesh import pole_levels
 from bench.datasets.vases import Vases
 from scipy.spatial import cKDTree
 

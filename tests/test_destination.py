@@ -4,9 +4,9 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
-from bench import config
-from bench.destination import destination, settled
 from bench.errors import UsageError
+from bench.plan import limits as config
+from bench.sweep.destination import destination, settled
 
 PLACE = "it's a/b,c"
 

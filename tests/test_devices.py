@@ -11,9 +11,9 @@ from types import SimpleNamespace
 import pytest
 from conftest import WORDS
 
-from bench import affinity, devices
+from bench.engine import affinity, devices
+from bench.engine.meter import Meter
 from bench.errors import UsageError
-from bench.meter import Meter
 
 
 class Cuda:
@@ -223,7 +223,7 @@ def test_a_gpu_that_is_not_there_stops_a_sweep_before_anything_is_written(shell,
 
 
 def test_what_a_launcher_runs_elsewhere_is_checked_there():
-    from bench.overrides import devices_of, runs_here
+    from bench.sweep.overrides import devices_of, runs_here
 
     for launcher, here in {"basic": True, "joblib": True, "submitit_local": True, "submitit_slurm": False}.items():
         assert runs_here(["method=jet", f"hydra/launcher={launcher}"]) == here
@@ -238,10 +238,10 @@ def test_plan_why_and_run_agree_on_rows_of_a_gpu_that_was_not_there(shell, monke
 
     from conftest import TOYS
 
-    from bench.plan import Cell
-    from bench.provenance import fingerprint, ingredients
-    from bench.registry import load_plugins
-    from bench.store import Record, Results
+    from bench.plan.cell import Cell
+    from bench.plugins.registry import load_plugins
+    from bench.results.provenance import fingerprint, ingredients
+    from bench.results.store import Record, Results
 
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
     assert shell.run("method=fine", sweep=False).returncode == 0

@@ -9,13 +9,13 @@ from conftest import TOYS, WORDS
 from test_provenance import config, node
 
 from bench import register
-from bench.config import compose, enumerate_jobs
-from bench.forecast import Forecast, Pace, duration, seconds_to_do, summary, workers_of
-from bench.outlook import likely_cells, look_ahead
-from bench.plan import Cell
-from bench.progress import Follow, Lines
-from bench.store import Results
-from bench.sweep import Session
+from bench.plan.cell import Cell
+from bench.results.store import Results
+from bench.sweep.composition import compose, enumerate_jobs
+from bench.sweep.forecast import Forecast, Pace, duration, seconds_to_do, summary, workers_of
+from bench.sweep.outlook import likely_cells, look_ahead
+from bench.sweep.progress import Follow, Lines
+from bench.sweep.session import Session
 
 
 @register("method", name="forecast_method")
@@ -101,7 +101,7 @@ def test_jobs_that_nobody_timed_take_what_their_kind_has_taken():
     ],
 )
 def test_how_many_cells_are_run_at_a_time(monkeypatch, words, threads, processors, workers):
-    monkeypatch.setattr("bench.forecast.available", lambda: list(range(processors)))
+    monkeypatch.setattr("bench.sweep.forecast.available", lambda: list(range(processors)))
     assert workers_of(words.split(), threads) == workers
 
 
@@ -130,7 +130,7 @@ def test_times_and_summaries_in_words():
 def test_the_cells_are_those_that_composing_each_job_gives(words):
     from omegaconf import OmegaConf
 
-    from bench.plan import NotSolved
+    from bench.plan.cell import NotSolved
 
     jobs = enumerate_jobs(words, multirun=True)[:8]
     for job, found in zip(jobs, likely_cells(jobs), strict=True):

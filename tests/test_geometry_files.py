@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from bench import BadInput, PointCloud, UsageError
-from bench.geometry.files import load_cloud, load_mesh, save
+from bench.geometry.io.files import load_cloud, load_mesh, save
 
 BALL = trimesh.creation.icosphere(2)
 MESHES = (".ply", ".obj", ".stl", ".off")

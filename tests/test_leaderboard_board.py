@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from bench.errors import UsageError
-from bench.leaderboard import COLUMNS, failures, leaderboard, notes
-from bench.overview import overview
-from bench.report import render
-from bench.report.terminal import remarks
-from bench.selection import pool, select
+from bench.ranking.leaderboard import COLUMNS, failures, leaderboard, notes
+from bench.ranking.overview import overview
+from bench.ranking.report import render
+from bench.ranking.report.terminal import remarks
+from bench.ranking.selection import pool, select
 
 DOCUMENTED = (
     "task,dataset,sensor,split,method,variant,threads,device,host,metric,better,mean,ci_low,ci_high,floor,rank_low,"

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from test_leaderboard_board import ranks, row, rows
 
-from bench.leaderboard import leaderboard
-from bench.overview import overview
+from bench.ranking.leaderboard import leaderboard
+from bench.ranking.overview import overview
 
 METHODS = 8
 SIGMAS = (0.5, 0.3, 0.1)  # of the logarithms: what a shape adds for all methods, and for each one, and chance

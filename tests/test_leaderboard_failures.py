@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 from test_leaderboard_board import line, ranks, row, rows, units
 
-from bench.imputation import worst_scores
-from bench.leaderboard import leaderboard, penalise
-from bench.overview import overview
-from bench.report import FORMATS, render
-from bench.report.tables import tables
+from bench.ranking.leaderboard import leaderboard, penalise
+from bench.ranking.overview import overview
+from bench.ranking.report import FORMATS, render
+from bench.ranking.report.tables import tables
+from bench.results.imputation import worst_scores
 
 CASES = "abcdefghijklmnop"
 TIMES = 30.0  # what no method at all is worse by

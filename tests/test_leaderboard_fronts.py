@@ -7,10 +7,10 @@ from test_leaderboard_board import row, rows
 
 from bench.cli import main
 from bench.errors import UsageError
-from bench.fronts import on_front
-from bench.leaderboard import leaderboard
-from bench.registry import registry
-from bench.report import FORMATS, render
+from bench.plugins.registry import registry
+from bench.ranking.fronts import on_front
+from bench.ranking.leaderboard import leaderboard
+from bench.ranking.report import FORMATS, render
 
 METHODS = {  # d (lower), f (higher), seconds, MB
     "accurate": (1.0, 0.9, 9.0, 300.0),

@@ -4,12 +4,12 @@ import pandas as pd
 import pytest
 from test_leaderboard_board import row, rows
 
-from bench.headline import primary_metrics
-from bench.leaderboard import leaderboard
-from bench.overview import overview
-from bench.registry import registry
-from bench.report.tables import tables
-from bench.tasks import Task
+from bench.contract.task import Task
+from bench.plugins.registry import registry
+from bench.ranking.headline import primary_metrics
+from bench.ranking.leaderboard import leaderboard
+from bench.ranking.overview import overview
+from bench.ranking.report.tables import tables
 
 SCORES = {"surface_distance_mean": 2.0, "chamfer_l1_mean": 1.0, "hausdorff": 3.0}
 

@@ -10,11 +10,11 @@ import pytest
 from test_leaderboard_board import DOCUMENTED, row, rows
 
 from bench.errors import UsageError
-from bench.leaderboard import leaderboard
-from bench.report import FORMATS, render
-from bench.report.latex import escape
-from bench.report.numbers import count, decimals, unit_exponent, with_interval
-from bench.report.tables import tables
+from bench.ranking.leaderboard import leaderboard
+from bench.ranking.report import FORMATS, render
+from bench.ranking.report.latex import escape
+from bench.ranking.report.numbers import count, decimals, unit_exponent, with_interval
+from bench.ranking.report.tables import tables
 
 METRICS = [f"a_metric_with_a_long_name_{i}" for i in range(10)]
 

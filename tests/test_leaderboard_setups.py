@@ -7,13 +7,13 @@ from test_leaderboard_board import row, rows
 from test_store import record
 
 from bench.commands.leaderboard import read_rows
-from bench.leaderboard import failures, leaderboard
-from bench.overview import overview
-from bench.report import FORMATS, render
-from bench.report.tables import tables
-from bench.report.terminal import remarks
-from bench.selection import pool
-from bench.store import Results
+from bench.ranking.leaderboard import failures, leaderboard
+from bench.ranking.overview import overview
+from bench.ranking.report import FORMATS, render
+from bench.ranking.report.tables import tables
+from bench.ranking.report.terminal import remarks
+from bench.ranking.selection import pool
+from bench.results.store import Results
 
 
 def run(method="sap", cases="abcd", value=1.0, **changes):

@@ -9,12 +9,12 @@ from test_store import record
 
 from bench.commands.leaderboard import read_rows
 from bench.errors import UsageError
-from bench.leaderboard import failures, leaderboard
-from bench.overview import overview
-from bench.report import FORMATS, render
-from bench.report.terminal import remarks
-from bench.selection import pool
-from bench.store import Results, _table
+from bench.ranking.leaderboard import failures, leaderboard
+from bench.ranking.overview import overview
+from bench.ranking.report import FORMATS, render
+from bench.ranking.report.terminal import remarks
+from bench.ranking.selection import pool
+from bench.results.store import Results, _table
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from trimesh.creation import icosphere
 
-import bench.memo
+import bench.engine.memo
 from bench import Case, PointCloud, Shape, UsageError, Views, generator
-from bench.conformance import toy_views
+from bench.authoring.conformance import toy_views
+from bench.engine.memo import Memo, RememberedDataset, RememberedSensor, prune
 from bench.geometry.mesh_surface import MeshSurface
-from bench.memo import Memo, RememberedDataset, RememberedSensor, prune
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_a_memory_that_cannot_be_written_is_no_error(tmp_path):
 
 
 def test_a_nearly_full_disk_is_left_to_the_results(memo, monkeypatch):
-    monkeypatch.setattr(bench.memo, "SPARE_BYTES", 1 << 80)
+    monkeypatch.setattr(bench.engine.memo, "SPARE_BYTES", 1 << 80)
     memo.arrays("a", counted()[0])
     assert not list(memo.folder.glob("*/*"))
 

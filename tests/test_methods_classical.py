@@ -26,7 +26,8 @@ from bench.methods.classical.wlop import Wlop
 
 from bench import BadInput, PointCloud, Run
 from bench.geometry.mesh_surface import MeshSurface
-from bench.tasks import Denoise, Reconstruct
+from bench.tasks.denoise import Denoise
+from bench.tasks.reconstruct import Reconstruct
 
 # CGAL's bindings have no build for Python 3.13: there its methods are recorded as skipped, and not tried here.
 CGAL = importlib.util.find_spec("CGAL") is not None
@@ -197,8 +198,8 @@ DEGENERATE = """
 import hashlib, json, sys
 import numpy as np
 from bench import BadInput, PointCloud, Run
-from bench.registry import registry
-from bench.tasks import Denoise, Reconstruct, Upsample
+from bench.plugins.registry import registry
+from bench.contract.task import Denoise, Reconstruct, Upsample
 
 def sphere(n):
     points = np.random.default_rng(n).standard_normal((n, 3))

@@ -10,16 +10,16 @@ import pytest
 import torch
 from bench.methods.implicit.d_sdf import DSdf
 from bench.methods.implicit.direct_residual import DirectResidual
-from bench.methods.implicit.displaced_field import attenuation
-from bench.methods.implicit.feature_grid import FeatureGrid
-from bench.methods.implicit.fitting import Training
+from bench.methods.implicit.fields.displaced_field import attenuation
+from bench.methods.implicit.fields.nglod_field import NglodField
+from bench.methods.implicit.fields.warped_field import ReluNetwork, WarpedField
 from bench.methods.implicit.fourier import Fourier
-from bench.methods.implicit.fourier_network import FourierNetwork, window
-from bench.methods.implicit.losses import OrientedLoss
+from bench.methods.implicit.losses.oriented import OrientedLoss
 from bench.methods.implicit.nglod import Nglod
-from bench.methods.implicit.nglod_field import NglodField
-from bench.methods.implicit.sampling import Batch
-from bench.methods.implicit.warped_field import ReluNetwork, WarpedField
+from bench.methods.learned.networks.feature_grid import FeatureGrid
+from bench.methods.learned.networks.fourier_network import FourierNetwork, window
+from bench.methods.learned.training.batches import Batch
+from bench.methods.learned.training.settings import Training
 from torch.nn import functional as F
 
 from bench import PointCloud, Run, UsageError

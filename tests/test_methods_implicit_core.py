@@ -10,17 +10,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from bench.methods.implicit import field as files
-from bench.methods.implicit.displaced_field import DisplacedField, attenuation
-from bench.methods.implicit.field import Field
-from bench.methods.implicit.fitting import Diverged, Progress, Training, fit
+from bench.methods.implicit.fields.displaced_field import DisplacedField, attenuation
 from bench.methods.implicit.idf import Idf
-from bench.methods.implicit.losses import STEEPNESS, OrientedLoss
-from bench.methods.implicit.sampling import Batch, DistanceSampler, Sampler
-from bench.methods.implicit.schedules import stage
-from bench.methods.implicit.sine_network import SineNetwork
+from bench.methods.implicit.losses.oriented import STEEPNESS, OrientedLoss
 from bench.methods.implicit.siren import Siren
-from bench.methods.implicit.stages import area_about, reserve, seconds_to_extract
+from bench.methods.learned.networks.sine_network import SineNetwork
+from bench.methods.learned.training import field as files
+from bench.methods.learned.training.batches import Batch, DistanceSampler, Sampler
+from bench.methods.learned.training.field import Field
+from bench.methods.learned.training.loop import Diverged, Progress, fit
+from bench.methods.learned.training.schedules import stage
+from bench.methods.learned.training.settings import Training
+from bench.methods.learned.training.stages import area_about, reserve, seconds_to_extract
 from safetensors.torch import save_file
 
 from bench import BadInput, PointCloud, Run
@@ -199,7 +200,7 @@ def test_a_frozen_base_is_not_moved():
     field = small_field()
     before = {name: p.detach().clone() for name, p in field.named_parameters()}
     sampler = SimpleNamespace(draw=lambda: Batch(points(40), 20, points(20, 1), None, 40))
-    from bench.methods.implicit.fitting import _step
+    from bench.methods.learned.training.loop import _step
 
     groups = [{"params": p, "lr": 0.0} for p in field.groups()]
     _step(field, sampler.draw(), torch.optim.Adam(groups, lr=1e-3), 0.7, Training(steps=1, learning_rate=1e-3))
@@ -632,7 +633,7 @@ def test_a_training_that_the_limit_cuts_short_says_so():
 
 
 def test_of_very_many_points_without_normals_a_part_is_used(monkeypatch):
-    monkeypatch.setattr("bench.methods.implicit.fitted.MOST_ESTIMATED", 1000)
+    monkeypatch.setattr("bench.methods.implicit.fitting.fitted.MOST_ESTIMATED", 1000)
     run = Run(seed=1)
     mesh = Siren(steps=30, **SMALL).reconstruct(PointCloud(ball().points), run)
     assert run.notes == ["normals were estimated for 1,000 of the 4,000 points, and those used"]
@@ -644,7 +645,7 @@ def test_of_very_many_points_without_normals_a_part_is_used(monkeypatch):
 
 def test_a_sphere_is_made_off_the_clock_once(tmp_path, monkeypatch):
     """By ``prepare``, which the engine calls before the call that it measures; kept on the disk and in the process."""
-    from bench.methods.implicit import sphere
+    from bench.methods.learned.networks import sphere
 
     made = []
     weights = {name: tensor.half() for name, tensor in SineNetwork(7, hidden_layers=1, width=8).state_dict().items()}

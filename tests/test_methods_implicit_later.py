@@ -10,24 +10,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from bench.methods.implicit.chamfer_loss import ChamferLoss
 from bench.methods.implicit.d_sdf import DSdf
 from bench.methods.implicit.direct_residual import DirectResidual
+from bench.methods.implicit.fields.heat_field import HeatField, heat
 from bench.methods.implicit.fourier import Fourier
-from bench.methods.implicit.guidance import GuidedSampler, guided_loss
-from bench.methods.implicit.hash_grid import PRIMES, HashGrid
 from bench.methods.implicit.hash_sdf import HashSdf
-from bench.methods.implicit.heat_field import HeatField, heat
 from bench.methods.implicit.hotspot import Hotspot
 from bench.methods.implicit.idf import Idf
 from bench.methods.implicit.idf_transfer import IdfTransfer
-from bench.methods.implicit.lattice_surface import pull, vertices
-from bench.methods.implicit.losses import OrientedLoss
-from bench.methods.implicit.sampling import Batch, Sampler
+from bench.methods.implicit.losses.guidance import GuidedSampler, guided_loss
+from bench.methods.implicit.losses.oriented import OrientedLoss
 from bench.methods.implicit.sap import Sap
-from bench.methods.implicit.sine_network import SineNetwork
 from bench.methods.implicit.siren import Siren
-from bench.methods.implicit.spectral_poisson import (
+from bench.methods.implicit.spectral.lattice_surface import pull, vertices
+from bench.methods.implicit.spectral.spectral_poisson import (
     SIDE,
     evenly,
     from_lattice,
@@ -37,10 +33,14 @@ from bench.methods.implicit.spectral_poisson import (
     spread,
     to_lattice,
 )
+from bench.methods.learned.losses.chamfer import ChamferLoss
+from bench.methods.learned.networks.hash_grid import PRIMES, HashGrid
+from bench.methods.learned.networks.sine_network import SineNetwork
+from bench.methods.learned.training.batches import Batch, Sampler
 
 from bench import BadInput, InvalidOutput, PointCloud, Run
 from bench.geometry.mesh_surface import MeshSurface
-from bench.registry import snake_case
+from bench.plugins.registry import snake_case
 
 RADIUS, CENTER = 0.7, np.array([3.0, -1.0, 2.0])
 
@@ -437,7 +437,7 @@ def test_sap_is_the_same_on_two_threads():
 
 def test_sap_keeps_the_best_when_the_surface_is_lost(monkeypatch):
     """A rate that is far too large: the surface of before is returned, and the row says why."""
-    from bench.methods.implicit import lattice_surface
+    from bench.methods.implicit.spectral import lattice_surface
 
     def vertices(chi, real=lattice_surface.vertices, calls=[]):  # noqa: B006
         calls.append(1)

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import torch
 from bench.methods.implicit.idf import Idf
-from bench.methods.implicit.lattice import CORNERS, Lattice
-from bench.methods.implicit.meshing import COARSE, extract, march
-from bench.methods.implicit.narrow_band import REACH, Sampler
-from bench.methods.implicit.triangles import NEAREST
+from bench.methods.learned.meshing.lattice import CORNERS, Lattice
+from bench.methods.learned.meshing.marching import COARSE, extract, march
+from bench.methods.learned.meshing.narrow_band import REACH, Sampler
+from bench.methods.learned.meshing.triangles import NEAREST
 from scipy.spatial import cKDTree
 
 from bench import InvalidOutput, generator
 from bench.geometry.topology import count_topology
-from bench.registry import registry
+from bench.plugins.registry import registry
 
 
 class Counted:

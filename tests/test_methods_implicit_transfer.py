@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from bench.methods.implicit.descriptor import Cloud, Descriptor, Query, cell_numbers
-from bench.methods.implicit.film import FilmNetwork, JoinedNetwork
+from bench.methods.implicit.fields.descriptor import Cloud, Descriptor, Query, cell_numbers
+from bench.methods.implicit.fields.transfer_field import NearSampler, TransferField
+from bench.methods.implicit.fitting.oriented_samples import frame_of, on_base
 from bench.methods.implicit.idf_transfer import IdfTransfer
-from bench.methods.implicit.losses import OrientedLoss
-from bench.methods.implicit.oriented_samples import frame_of, on_base
-from bench.methods.implicit.point_encoder import PointEncoder
-from bench.methods.implicit.sampling import Batch
-from bench.methods.implicit.sine_network import SineNetwork
-from bench.methods.implicit.stages import Stages
-from bench.methods.implicit.transfer_field import NearSampler, TransferField
-from bench.methods.implicit.unet import UNet
+from bench.methods.implicit.losses.oriented import OrientedLoss
+from bench.methods.learned.networks.film import FilmNetwork, JoinedNetwork
+from bench.methods.learned.networks.point_encoder import PointEncoder
+from bench.methods.learned.networks.sine_network import SineNetwork
+from bench.methods.learned.networks.unet import UNet
+from bench.methods.learned.training.batches import Batch
+from bench.methods.learned.training.stages import Stages
 
 from bench import BadInput, Run
 from bench.tasks.detail_transfer import DetailTransfer
@@ -296,7 +296,7 @@ def test_frame_holds_the_details_on_either_base():
 
 def test_a_cloud_moves_onto_the_base():
     base = SineNetwork(5.0, hidden_layers=3, width=96)
-    from bench.methods.implicit.sphere import begin_as_sphere
+    from bench.methods.learned.networks.sphere import begin_as_sphere
 
     begin_as_sphere(base, 0.5)
     cloud = ball_cloud(50)

@@ -11,7 +11,9 @@ from scipy.spatial import cKDTree
 from bench import BadInput, InvalidOutput, PointCloud, Run
 from bench.geometry.spacing import mean_spacing
 from bench.geometry.tiny_triangles import triangles_around
-from bench.tasks import Denoise, Reconstruct, Upsample
+from bench.tasks.denoise import Denoise
+from bench.tasks.reconstruct import Reconstruct
+from bench.tasks.upsample import Upsample
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from bench import BadInput, PointCloud, Run
 from bench.geometry.mesh_surface import MeshSurface
 from bench.geometry.poisson_disk import eliminate
-from bench.tasks import Upsample
+from bench.tasks.upsample import Upsample
 
 CGAL = importlib.util.find_spec("CGAL") is not None
 UPSAMPLE = [MidpointJet(), Apss(), Rimls(), Poisson(depth=6), *([Ear()] if CGAL else [])]

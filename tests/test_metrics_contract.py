@@ -11,7 +11,7 @@ import yaml
 
 from bench import Case, PointCloud, Shape, generator
 from bench.geometry.comparison import set_samples
-from bench.registry import registry
+from bench.plugins.registry import registry
 
 ROOT = Path(__file__).resolve().parents[1]
 CONF = ROOT / "conf"

@@ -158,12 +158,12 @@ def test_bench_imports_no_plugin():
 @pytest.mark.parametrize("top", PLUGIN_FOLDERS)
 def test_plugins_import_the_public_names_geometry_and_their_own_folder(top):
     public = {f"bench.{name}" for name in bench.__all__}
-    allowed = public | {"bench.registry.Plugin", "bench.registry.snake_case"}
+    allowed = public | {"bench.plugins.registry.Plugin", "bench.plugins.registry.snake_case"}
 
     def fine(name: str) -> bool:
         if name.partition(".")[0] not in ("bench", *PLUGIN_FOLDERS):
             return True  # a library
-        return name in allowed or name.startswith(("bench.geometry.", "bench.sensors.", f"{FOLDERS[top]}."))
+        return name in allowed or name.startswith(("bench.geometry.", "bench.contract.sensors.", f"{FOLDERS[top]}."))
 
     assert [found for found in imports_of(top) if not fine(found[1])] == []
 

@@ -2,13 +2,13 @@
 
 import pytest
 
-from bench import presets
-from bench.config import compose
 from bench.errors import UsageError
-from bench.overrides import check_overrides
-from bench.plan import Cell, Choice, reference_name
-from bench.registry import registry
-from bench.schema import build, parameters
+from bench.plan.cell import Cell, Choice, reference_name
+from bench.plugins import presets
+from bench.plugins.registry import registry
+from bench.plugins.schema import build, parameters
+from bench.sweep.composition import compose
+from bench.sweep.overrides import check_overrides
 
 SENSORS = presets.presets("sensor")
 
@@ -67,7 +67,7 @@ def test_a_chain_is_named_by_its_steps():
 
 
 def test_an_edited_step_is_another_fingerprint(monkeypatch):
-    from bench import provenance
+    from bench.results import provenance
 
     chain = cell("sensor=chain", "sensor.steps=[poisson_disk,gaussian]")
     before, keys = provenance.fingerprint(provenance.ingredients(chain)), provenance.memory_keys(chain)
@@ -81,8 +81,8 @@ def test_an_edited_step_is_another_fingerprint(monkeypatch):
 @pytest.mark.parametrize("name", presets.names("method"))
 def test_every_method_preset_names_parameters_that_exist(name):
     """A preset that nothing can be built from would fail when its experiment is run."""
-    from bench.registry import registry
-    from bench.schema import build
+    from bench.plugins.registry import registry
+    from bench.plugins.schema import build
 
     preset = presets.presets("method")[name]
     built = build(registry().find("method", preset.plugin), preset.values)

@@ -6,10 +6,11 @@ from hashlib import sha256
 import pytest
 
 from bench import PointCloud, Shape, register
-from bench.config import Limits
 from bench.errors import UsageError
-from bench.plan import Cell, Choice, Settings, settings_of
-from bench.provenance import (
+from bench.plan.cell import Cell, Choice, Settings, settings_of
+from bench.plan.limits import Limits
+from bench.plugins.registry import registry
+from bench.results.provenance import (
     explain,
     fingerprint,
     ingredients,
@@ -19,7 +20,6 @@ from bench.provenance import (
     source_closure,
     source_digest,
 )
-from bench.registry import registry
 
 
 @register("method", name="provenance_method")

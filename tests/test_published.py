@@ -5,11 +5,11 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from bench import published
 from bench.errors import UsageError
-from bench.presets import names
-from bench.published import Line, Published, all_parameters, load_published
-from bench.report import render
+from bench.plugins.presets import names
+from bench.ranking import published
+from bench.ranking.published import Line, Published, all_parameters, load_published
+from bench.ranking.report import render
 
 TABLES = [name for name in names("experiment") if published.has_published(name)]
 
@@ -17,9 +17,9 @@ TABLES = [name for name in names("experiment") if published.has_published(name)]
 @pytest.mark.parametrize("name", TABLES)
 def test_every_table_names_columns_of_its_convention_and_methods_that_exist(name):
     """A number under a title that no column has would never be printed."""
-    from bench.conventions import load_convention
-    from bench.registry import registry
-    from bench.schema import defaults
+    from bench.plugins.registry import registry
+    from bench.plugins.schema import defaults
+    from bench.ranking.conventions import load_convention
 
     table = load_published(name)
     titles = set(load_convention(table.convention).digits)
@@ -52,7 +52,7 @@ def test_a_line_may_be_of_one_sensor():
 
 def test_the_numbers_stand_beside_ours():
     """In a column of their own, empty where the paper has none."""
-    from bench.conventions import load_convention
+    from bench.ranking.conventions import load_convention
 
     common = {
         "task": "reconstruct",

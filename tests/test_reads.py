@@ -10,9 +10,9 @@ from test_provenance import config, node
 
 from bench import register
 from bench.errors import UsageError
-from bench.plan import Cell
-from bench.provenance import explain, fingerprint, ingredients, memory_keys
-from bench.registry import registry
+from bench.plan.cell import Cell
+from bench.plugins.registry import registry
+from bench.results.provenance import explain, fingerprint, ingredients, memory_keys
 
 SHIPPED = Path(__file__).with_name("shipped.bin")
 
@@ -141,7 +141,7 @@ def test_weights_exchanged_under_one_name_are_run_again_and_why_names_the_file(s
 
 def test_every_shipped_sphere_is_found_by_its_form():
     from bench.methods.implicit.shipped import FOLDER, sphere_file, spheres_read
-    from bench.methods.implicit.sphere import FORMS, RADIUS
+    from bench.methods.learned.networks.sphere import FORMS, RADIUS
 
     assert {sphere_file(*form, RADIUS) for form in FORMS} == set(FOLDER.glob("*.safetensors"))
     assert spheres_read(*FORMS[0], 0.0) == () == spheres_read(17.0, 3, 256, RADIUS)
@@ -151,7 +151,7 @@ def test_every_shipped_sphere_is_found_by_its_form():
 def test_methods_say_which_sphere_they_read(name, monkeypatch):
     """The file that they say is the one that is opened when they are prepared, and there is none without a sphere."""
     import safetensors.torch
-    from bench.methods.implicit import sphere
+    from bench.methods.learned.networks import sphere
 
     opened = []
     monkeypatch.setattr(sphere, "_of_this_process", {})

@@ -8,14 +8,14 @@ from typing import Any, Literal
 
 import pytest
 
-from bench.config import compose
-from bench.conversion import check_type
 from bench.errors import MissingLibrary, PluginError, UsageError, did_you_mean
-from bench.fields import _comments_of_fields, field_help
-from bench.overrides import check_overrides
-from bench.plan import Cell
-from bench.registry import Registry, missing_library, register, registry, snake_case
-from bench.schema import _config_node, build, config_class, defaults, parameters, variant
+from bench.plan.cell import Cell
+from bench.plugins.conversion import check_type
+from bench.plugins.fields import _comments_of_fields, field_help
+from bench.plugins.registry import Registry, missing_library, register, registry, snake_case
+from bench.plugins.schema import _config_node, build, config_class, defaults, parameters, variant
+from bench.sweep.composition import compose
+from bench.sweep.overrides import check_overrides
 
 
 def write(folder: Path, name: str, text: str) -> Path:

@@ -10,10 +10,10 @@ from test_leaderboard_board import line, ranks, row, rows, table, units
 
 from bench.cli import main
 from bench.errors import UsageError
-from bench.leaderboard import leaderboard
-from bench.report import render
-from bench.resolution import FEWEST, MOST, as_difference, as_ratio, more_needed, noncentrality, pairs
-from bench.statistics import rank_intervals
+from bench.ranking.leaderboard import leaderboard
+from bench.ranking.report import render
+from bench.ranking.resolution import FEWEST, MOST, as_difference, as_ratio, more_needed, noncentrality, pairs
+from bench.ranking.statistics import rank_intervals
 
 
 @pytest.fixture
@@ -370,7 +370,7 @@ def test_the_heading_says_that_it_is_a_difference(format, heading, last):
 
 
 def test_a_paper_that_prints_the_count_gets_the_count():
-    from bench.conventions import load_convention
+    from bench.ranking.conventions import load_convention
 
     scores = {"components": 3.0, "boundary_edges": 4.0}
     directions = json.dumps(dict.fromkeys(scores, "reference"))

@@ -6,8 +6,8 @@ import sys
 import pytest
 from conftest import TOYS
 
-from bench.plan import Settings
-from bench.runner import _must_rerun
+from bench.engine.runner import _must_rerun
+from bench.plan.cell import Settings
 from bench.safe_path import OURS, SAFE_PATH, environment, isolate_imports, safe_children
 
 SHADOWS = ("random.py", "json.py", "typing.py", "bench/__init__.py")

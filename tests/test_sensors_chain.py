@@ -17,10 +17,10 @@ from hydra import compose
 from omegaconf import OmegaConf
 
 from bench import PointCloud, Shape, UsageError, Views, generator
-from bench.config import CONFIG_NAME, hydra_ready
-from bench.registry import registry
-from bench.schema import build, defaults
-from bench.sensors import given_by, noun_of
+from bench.contract.sensors import given_by, noun_of
+from bench.plugins.registry import registry
+from bench.plugins.schema import build, defaults
+from bench.sweep.composition import CONFIG_NAME, hydra_ready
 
 BALL = Shape("ball", trimesh.creation.icosphere(3)).framed()[0]
 BOX = Shape("box", trimesh.creation.box((1, 2, 3))).framed()[0]
@@ -159,7 +159,7 @@ def test_what_sensors_give_and_the_class_of_it():
 
 
 def test_every_sensor_has_help_for_every_parameter():
-    from bench.fields import field_help
+    from bench.plugins.fields import field_help
 
     for plugin in registry().all("sensor"):
         assert [name for name, text in field_help(plugin.cls).items() if not text] == [], plugin.name

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from bench.datasets.bumps import Bumps
-from bench.datasets.rotations import random_rotation
+from bench.datasets.common.rotations import random_rotation
 from bench.datasets.sensors.density_gradient import DensityGradient
 from bench.datasets.sensors.gaussian import Gaussian
 from bench.datasets.sensors.half_space import HalfSpace

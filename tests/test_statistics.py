@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bench.statistics import (
-    holm,
-    mean_intervals,
-    paired_differences,
-    rank_intervals,
-    skewness,
-    standard_error,
-)
+from bench.ranking.statistics import holm, mean_intervals, paired_differences, rank_intervals, skewness, standard_error
 
 
 @pytest.fixture
@@ -191,6 +184,6 @@ def test_blocks_change_nothing(rng, monkeypatch):
     values = np.exp(rng.normal(size=(12, 7, 2)))
     planned = rng.random(values.shape) > 0.1
     whole = rank_intervals(values, planned, np.arange(12))
-    monkeypatch.setattr("bench.statistics._BLOCK", 500)
+    monkeypatch.setattr("bench.ranking.statistics._BLOCK", 500)
     for a, b in zip(whole, rank_intervals(values, planned, np.arange(12)), strict=True):
         assert (a == b).all()

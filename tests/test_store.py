@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from bench.errors import StoreError, UsageError
-from bench.store import COLUMNS, META_KEY, Record, Results, write_atomically
+from bench.results.files import COLUMNS, META_KEY, write_atomically
+from bench.results.store import Record, Results
 
 
 def row(index=0, cell="ab0000000001", mark="f" * 16, **values):
@@ -107,7 +108,7 @@ def test_a_failed_write_leaves_what_was_there(tmp_path):
     write_atomically(path, b"old")
     script = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
-        "from pathlib import Path; from bench.store import write_atomically; from bench.errors import StoreError\n"
+        "from pathlib import Path; from bench.results.files import write_atomically\nfrom bench.errors import StoreError\n"
         "try:\n    write_atomically(Path(sys.argv[1]), b'x' * 100000)\n"
         "except StoreError as error:\n    print(error)\n"
     )

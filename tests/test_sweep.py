@@ -5,8 +5,8 @@ from itertools import product
 import pytest
 from conftest import TOYS
 
-from bench.config import enumerate_jobs, settled_by_job
-from bench.sweep import representatives
+from bench.sweep.composition import enumerate_jobs, settled_by_job
+from bench.sweep.launch import representatives
 
 
 def test_each_choice_of_a_group_is_in_one_job_and_few_jobs_are_needed():
@@ -52,7 +52,7 @@ def test_one_value_for_an_experiment_s_methods():
 
 
 def test_several_experiments_are_one_command_after_the_other():
-    from bench.overrides import by_experiment
+    from bench.sweep.overrides import by_experiment
 
     words = ["method=jet,rimls", "experiment=demo,first_table", "seed=0,1"]
     demo = ["method=jet,rimls", "experiment=demo", "seed=0,1"]

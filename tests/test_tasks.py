@@ -5,11 +5,13 @@ import pytest
 import trimesh
 
 from bench import Case, Frame, PointCloud, Shape
+from bench.contract.sensors import taken_by
 from bench.errors import BadInput, InvalidOutput, UsageError
-from bench.report.inputs import words_of_input
-from bench.sensors import taken_by
-from bench.tasks import Denoise, Reconstruct, Upsample
+from bench.ranking.report.inputs import words_of_input
+from bench.tasks.denoise import Denoise
 from bench.tasks.detail_transfer import DetailTransfer
+from bench.tasks.reconstruct import Reconstruct
+from bench.tasks.upsample import Upsample
 
 CLOUD = PointCloud(np.eye(3), np.eye(3))
 
@@ -81,7 +83,7 @@ BAD_NORMALS = PointCloud(np.eye(3), 2 * np.eye(3))
         (Denoise(), BAD_NORMALS, "normals are not of unit length"),
         (Denoise(), mesh(), "got trimesh"),
         (Upsample(4), PointCloud(np.ones((11, 3))), "12 points; got 11"),
-        (Reconstruct(), CLOUD, "promised a trimesh.Trimesh.*got bench.shapes.PointCloud"),
+        (Reconstruct(), CLOUD, "promised a trimesh.Trimesh.*got bench.geometry.cloud.PointCloud"),
         (Reconstruct(), mesh(faces=()), "a mesh of 3 vertices without faces"),
         (Reconstruct(), mesh(vertices=((0, 0, np.inf), (1, 0, 0), (0, 1, 0))), "1 of 3 vertices are NaN or infinite"),
         (Reconstruct(), mesh(faces=((0, 1, 7),)), "vertices that do not exist"),

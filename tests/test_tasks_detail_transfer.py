@@ -13,13 +13,14 @@ from trimesh import Trimesh
 from trimesh.creation import box, icosphere
 
 from bench import BadInput, InvalidOutput, Run, Shape, ShapePair, UsageError
+from bench.authoring.conformance import toy_case
 from bench.commands.apply import _task_for
-from bench.conformance import toy_case
+from bench.contract.task import Task
 from bench.geometry.alignment import rotation_between
-from bench.geometry.files import load_mesh, save
-from bench.registry import registry
-from bench.tasks import Reconstruct, Task
+from bench.geometry.io.files import load_mesh, save
+from bench.plugins.registry import registry
 from bench.tasks.detail_transfer import DetailTransfer
+from bench.tasks.reconstruct import Reconstruct
 
 PAIRS = 3  # a ball to a vase, a vase to a ball, a ring to a ring
 

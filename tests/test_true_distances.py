@@ -12,11 +12,11 @@ from test_leaderboard_board import line, row, rows
 from test_store import record
 
 from bench import Run, UsageError
-from bench.leaderboard import leaderboard
-from bench.overview import overview
-from bench.report import FORMATS, render
-from bench.report.tables import GIVEN, tables
-from bench.store import Results
+from bench.ranking.leaderboard import leaderboard
+from bench.ranking.overview import overview
+from bench.ranking.report import FORMATS, render
+from bench.ranking.report.tables import GIVEN, tables
+from bench.results.store import Results
 
 TOYS = Path(__file__).parent / "faults" / "toys.py"
 SLOW = 1.5  # seconds that the distances are made to take

@@ -13,8 +13,8 @@ from trimesh import Trimesh
 from trimesh.creation import icosphere
 
 from bench import BadInput, Frame, Shape, Views, generator
-from bench.conformance import toy_views
-from bench.geometry.files import load_mesh
+from bench.authoring.conformance import toy_views
+from bench.geometry.io.files import load_mesh
 
 FILE = Path(__file__).parent / "faults" / "silhouettes.py"
 BALL = Shape("ball", icosphere(5)).framed()[0]

@@ -8,12 +8,12 @@ import time
 import numpy as np
 import pytest
 
-from bench import forkserver
+from bench.contract.run import Run
+from bench.engine import forkserver
+from bench.engine.meter import Meter
+from bench.engine.worker import failure, plain
 from bench.errors import BadInput, InvalidOutput, MissingLibrary
-from bench.meter import Meter
-from bench.overrides import threads_of
-from bench.run import Run
-from bench.worker import failure, plain
+from bench.sweep.overrides import threads_of
 
 MB = 2**20
 
@@ -44,7 +44,7 @@ def test_the_memory_of_a_process_that_the_method_started_counts():
     # In a fresh process, because the system keeps the largest of all that ever were.
     script = f"""
 import subprocess, sys
-from bench.meter import Meter
+from bench.engine.meter import Meter
 meter = Meter(4, "cpu")
 with meter:
     subprocess.run([sys.executable, "-c", "x = b'1' * {600 * MB}; sum(range(10**6))"], check=True)
@@ -72,7 +72,7 @@ def test_a_paused_clock_stands_still():
 @pytest.mark.parametrize("what", ["bytearray(3 * 2**30)", "__import__('numpy').ones(3 * 2**27)"])
 def test_an_allocation_past_the_limit_fails_at_once(what):
     script = f"""
-from bench.meter import Meter
+from bench.engine.meter import Meter
 meter = Meter(1, "cpu")
 try:
     with meter:

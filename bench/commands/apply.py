@@ -22,7 +22,7 @@ from typing import Any
 
 from ..cli import add_plugin_argument
 from ..errors import DetailbenchError, UsageError
-from ..registry import load_plugins, registry
+from ..plugins.registry import load_plugins, registry
 
 CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".csv")
 MESH_SUFFIXES = (".obj", ".stl", ".off", ".glb")
@@ -36,10 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Read, call the method in a child process, write; say what was made."""
-    from ..application import apply
-    from ..forkserver import begin
-    from ..overrides import is_override, threads_of
-    from ..progress import Steps
+    from ..engine.application import apply
+    from ..engine.forkserver import begin
+    from ..sweep.overrides import is_override, threads_of
+    from ..sweep.progress import Steps
 
     plugins = load_plugins(args.plugin)
     overrides = [w for w in args.words if is_override(w)]
@@ -67,11 +67,12 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     """The application that the words describe, checked."""
     from omegaconf import OmegaConf
 
-    from ..application import Application
-    from ..config import Limits, compose
-    from ..overrides import check_overrides, chosen
-    from ..plan import Choice, check_root
-    from ..presets import resolve
+    from ..engine.application import Application
+    from ..plan.cell import Choice, check_root
+    from ..plan.limits import Limits
+    from ..plugins.presets import resolve
+    from ..sweep.composition import compose
+    from ..sweep.overrides import check_overrides, chosen
 
     check_overrides(overrides, multirun=False)
     if not any(w.startswith("method=") for w in overrides):

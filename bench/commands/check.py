@@ -20,11 +20,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from .. import presets
 from ..cli import add_plugin_argument
-from ..config import Limits
 from ..errors import UsageError, did_you_mean
-from ..registry import KINDS, Plugin, load_plugins, registry
+from ..plan.limits import Limits
+from ..plugins import presets
+from ..plugins.registry import KINDS, Plugin, load_plugins, registry
 
 MARKS = {"ok": "ok  ", "warn": "warn", "fail": "FAIL"}
 
@@ -40,8 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Check them all; the exit code says whether one failed."""
-    from ..conformance import check_plugin
-    from ..overrides import is_override
+    from ..authoring.conformance import check_plugin
+    from ..sweep.overrides import is_override
 
     overrides = [word for word in args.what if is_override(word)]
     what = [word for word in args.what if word not in overrides]
@@ -104,10 +104,10 @@ def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[
     """The parameters of a plugin, or of its preset called ``name``, and the limits, as the words have them."""
     from omegaconf import OmegaConf
 
-    from ..config import compose
-    from ..conformance import LIMIT
-    from ..overrides import check_overrides
-    from ..schema import build
+    from ..authoring.conformance import LIMIT
+    from ..plugins.schema import build
+    from ..sweep.composition import compose
+    from ..sweep.overrides import check_overrides
 
     limits = [word for word in overrides if word.lstrip("+").startswith("limit.")]
     own = _own(overrides, plugin)

@@ -29,8 +29,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..cli import add_plugin_argument
 from ..errors import UsageError
-from ..registry import load_plugins
-from ..report import FORMATS
+from ..plugins.registry import load_plugins
+from ..ranking.report import FORMATS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the board."""
-    from ..resolution import check_region
+    from ..ranking.resolution import check_region
 
     if args.plugin:
         load_plugins(args.plugin)
@@ -110,8 +110,8 @@ def _split_words(words: list[str]) -> tuple[list[str], str | None]:
 
 def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
     """The rows of several results folders together; of several records of one case, the one that counts."""
-    from ..index import rows as rows_of
-    from ..store import Results
+    from ..results.index import rows as rows_of
+    from ..results.store import Results
 
     opened = [Results(word.removeprefix("results=")) for word in folders]
     for results in opened:
@@ -141,10 +141,10 @@ def show(
 
     ``published`` is an experiment whose file gives a paper's numbers; its convention and its groups are taken.
     """
-    from ..conventions import load_convention
-    from ..leaderboard import leaderboard
-    from ..published import load_published
-    from ..selection import matching, metrics_of, pool, select
+    from ..ranking.conventions import load_convention
+    from ..ranking.leaderboard import leaderboard
+    from ..ranking.published import load_published
+    from ..ranking.selection import matching, metrics_of, pool, select
 
     table = load_published(published) if published else None
     if table:
@@ -171,8 +171,8 @@ def show_across(
     **filters: str | None,
 ) -> None:
     """Rank the rows that the filters leave by one metric, and print it for all groups side by side."""
-    from ..overview import overview
-    from ..selection import metrics_of, pool, select
+    from ..ranking.overview import overview
+    from ..ranking.selection import metrics_of, pool, select
 
     board = overview(rows, across, level=level, equal=equal, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), "task")
@@ -183,7 +183,7 @@ def show_across(
 
 
 def _print(board: pd.DataFrame, format: str, **options: Any) -> None:
-    from ..report import render
+    from ..ranking.report import render
 
     terminal = sys.stdout.isatty()
     width = shutil.get_terminal_size((120, 24)).columns if terminal else 160

@@ -18,7 +18,7 @@ from typing import Any
 
 from ..cli import add_plugin_argument
 from ..errors import UsageError, did_you_mean
-from ..listing import listing, missing
+from ..plugins.listing import listing, missing
 
 Facts = dict[str, Any]
 KINDS = ("task", "dataset", "sensor", "method", "metric")
@@ -67,7 +67,7 @@ def _find(found: Facts, kind: str, name: str) -> Facts:
     presets = {preset["name"]: preset["plugin"] for preset in found["presets"][kind]}
     if presets.get(name, name) in by_name:
         return by_name[presets.get(name, name)]
-    from ..registry import registry
+    from ..plugins.registry import registry
 
     registry().find(kind, name, also=presets)  # says what is wrong
     raise AssertionError(name)
@@ -98,8 +98,8 @@ def dataset_table(found: Facts, *, measure: bool = False) -> str:
 
 
 def _measured(name: str) -> Facts | None:
-    from .. import catalog
-    from ..registry import registry
+    from ..plugins import catalog
+    from ..plugins.registry import registry
 
     plugin = registry().find("dataset", name)
     if hasattr(plugin.cls, "state"):  # the user's own files
@@ -121,7 +121,7 @@ def table(found: Facts, kind: str) -> str:
         if facts["cite"]:
             text += f" ({facts['cite']})"
         if facts["missing"]:
-            from ..registry import install_line
+            from ..plugins.registry import install_line
 
             text += "".join(f" -- needs {library}: {install_line(library)}" for library in facts["missing"])
         lines.extend(_folded(facts["name"], text, width, room))

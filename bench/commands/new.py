@@ -13,9 +13,9 @@ import argparse
 import re
 from pathlib import Path
 
+from ..authoring.templates import HINTS, TEMPLATES, TEST
 from ..errors import UsageError, did_you_mean
-from ..registry import registry, snake_case
-from ..templates import HINTS, TEMPLATES, TEST
+from ..plugins.registry import registry, snake_case
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..cli import add_plugin_argument
 from ..errors import UsageError
-from ..registry import load_plugins
+from ..plugins.registry import load_plugins
 
 PASSES_ON = True
 
@@ -26,13 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compose every job, look each cell up, print the table."""
-    from ..config import enumerate_jobs, is_sweep
-    from ..destination import destination, settled
-    from ..devices import check_device
-    from ..forecast import Pace, duration, seconds_to_do, summary, workers_of
-    from ..hydra_flags import split_words
-    from ..overrides import by_experiment, check_overrides, runs_here, threads_of
-    from ..store import Results
+    from ..engine.devices import check_device
+    from ..results.store import Results
+    from ..sweep.composition import enumerate_jobs, is_sweep
+    from ..sweep.destination import destination, settled
+    from ..sweep.flags import split_words
+    from ..sweep.forecast import Pace, duration, seconds_to_do, summary, workers_of
+    from ..sweep.overrides import by_experiment, check_overrides, runs_here, threads_of
 
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
@@ -77,8 +77,8 @@ def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
     """The cell and settings of every job, each cell once; method and task that do not fit are noted in ``refused``."""
     from omegaconf import OmegaConf
 
-    from ..config import compose
-    from ..plan import Cell, NotSolved, check_root, settings_of
+    from ..plan.cell import Cell, NotSolved, check_root, settings_of
+    from ..sweep.composition import compose
 
     seen: set[str] = set()
     for job in jobs:
@@ -96,8 +96,8 @@ def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
 
 def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str]:
     """How many cases of a cell need not be run again, and in a word how it stands."""
-    from ..provenance import fingerprint, ingredients
-    from ..runner import finished_rows, lacks_output
+    from ..engine.runner import finished_rows, lacks_output
+    from ..results.provenance import fingerprint, ingredients
 
     mark = fingerprint(ingredients(cell))
     rows, stored = finished_rows(results, cell, mark, settings)

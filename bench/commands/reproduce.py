@@ -16,8 +16,8 @@ import tempfile
 from dataclasses import replace
 from typing import Any
 
-from ..registry import load_plugins
-from ..store import Record
+from ..plugins.registry import load_plugins
+from ..results.store import Record
 from .why import add_cell_arguments
 
 
@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, compare, and say what differs in what the result depends on."""
-    from ..recorded import Stored
-    from ..runner import forget_servers, run_cell
+    from ..engine.runner import forget_servers, run_cell
+    from ..results.recorded import Stored
 
     load_plugins(args.plugin)
     stored = Stored.of(args.cell, args.words)

@@ -25,18 +25,19 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from .. import forkserver, sweep
 from ..cli import add_plugin_argument
-from ..destination import destination, settled
-from ..devices import check_device
+from ..engine import forkserver
+from ..engine.devices import check_device
 from ..errors import UsageError
-from ..hydra_flags import split_words
-from ..listing import listing
-from ..outlook import Outlook, look_ahead
-from ..overrides import by_experiment, check_overrides, devices_of, runs_here, threads_of
-from ..progress import Bars, Follow, Lines
-from ..registry import load_plugins
-from ..store import Results
+from ..plugins.listing import listing
+from ..plugins.registry import load_plugins
+from ..results.store import Results
+from ..sweep import launch as sweep
+from ..sweep.destination import destination, settled
+from ..sweep.flags import split_words
+from ..sweep.outlook import Outlook, look_ahead
+from ..sweep.overrides import by_experiment, check_overrides, devices_of, runs_here, threads_of
+from ..sweep.progress import Bars, Follow, Lines
 
 PASSES_ON = True  # Hydra's own flags are passed on
 
@@ -50,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, and say with the exit code whether every case was solved."""
-    from ..config import is_sweep
+    from ..sweep.composition import is_sweep
 
     listing()  # kept for this start and the next: the processes below import only what they need
     plugins = load_plugins(args.plugin)
@@ -85,7 +86,7 @@ def _sweep(
     plugins: tuple[str, ...],
 ) -> int:
     """One sweep, or one job, from its launch to its report; the exit code."""
-    from ..config import settled_by_job
+    from ..sweep.composition import settled_by_job
 
     if not any(sweep.is_hydras(word) for word in overrides):  # no launcher, no environment of jobs
         forkserver.begin(threads_of(overrides))
@@ -104,7 +105,7 @@ def _sweep(
         except KeyboardInterrupt:
             code, interrupted = 130, True
         finally:
-            from ..runner import forget_servers
+            from ..engine.runner import forget_servers
 
             forget_servers()
         done = session.read()
@@ -182,7 +183,7 @@ def _report(
 
 def published_by(overrides: list[str]) -> list[str]:
     """The experiments among the overrides that repeat a paper's table."""
-    from ..published import has_published
+    from ..ranking.published import has_published
 
     named = [word.partition("=")[2] for word in overrides if word.startswith("experiment=")]
     return [name for name in named if has_published(name)]
@@ -192,8 +193,8 @@ def conventions_of(overrides: list[str]) -> list[str]:
     """The conventions that the overrides, or the experiment that they name, choose."""
     from omegaconf import OmegaConf
 
-    from ..config import compose
-    from ..overrides import chosen
+    from ..sweep.composition import compose
+    from ..sweep.overrides import chosen
 
     named = [name for name in chosen("convention", overrides) if name not in ("None", "null", "")]
     experiment = [word for word in overrides if word.lstrip("+").startswith("experiment=")]
@@ -228,7 +229,7 @@ def check_devices(requests: list[list[str]], sweeps: list[list[list[str]]], resu
 
 def jobs_of(overrides: list[str], multirun: bool) -> list[list[str]]:
     """Check the overrides; those of every job that they make."""
-    from ..config import enumerate_jobs
+    from ..sweep.composition import enumerate_jobs
 
     check_overrides(overrides, multirun=multirun)
     return enumerate_jobs(overrides, multirun)

@@ -23,17 +23,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..cli import add_plugin_argument
-from ..conventions import Convention, load_convention
 from ..errors import DetailbenchError, MissingLibrary, UsageError, did_you_mean
-from ..plan import Choice
-from ..registry import load_plugins, registry
-from ..report.score_table import Score, score_table, words
-from ..schema import build
+from ..plan.cell import Choice
+from ..plugins.registry import load_plugins, registry
+from ..plugins.schema import build
+from ..ranking.conventions import Convention, load_convention
+from ..ranking.report.score_table import Score, score_table, words
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-    from ..shapes import Case, PointCloud
+    from ..contract.case import Case
+    from ..geometry.cloud import PointCloud
 
 DEFAULT = "standard"
 
@@ -112,10 +113,12 @@ def read(
     output: str, reference: str, *, seed: int = 0, samples: int | None = None, source: str | None = None
 ) -> tuple[Case, PointCloud | Trimesh]:
     """The case that two files make, and the output in its frame."""
+    from ..contract.case import Case
+    from ..contract.shape import Shape
+    from ..geometry.cloud import Frame, PointCloud
     from ..geometry.cloud_surface import CloudSurface
     from ..geometry.comparison import set_samples
-    from ..geometry.files import load_mesh
-    from ..shapes import Case, Frame, PointCloud, Shape
+    from ..geometry.io.files import load_mesh
 
     truth, result = load(reference), load(output)
     if isinstance(truth, PointCloud):
@@ -139,7 +142,7 @@ def load(path: str) -> PointCloud | Trimesh:
     BadInput
         Naming the file and what was expected of it.
     """
-    from ..geometry.files import MESH_READERS, load_cloud, load_mesh
+    from ..geometry.io.files import MESH_READERS, load_cloud, load_mesh
 
     cloud = load_cloud(path)  # says what is wrong with a file that cannot be read
     reader = MESH_READERS.get(Path(path).suffix.lower())
@@ -156,7 +159,7 @@ def _overlap(output: PointCloud | Trimesh, reference: Trimesh) -> bool:
 def _moved(geometry: PointCloud | Trimesh, frame: Any) -> PointCloud | Trimesh:
     from trimesh import Trimesh
 
-    from ..shapes import PointCloud
+    from ..geometry.cloud import PointCloud
 
     if isinstance(geometry, PointCloud):
         return PointCloud(frame.apply(geometry.points), geometry.normals)

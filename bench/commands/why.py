@@ -16,12 +16,12 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ..cli import add_plugin_argument
-from ..devices import check_device
+from ..engine.devices import check_device
 from ..errors import UsageError
-from ..registry import load_plugins
+from ..plugins.registry import load_plugins
 
 if TYPE_CHECKING:
-    from ..recorded import Stored
+    from ..results.recorded import Stored
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def add_cell_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print which record is shown, what it is, and what differs."""
-    from ..recorded import Stored, lines_of_source
+    from ..results.recorded import Stored, lines_of_source
 
     load_plugins(args.plugin)
     stored = Stored.of(args.cell, args.words)
@@ -73,8 +73,8 @@ def verdict(stored: Stored, differences: list[str]) -> str:
     """Whether the record is current, and what a run with the same words would do."""
     if differences:
         return "not current: `detailbench run` with these words would run it again"
-    from ..plan import Cell
-    from ..runner import finished_rows
+    from ..engine.runner import finished_rows
+    from ..plan.cell import Cell
 
     record = stored.shown
     kept, _ = finished_rows(stored.results, Cell.from_json(record.meta["cell"]), record.fingerprint, stored.settings)
@@ -95,7 +95,7 @@ def verdict(stored: Stored, differences: list[str]) -> str:
 
 def _print_others(stored: Stored) -> None:
     """The other records of the cell, and which one tables show."""
-    from ..current import Today
+    from ..results.current import Today
 
     if len(stored.records) == 1:
         return

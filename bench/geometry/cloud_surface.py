@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..shapes import PointCloud
+from .cloud import PointCloud
 
 
 class CloudSurface:

@@ -24,13 +24,15 @@ import numpy as np
 
 from ..errors import BadInput, InvalidOutput
 from ..seeds import generator
-from ..shapes import Case, PointCloud
 from .closest import Closest
+from .cloud import PointCloud
 from .mesh_surface import MeshSurface
 from .neighbours import Nearest, OrderedPoints
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
+
+    from ..contract.case import Case
 
 SAMPLES = 100_000
 NOWHERE = -1  # the index of a nearest point that does not exist

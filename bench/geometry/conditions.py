@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..shapes import Case, PointCloud
+    from ..contract.case import Case
+    from .cloud import PointCloud
 
 OUTLIER = 0.05  # a point farther than this from the surface, as a share of the bounding-sphere radius
 SAMPLES = 10_000  # of the reference, for the coverage

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..shapes import PointCloud
+from .cloud import PointCloud
 from .tiny_triangles import triangles_around
 
 if TYPE_CHECKING:

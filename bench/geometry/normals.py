@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import BadInput
-from ..shapes import PointCloud
+from .cloud import PointCloud
 
 NEIGHBOURHOODS = (16, 32, 64)  # numbers of neighbours that are tried, smallest first
 FLATNESS = 0.05  # the thickness^2 / width^2 of a neighbourhood above which noise hides the tangent plane

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-    from ..shapes import Shape
+    from ..contract.shape import Shape
 
 CANDIDATES = 5  # uniform samples for each point that the elimination keeps (Yuksel 2015)
 

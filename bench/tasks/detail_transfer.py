@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from ..contract.case import Case
+from ..contract.shape import Shape, ShapePair
+from ..contract.task import CaseRecipe, Task, generic_words, validate_mesh
 from ..errors import BadInput, UsageError
-from ..registry import register
-from ..shapes import Case, Frame, Shape, ShapePair
-from . import CaseRecipe, Task, generic_words, validate_mesh
+from ..geometry.cloud import Frame
+from ..plugins.registry import register
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -141,7 +143,7 @@ class DetailTransfer(Task):
         BadInput
             Naming the file and what was expected of it.
         """
-        from ..geometry.files import load_mesh
+        from ..geometry.io.files import load_mesh
 
         if len(paths) not in self.files:
             raise UsageError(

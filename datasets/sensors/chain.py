@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench import PointCloud, Shape, Views, register
-from bench.sensors import Step, build_steps, given_by
+from bench import PointCloud, Shape, Step, Views, build_steps, given_by, register
 
 if TYPE_CHECKING:
-    from bench.registry import Plugin
+    from bench import Plugin
 
 
 @register("sensor", requires=("open3d",))

@@ -8,7 +8,7 @@ import numpy as np
 
 from bench import Effect, PointCloud, Shape, register
 
-from ..rotations import random_rotation
+from ..common.rotations import random_rotation
 from .checks import expect, expect_count, expect_fraction, expect_length
 from .spoiling import replaced, some_of
 from .views import fibonacci_sphere

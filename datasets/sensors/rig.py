@@ -9,7 +9,7 @@ import numpy as np
 
 from bench import BadInput, Shape, Views, register
 
-from ..rotations import random_rotation
+from ..common.rotations import random_rotation
 from .checks import expect, expect_choice, expect_count
 from .scene import Scene, View, see
 from .spoiling import random_directions

@@ -11,7 +11,7 @@ import numpy as np
 from bench import BadInput, PointCloud, Shape
 from bench.geometry.normals import estimate_normals
 
-from ..rotations import random_rotation
+from ..common.rotations import random_rotation
 from .checks import expect, expect_choice, expect_count, expect_length
 from .scene import Scene
 from .spoiling import random_directions

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import at_least
-from .supervised import Supervised
+from .fitting.fitted import at_least
+from .fitting.supervised import Supervised
 
 if TYPE_CHECKING:
     import torch
 
-    from .field import Field
+    from ..learned.training.field import Field
 
 
 @register("method", cite="Wang et al. 2022; Pumarola et al. 2021", requires=("torch", "trimesh", "igl", "skimage"))
@@ -43,7 +43,7 @@ class DSdf(Supervised):
 
     def field(self, generator: torch.Generator) -> Field:
         """Both networks."""
-        from .warped_field import ReluNetwork, WarpedField
+        from .fields.warped_field import ReluNetwork, WarpedField
 
         form = {"bands": self.bands, "layers": self.layers, "width": self.width, "generator": generator}
         return WarpedField(self.oriented_loss(), ReluNetwork(1, **form), ReluNetwork(3, **form))

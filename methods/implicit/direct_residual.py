@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import at_least, positive
-from .shipped import spheres_read
-from .supervised import Supervised
+from ..learned.networks.shipped import spheres_read
+from .fitting.fitted import at_least, positive
+from .fitting.supervised import Supervised
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import torch
 
-    from .field import Field
+    from ..learned.training.field import Field
 
 
 @register("method", cite="Wang et al. 2022", requires=("torch", "trimesh", "igl", "skimage"))
@@ -54,8 +54,8 @@ class DirectResidual(Supervised):
 
     def field(self, generator: torch.Generator) -> Field:
         """Both networks, the base a sphere to begin with."""
-        from .residual_field import ResidualField
-        from .sphere import base_and_detail
+        from ..learned.networks.sphere import base_and_detail
+        from .fields.residual_field import ResidualField
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
         base, residual = base_and_detail(self.omega, self.omega_detail, self.first_sphere, **form)

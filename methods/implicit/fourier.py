@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import at_least
-from .guided import Guided
+from .fitting.fitted import at_least
+from .fitting.guided import Guided
 
 if TYPE_CHECKING:
     import torch
 
-    from .field import Field
+    from ..learned.training.field import Field
 
 
 @register("method", cite="Tancik et al. 2020; Park et al. 2021", requires=("torch", "trimesh", "igl", "skimage"))
@@ -56,7 +56,7 @@ class Fourier(Guided):
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""
-        from .fourier_field import FourierField
+        from .fields.fourier_field import FourierField
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "radius": self.sphere}
         progressive = 0.0 if self.load else self.progressive

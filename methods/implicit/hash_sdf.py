@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import at_least, positive
-from .guided import Guided
+from .fitting.fitted import at_least, positive
+from .fitting.guided import Guided
 
 if TYPE_CHECKING:
     import torch
 
-    from .field import Field
+    from ..learned.training.field import Field
 
 
 @register("method", cite="Mueller et al. 2022", requires=("torch", "trimesh", "igl", "skimage", "scipy"))
@@ -58,8 +58,8 @@ class HashSdf(Guided):
 
     def field(self, generator: torch.Generator) -> Field:
         """The grid and the network, a sphere to begin with."""
-        from .hash_field import HashField
-        from .hash_grid import HashGrid
+        from ..learned.networks.hash_grid import HashGrid
+        from .fields.hash_field import HashField
 
         size = (self.levels, 2**self.log2_table, self.coarsest, self.finest)
         return HashField(

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from .fitted import Fitted, at_least, positive
-from .shipped import spheres_read
+from ..learned.networks.shipped import spheres_read
+from .fitting.fitted import Fitted, at_least, positive
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import torch
 
-    from .field import Field
+    from ..learned.training.field import Field
 
 
 @register("method", cite="Wang et al. 2025", requires=("torch", "trimesh", "igl", "skimage"))
@@ -57,9 +57,9 @@ class Hotspot(Fitted):
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""
-        from .heat_field import HeatField
-        from .sine_network import SineNetwork
-        from .sphere import begin_as_sphere
+        from ..learned.networks.sine_network import SineNetwork
+        from ..learned.networks.sphere import begin_as_sphere
+        from .fields.heat_field import HeatField
 
         network = SineNetwork(self.omega, hidden_layers=self.hidden_layers, width=self.width, generator=generator)
         begin_as_sphere(network, self.first_sphere)

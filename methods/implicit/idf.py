@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Literal
 
 from bench import register
 
-from .fitted import at_least, positive
-from .guided import Guided
-from .schedules import BASE_FROZEN
-from .shipped import spheres_read
+from ..learned.networks.shipped import spheres_read
+from ..learned.training.schedules import BASE_FROZEN
+from .fitting.fitted import at_least, positive
+from .fitting.guided import Guided
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import torch
 
-    from .field import Field
+    from ..learned.training.field import Field
 
 
 @register("method", cite="Wang et al. 2022", requires=("torch", "trimesh", "igl", "skimage"))
@@ -54,8 +54,8 @@ class Idf(Guided):
 
     def field(self, generator: torch.Generator) -> Field:
         """Both networks, the base a sphere to begin with."""
-        from .displaced_field import DisplacedField
-        from .sphere import base_and_detail
+        from ..learned.networks.sphere import base_and_detail
+        from .fields.displaced_field import DisplacedField
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
         base, displacement = base_and_detail(self.omega, self.omega_detail, self.first_sphere, **form)

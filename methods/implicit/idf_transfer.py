@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal
 from bench import Run, register
 from bench.geometry.check import check_mesh
 
-from .fitted import ENDLESS, at_least, check_betas, positive
-from .shipped import spheres_read
-from .weights import OrientedWeights
+from ..learned.networks.shipped import spheres_read
+from .fitting.fitted import ENDLESS, at_least, check_betas, positive
+from .fitting.weights import OrientedWeights
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     import torch
     from trimesh import Trimesh
 
-    from .descriptor import Cloud
-    from .fitting import Fit
-    from .oriented_samples import Samples
-    from .sine_network import SineNetwork
-    from .stages import Stages
-    from .transfer_field import TransferField
+    from ..learned.networks.sine_network import SineNetwork
+    from ..learned.training.loop import Fit
+    from ..learned.training.stages import Stages
+    from .fields.descriptor import Cloud
+    from .fields.transfer_field import TransferField
+    from .fitting.oriented_samples import Samples
 
 SHARES = (0.2, 0.2, 0.6)  # of the time: for the source's base, the target's base, and the displacement
 
@@ -44,7 +44,7 @@ class IdfTransfer(OrientedWeights):
 
     Where thesis and released code differ, or both leave it open:
 
-    * FiLM sin((w + w/2 gamma)(Wh + b) + beta) of the code, see :class:`.film.FilmNetwork`; f-bar = tanh(f/nu) of the
+    * FiLM sin((w + w/2 gamma)(Wh + b) + beta) of the code, see :class:`film.FilmNetwork`; f-bar = tanh(f/nu) of the
       thesis (the code has tanh(0.8 f/nu), with the same nu in chi); the condition is phi and the base's normal, as in
       the code, and phi alone with ``normals=False``.
     * The released code shows the encoder the *detailed* source while it learns, and a bare base when it transfers: the
@@ -121,7 +121,7 @@ class IdfTransfer(OrientedWeights):
 
     def prepare(self) -> None:
         """The sphere that the bases begin as is made once, off the clock, and kept."""
-        from .sphere import keep
+        from ..learned.networks.sphere import keep
 
         if self.sphere:
             keep(self.omega, self.hidden_layers, self.width, self.sphere)
@@ -130,11 +130,12 @@ class IdfTransfer(OrientedWeights):
         """The zero level of the target's base, displaced as the source is from its own."""
         import torch
 
-        from .fitting import Training, fit
-        from .meshing import extract
-        from .oriented_samples import cloud_of, frame_of, on_base, samples
-        from .stages import Stages, in_time, note_shortage, reserve
-        from .transfer_field import NearSampler
+        from ..learned.meshing.marching import extract
+        from ..learned.training.loop import fit
+        from ..learned.training.settings import Training
+        from ..learned.training.stages import Stages, in_time, note_shortage, reserve
+        from .fields.transfer_field import NearSampler
+        from .fitting.oriented_samples import cloud_of, frame_of, on_base, samples
 
         torch.set_num_threads(run.threads)
         for mesh, name in ((source, "source"), (source_base, "source_base"), (target_base, "target_base")):
@@ -180,11 +181,12 @@ class IdfTransfer(OrientedWeights):
         self, known: Samples, weights: torch.Generator, draws: torch.Generator, stages: Stages
     ) -> tuple[SineNetwork, Fit]:
         """A sine network fitted to samples of a base by Eq. 4.4, and what became of its training."""
-        from .fitting import Training, fit
-        from .losses import OrientedLoss
-        from .sampling import Sampler
-        from .sine_field import SineField
-        from .sphere import begin_as_sphere
+        from ..learned.networks.sphere import begin_as_sphere
+        from ..learned.training.batches import Sampler
+        from ..learned.training.loop import fit
+        from ..learned.training.settings import Training
+        from .fields.sine_field import SineField
+        from .losses.oriented import OrientedLoss
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": weights}
         field = SineField(OrientedLoss(*self.base_loss), self.omega, **form)
@@ -203,10 +205,10 @@ class IdfTransfer(OrientedWeights):
         self, base: SineNetwork, seen: Cloud, detailed: Samples, weights: torch.Generator, draws: torch.Generator
     ) -> TransferField:
         """The source's field before the training of its displacement."""
-        from .descriptor import Descriptor
-        from .film import FilmNetwork, JoinedNetwork
-        from .oriented_samples import largest_distance
-        from .transfer_field import TransferField
+        from ..learned.networks.film import FilmNetwork, JoinedNetwork
+        from .fields.descriptor import Descriptor
+        from .fields.transfer_field import TransferField
+        from .fitting.oriented_samples import largest_distance
 
         descriptor = Descriptor(self.cells, generator=weights) if self.context == "grid" else None
         condition = (descriptor.channels if descriptor else 0) + 3 * (self.normals or descriptor is None)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from bench import register
 
-from .supervised import Supervised
+from .fitting.supervised import Supervised
 
 if TYPE_CHECKING:
     import torch
 
-    from .field import Field
+    from ..learned.training.field import Field
 
 FEATURES, HIDDEN = 32, 128
 
@@ -73,7 +73,7 @@ class Nglod(Supervised):
 
     def field(self, generator: torch.Generator) -> Field:
         """The grids, with next to no features, and the decoders."""
-        from .nglod_field import NglodField
+        from .fields.nglod_field import NglodField
 
         finest = self.base + self.levels - 1
         return NglodField(

@@ -11,7 +11,7 @@ import numpy as np
 
 from bench import InvalidOutput, PointCloud, Run, register
 
-from .fitted import ENDLESS, at_least, oriented, positive
+from .fitting.fitted import ENDLESS, at_least, oriented, positive
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -67,8 +67,8 @@ class Sap:
         """The Poisson surface of the fitted points."""
         import torch
 
-        from . import lattice_surface
-        from .spectral_poisson import evenly, indicator
+        from .spectral import lattice_surface
+        from .spectral.spectral_poisson import evenly, indicator
 
         torch.set_num_threads(run.threads)
         points, normals, frame = oriented(cloud, "sap", run, self.begin == "normals")
@@ -120,11 +120,11 @@ class Sap:
         """Points and normals with the least loss on the finest lattice."""
         import torch
 
-        from .chamfer_loss import ChamferLoss
-        from .fitting import Progress
-        from .lattice_surface import pull, vertices
-        from .spectral_poisson import SIDE, from_lattice, indicator
-        from .stages import note_shortage
+        from ..learned.losses.chamfer import ChamferLoss
+        from ..learned.training.loop import Progress
+        from ..learned.training.stages import note_shortage
+        from .spectral.lattice_surface import pull, vertices
+        from .spectral.spectral_poisson import SIDE, from_lattice, indicator
 
         loss, levels = ChamferLoss(target, self.batch, run.rng), self.levels(resolution)
         base = self.learning_rate or (1e-2 if self.begin == "sphere" else 1e-3)

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from bench import register
 
-from .fitted import at_least, positive
-from .guided import Guided
-from .shipped import spheres_read
+from ..learned.networks.shipped import spheres_read
+from .fitting.fitted import at_least, positive
+from .fitting.guided import Guided
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import torch
 
-    from .field import Field
+    from ..learned.training.field import Field
 
 
 @register("method", cite="Sitzmann et al. 2020", requires=("torch", "trimesh", "igl", "skimage"))
@@ -45,8 +45,8 @@ class Siren(Guided):
 
     def field(self, generator: torch.Generator) -> Field:
         """The network, a sphere to begin with."""
-        from .sine_field import SineField
-        from .sphere import begin_as_sphere
+        from ..learned.networks.sphere import begin_as_sphere
+        from .fields.sine_field import SineField
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
         field = SineField(self.oriented_loss(), self.omega, guided=self.guided, **form)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.store import Results
+from bench.results.store import Results
 
 CELLS = 28 if "DETAILBENCH_SHORT" in os.environ else 200  # `make test` is short, `make bench` is not
 PART = CELLS // 4

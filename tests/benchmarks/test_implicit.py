@@ -5,17 +5,17 @@ import time
 
 import numpy as np
 import torch
-from bench.methods.implicit.displaced_field import DisplacedField, attenuation
+from bench.methods.implicit.fields.displaced_field import DisplacedField, attenuation
 from bench.methods.implicit.hash_sdf import HashSdf
 from bench.methods.implicit.idf import Idf
-from bench.methods.implicit.losses import OrientedLoss
-from bench.methods.implicit.sampling import Sampler
+from bench.methods.implicit.losses.oriented import OrientedLoss
 from bench.methods.implicit.siren import Siren
-from bench.methods.implicit.sphere import begin_as_sphere
+from bench.methods.learned.networks.sphere import begin_as_sphere
+from bench.methods.learned.training.batches import Sampler
 from turns import medians_by_turns
 
 from bench import PointCloud, Run
-from bench.registry import registry
+from bench.plugins.registry import registry
 
 SHORT = "DETAILBENCH_SHORT" in os.environ
 ROUNDS = 3 if SHORT else 9

@@ -13,16 +13,17 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from bench.store import META_KEY, Record, Results, _table
+from bench.results.files import META_KEY
+from bench.results.store import Record, Results, _table
 
 METHODS, CASES = 10, 4
 METRICS = [f"metric_{i}" for i in range(10)]
 MEASURE = """
 import re, sys, time
 start = time.perf_counter()
-from bench.store import Results
-from bench.leaderboard import leaderboard
-from bench.report import render
+from bench.results.store import Results
+from bench.ranking.leaderboard import leaderboard
+from bench.ranking.report import render
 imported = time.perf_counter()
 rows = Results(sys.argv[1]).rows()
 read = time.perf_counter()

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from bench.methods.implicit.meshing import extract
+from bench.methods.learned.meshing.marching import extract
 
 SHORT = "DETAILBENCH_SHORT" in os.environ
 RESOLUTION = 128 if SHORT else 256

@@ -14,7 +14,7 @@ from pykdtree.kdtree import KDTree
 from turns import medians_by_turns
 
 from bench import Case, PointCloud, Shape, generator
-from bench.registry import registry
+from bench.plugins.registry import registry
 
 POINTS = 100_000
 LIMIT = 1.15

@@ -9,7 +9,7 @@ import trimesh
 from turns import medians_by_turns
 
 from bench import Shape, generator
-from bench.registry import registry
+from bench.plugins.registry import registry
 
 SHORT = "DETAILBENCH_SHORT" in os.environ
 ROUNDS = 2 if SHORT else 7

@@ -16,7 +16,7 @@ ALL = {f"fine {salt} {case}" for salt in range(1, SALTS + 1) for case in range(C
 
 def finished(shell) -> set[str]:
     """The calls whose results are on the disk: in files of finished cells, and of those that were cut off."""
-    from bench.store import Results
+    from bench.results.store import Results
 
     rows = []
     for path in shell.files():
@@ -112,7 +112,7 @@ def test_a_killed_fork_server_costs_one_case_at_most(shell):
     """A system short of memory may choose any process to kill."""
     process = shell.run("method=fine", "method.take=0.5", "method.salt=1,2", "cases=3", act=shell.start)
     shell.wait_for(lambda: len(shell.calls()) >= 2)
-    servers = [p for p in shell.processes() if "bench.forkserver" in " ".join(p.cmdline())]
+    servers = [p for p in shell.processes() if "bench.engine.forkserver" in " ".join(p.cmdline())]
     parents = {p.pid for p in servers if p.ppid() == process.pid}
     assert len(parents) == 1
     os.kill(parents.pop(), signal.SIGKILL)

@@ -111,7 +111,7 @@ def test_errors_keep_their_traceback_and_the_stage(sweeps, launcher):
 
 
 def _traceback(shell, cell):
-    from bench.store import Results
+    from bench.results.store import Results
 
     (record,) = Results(shell.results).records(cell)
     return record.rows[1]["traceback"]

@@ -15,9 +15,10 @@ from conftest import TOYS
 
 from bench.cli import main
 from bench.errors import UsageError
-from bench.geometry.files import load_mesh, save
-from bench.recorded import Stored
-from bench.store import META_KEY, Results
+from bench.geometry.io.files import load_mesh, save
+from bench.results.files import META_KEY
+from bench.results.recorded import Stored
+from bench.results.store import Results
 
 TWINS = Path(__file__).with_name("twins.py")
 
@@ -271,7 +272,7 @@ def test_a_folder_that_was_moved_with_its_data_and_its_plugin(shell):
 
 
 def test_absolute_paths_of_earlier_versions_are_found_in_a_folder_that_was_moved(shell):
-    from bench.plan import reference_name
+    from bench.plan.cell import reference_name
 
     shell.run("method=fine", "outputs=all", sweep=False)
     (file,) = shell.files()

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.leaderboard import leaderboard
-from bench.store import Results
+from bench.ranking.leaderboard import leaderboard
+from bench.results.store import Results
 
 MISBEHAVING = Path(__file__).with_name("misbehaving.py")
 STATUS = {

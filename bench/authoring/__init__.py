@@ -1,0 +1,1 @@
+"""For the authors of plugins: the conformance kit and the templates."""

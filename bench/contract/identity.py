@@ -1,0 +1,22 @@
+"""What a shape is: a digest over its mesh and its surface."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+from .shape import Shape
+
+
+def shape_digest(shape: Shape) -> str:
+    """A digest over what a shape is: its mesh, bit for bit, and how its surface is known.
+
+    An id does not say it: the shapes of the two splits, a shape and a pair, or the cases of two tasks may share one.
+    """
+    total = hashlib.blake2b(digest_size=16)
+    surface = type(shape.surface)
+    total.update(f"{surface.__module__}.{surface.__qualname__} {shape.exactness}".encode())
+    for array in (np.asarray(shape.mesh.vertices, dtype=np.float64), np.asarray(shape.mesh.faces, dtype=np.int64)):
+        total.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
+    return total.hexdigest()

@@ -1,0 +1,188 @@
+"""What a method may need from outside: :class:`Run`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import UsageError
+from ..seeds import generator, seed_words
+
+if TYPE_CHECKING:
+    import torch
+
+
+@dataclass(eq=False)
+class Run:
+    """Handed to every method call.
+
+    Attributes
+    ----------
+    seed : int
+        Of the cell and the case together; equal seeds give equal results.
+    device : str
+        ``"cpu"`` or ``"cuda"``.
+    threads : int
+        How many processors the call may use. They are pinned by affinity; libraries with a thread argument should
+        be given it all the same.
+    seconds : float
+        The wall-clock limit of this call; see :meth:`seconds_left`.
+    parameters : int or None
+        A learned method sets it to the number of its parameters; the leaderboard shows it.
+    active_parameters : int or None
+        How many of them a sparse layout would store for this input, where the method has one (features of occupied
+        cells, say) and papers count so; shown beside the number of all.
+    notes : list of str
+        What the method had to say, see :meth:`note`.
+    distances_given : int
+        At how many points :meth:`true_distances` was asked so far.
+    """
+
+    seed: int = 0
+    device: str = "cpu"
+    threads: int = 1
+    seconds: float = float("inf")
+    parameters: int | None = None
+    active_parameters: int | None = None
+    notes: list[str] = field(default_factory=list, init=False)
+    distances_given: int = field(default=0, init=False)
+    on_progress: Callable[[int, int], None] | None = field(default=None, repr=False)
+    on_trace: Callable[..., None] | None = field(default=None, repr=False)
+    on_keep: Callable[[str, Any], None] | None = field(default=None, repr=False)
+    on_distances: Callable[[np.ndarray], np.ndarray] | None = field(default=None, repr=False)
+    _started: float = field(default_factory=time.perf_counter, repr=False)
+    _paused: float = field(default=0.0, repr=False)
+    _rng: np.random.Generator | None = field(default=None, repr=False)
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """The method's generator of random numbers; one stream for the whole call."""
+        if self._rng is None:
+            self._rng = generator(self.seed, "method")
+        return self._rng
+
+    def torch_generator(self) -> torch.Generator:
+        """A torch generator on the run's device, seeded like :attr:`rng`."""
+        import torch
+
+        first, second = np.random.SeedSequence([*seed_words(self.seed, "method")]).generate_state(2)
+        return torch.Generator(device=self.device).manual_seed(int(first) << 31 ^ int(second))
+
+    def progress(self, done: int, total: int) -> None:
+        """Say that ``done`` of ``total`` steps are done. Cheap; shown where somebody looks."""
+        if self.on_progress:
+            self.on_progress(done, total)
+
+    def elapsed(self) -> float:
+        """Seconds of wall clock since the call began, without those off the clock: scored traces, true distances."""
+        return time.perf_counter() - self._started - self._paused
+
+    def seconds_left(self) -> float:
+        """Seconds until the limit; an iterative method stops with its best state before they are gone."""
+        return self.seconds - self.elapsed()
+
+    def trace(self, output: Any, keep: bool = False) -> None:
+        """Offer an intermediate result. It is scored off the clock, for plots of error against time.
+
+        Where it takes time to make one (a mesh of a network), offer a function without arguments: it is called off the
+        clock too, and only if somebody looks.
+
+        With ``keep`` the result is also stored as ``trace-000``, ``trace-001``, ... where outputs are kept: see
+        :meth:`keep`. The column ``trace`` says which file has which seconds.
+        """
+        if self.on_trace:
+            begin = time.perf_counter()  # one look at the clock: a later trace is never told an earlier time
+            self.on_trace(output, begin - self._started - self._paused, **({"keep": True} if keep else {}))
+            self._paused += time.perf_counter() - begin
+
+    def keep(self, name: str, value: Any) -> None:
+        """Store something beside the output: a cage, a rendered image, a field on a grid.
+
+        It becomes ``outputs/CELL-FINGERPRINT/CASE/NAME.ply``, ``.png`` or ``.npz`` below the results folder, and the
+        column ``artefacts`` lists it. Only runs with ``outputs=first`` or ``outputs=all`` store anything; elsewhere,
+        and under ``detailbench apply``, the call does nothing. The clock stands still meanwhile.
+
+        Parameters
+        ----------
+        name : str
+            Letters, digits and ``._-``, at most 64, not beginning with a dot. The last value of a name counts.
+        value : Trimesh, PointCloud, Views, uint8 array (h, w, 3) or (h, w), mapping of names to arrays
+            Or a function without arguments that makes one of these; it is called off the clock, and only where the
+            value is stored. One case stores at most 256 MB; what is beyond is left out, and a note says so.
+
+        Raises
+        ------
+        ValueError
+            For another name, or something else to store.
+        """
+        from .artefacts import check_name, suffix_of
+
+        check_name(name)
+        if not callable(value):
+            suffix_of(value)  # a mistake shows in every run, not only in those that store
+        if self.on_keep is None:
+            return
+        begin = time.perf_counter()
+        try:
+            self.on_keep(name, value)
+        finally:
+            self._paused += time.perf_counter() - begin
+
+    def note(self, text: str) -> None:
+        """Say what the reader of a result should know, such as a setting that could not be kept to.
+
+        It becomes the row's ``message``, is shown below every leaderboard, and where the method is applied to a file.
+        """
+        self.notes.append(text)
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether there is a reference that :meth:`true_distances` can be asked about."""
+        return self.on_distances is not None
+
+    def true_distances(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances to the surface that the method is to find: for supervision by the truth, and for that alone.
+
+        Some published methods are not fitted to the points of a scan but to true distances of a known surface. Such a
+        method is measured by what it makes of them; what it was given is in its row, and marked in every leaderboard,
+        because methods that only see the input answer a harder question. The time is not the method's: those papers
+        sample the distances beforehand, so the clock stands still as it does for :meth:`trace`. Ask for many points
+        at once; a call costs a few tenths of a second however few they are.
+
+        Parameters
+        ----------
+        points : (n, 3) array, finite, in the frame of the case
+
+        Returns
+        -------
+        (n,) float64 array
+            Exact distances to the reference mesh, negative inside, in the unit of the frame: see
+            :func:`bench.geometry.signed_distance.signed_distances`.
+
+        Raises
+        ------
+        UsageError
+            Without a reference, see :attr:`has_truth`: a method applied to somebody's own file has none.
+        ValueError
+            For points of another shape, or that are not finite.
+        """
+        if self.on_distances is None:
+            raise UsageError(
+                "true distances: there is no reference here to measure them to; choose a supervision by the input's "
+                "own points (one of the method's parameters: detailbench list method NAME), or run it on a dataset"
+            )
+        points = np.asarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"true_distances: expected points of shape (n, 3), got {points.shape}")
+        if not np.isfinite(points).all():
+            raise ValueError("true_distances: some of the points are NaN or infinite")
+        begin = time.perf_counter()
+        self.distances_given += len(points)
+        try:
+            return self.on_distances(points)
+        finally:
+            self._paused += time.perf_counter() - begin

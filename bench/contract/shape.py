@@ -1,0 +1,187 @@
+"""Shapes and their exact surfaces: :class:`Shape`, :class:`Surface` and :class:`ShapePair`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from ..geometry.cloud import Frame
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+class Surface(Protocol):
+    """A surface that can be sampled and projected to: a mesh, or what a dataset knows exactly."""
+
+    def sample(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """``count`` points, uniform by area, and their outward unit normals: two (count, 3) arrays."""
+        ...
+
+    def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The closest surface point of each of ``points`` (n, 3), and the unit normal there: two (n, 3) arrays."""
+        ...
+
+
+class _FramedSurface:
+    """A surface seen from another frame."""
+
+    def __init__(self, surface: Surface, frame: Frame):
+        self._surface, self._frame = surface, frame
+
+    def sample(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        points, normals = self._surface.sample(count, rng)
+        return self._frame.apply(points), normals
+
+    def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        closest, normals = self._surface.closest(self._frame.invert(points))
+        return self._frame.apply(closest), normals
+
+
+EXACTNESS = {
+    "analytic": "a distance function in closed form",
+    "implicit": "an implicit function in closed form, with exact normals and exact foot points",
+    "parametric": "a parametrisation in closed form, with exact points and normals",
+    "polyhedron": "the mesh is the shape",
+    "mesh": "the mesh is all that is known",
+}
+
+
+class Shape:
+    """One shape of a dataset.
+
+    Parameters
+    ----------
+    id : str
+        Unique in its dataset and split, usable as a file name (``bumps-test-003``).
+    mesh : Trimesh, or a function without arguments that makes it
+        Give the function where making the mesh costs time: a resumed run then skips finished shapes at no cost, and
+        a shape that cannot be made fails alone.
+    surface : Surface, optional
+        What the dataset knows exactly (analytic samples and closest points). Without it the mesh is the truth.
+    tags : tuple of str
+        Challenge tags, for slices of the leaderboard (``sharp``, ``thin``, ``high_genus``, ``smooth``, ...).
+    info : mapping
+        Whatever else is known: genus, symmetry, thickness. JSON values.
+    exactness : str
+        How the truth is known, one of :data:`EXACTNESS`.
+    attributes : mapping, or a function without arguments that makes it
+        Named arrays that belong to the mesh, a row per vertex or per face, in the coordinates of the dataset: part
+        labels, skinning weights, a displacement and the base that it was applied to. Or a row per column of another
+        one: the joints of skinning weights.
+    """
+
+    def __init__(
+        self,
+        id: str,
+        mesh: Trimesh | Callable[[], Trimesh],
+        *,
+        surface: Surface | None = None,
+        tags: tuple[str, ...] = (),
+        info: Mapping[str, Any] | None = None,
+        exactness: str = "mesh",
+        attributes: Mapping[str, np.ndarray] | Callable[[], Mapping[str, np.ndarray]] | None = None,
+    ):
+        if exactness not in EXACTNESS:
+            raise ValueError(f"exactness: expected one of {', '.join(EXACTNESS)}; got {exactness!r}")
+        self.id, self.tags, self.info, self.exactness = id, tuple(tags), dict(info or {}), exactness
+        self._mesh, self._surface, self._attributes = mesh, surface, attributes or {}
+
+    @property
+    def mesh(self) -> Trimesh:
+        """The mesh, made on first use."""
+        if callable(self._mesh):
+            self._mesh = self._mesh()
+        return self._mesh
+
+    @property
+    def attributes(self) -> Mapping[str, np.ndarray]:
+        """Named arrays that belong to the mesh, made on first use."""
+        if callable(self._attributes):
+            self._attributes = self._attributes()
+        return self._attributes
+
+    @property
+    def surface(self) -> Surface:
+        """The exact surface if the dataset gave one, otherwise the mesh as a surface."""
+        if self._surface is None:
+            from ..geometry.mesh_surface import MeshSurface
+
+            self._surface = MeshSurface(self.mesh)
+        return self._surface
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the dataset knows more than the mesh."""
+        from ..geometry.mesh_surface import MeshSurface
+
+        return not isinstance(self.surface, MeshSurface)
+
+    def replace_mesh(self, mesh: Trimesh | Callable[[], Trimesh]) -> Shape:
+        """This shape with another mesh, or another way to make it; all else is shared."""
+        return Shape(
+            self.id,
+            mesh,
+            surface=self._surface,
+            tags=self.tags,
+            info=self.info,
+            exactness=self.exactness,
+            attributes=lambda: self.attributes,
+        )
+
+    def renamed(self, id: str, **info: Any) -> Shape:
+        """This shape under another id, with more ``info``; it is made when it is asked for, as before."""
+        return Shape(
+            id,
+            lambda: self.mesh,
+            surface=self._surface,
+            tags=self.tags,
+            info={**self.info, **info},
+            exactness=self.exactness,
+            attributes=lambda: self.attributes,
+        )
+
+    def framed(self) -> tuple[Shape, Frame]:
+        """This shape in the one frame of all cases, and the frame: box centre at the origin, farthest vertex at 1.
+
+        Raises
+        ------
+        BadInput
+            If the mesh has no faces, or vertices that are not finite, or no extent.
+        """
+        from trimesh import Trimesh
+
+        from ..geometry.check import check_mesh
+
+        check_mesh(self.mesh, self.id)
+        frame = Frame.of(self.mesh.vertices)
+        mesh = Trimesh(frame.apply(self.mesh.vertices), self.mesh.faces, process=False)
+        surface = None if self._surface is None or not self.is_exact else _FramedSurface(self._surface, frame)
+        framed = self.replace_mesh(mesh)
+        framed._surface = surface
+        return framed, frame
+
+    def __repr__(self) -> str:
+        return f"Shape({self.id!r})"
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePair:
+    """Two shapes whose meshes have the same faces: vertex i of the one corresponds to vertex i of the other.
+
+    Attributes
+    ----------
+    id : str
+        Unique in its dataset and split, usable as a file name.
+    source, target : Shape
+    landmarks : mapping from names to vertices
+        Points that a person would mark, equal for both.
+    """
+
+    id: str
+    source: Shape
+    target: Shape
+    landmarks: Mapping[str, int] = field(default_factory=dict)

@@ -1,0 +1,323 @@
+"""The fork server: a process that has the heavy imports loaded and has computed nothing, and forks workers.
+
+A worker that is forked from it starts in milliseconds. It must be forked from a process that has not *used* its
+libraries: OpenMP pools that exist before a fork hang the child. There is one server per set of libraries and thread
+count, so each method meets the same process whatever else the sweep holds.
+
+The server belongs to the process that started it (the runner): when their socket closes, for whatever reason, it
+kills everything below it and ends. It is a *subreaper*: a daemon that a method leaves behind becomes its child, and
+is found and killed when the cell ends.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import ctypes
+import gc
+import importlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from ..errors import DetailbenchError
+from ..safe_path import environment, isolate_imports
+from .affinity import available
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
+_MAX_MESSAGE = 1 << 17
+# Libraries that size their thread pools by these; the others are held by processor affinity.
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "IGL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+# What every worker needs to make a case and to score an output.
+ALWAYS = (
+    "numpy",
+    "scipy.spatial",
+    "trimesh",
+    "igl",
+    "bench.engine.worker",
+    "bench.engine.isolate",
+    "bench.geometry.check",
+    "bench.geometry.comparison",
+    "bench.geometry.io.files",
+    "bench.geometry.mesh_surface",
+)
+
+
+def _prctl(option: int, value: int) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(option, value, 0, 0, 0)
+
+
+# -- the side of the runner --------------------------------------------------------------------------------------------
+
+
+class ForkServer:
+    """The runner's handle on one server, which at once begins to import what every worker needs.
+
+    Parameters
+    ----------
+    threads : int
+        How many processors the workers will be pinned to; pools are sized by it.
+    """
+
+    def __init__(self, threads: int):
+        self.threads = threads
+        self._loaded = False
+        self._printed = tempfile.TemporaryFile()  # noqa: SIM115  its standard error; a worker has one of its own
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with there:
+            code = "from bench.engine.forkserver import serve; serve()"
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-c", code, str(there.fileno()), str(threads)],  # -P: see bench/safe_path.py
+                pass_fds=[there.fileno()],
+                stdin=subprocess.DEVNULL,
+                stderr=self._printed,
+                env={**environment(), **dict.fromkeys(THREAD_VARIABLES, str(threads))},
+                start_new_session=True,  # Ctrl-C in the terminal is the runner's business
+            )
+        self._socket = here
+
+    def load(self, preload: tuple[str, ...], plugins: tuple[str, ...]) -> None:
+        """Have it import libraries by name, and plugin files like ``--plugin``, and wait; before the first fork.
+
+        Raises
+        ------
+        CannotStart
+            If it ended before that: not even what every worker needs can be imported.
+        ServerDied
+            If it ended while it imported what was asked for.
+        """
+        try:
+            self._ask({"ready": True})
+        except ServerDied as error:
+            raise CannotStart(f"{error}{self._last_words()}") from error
+        try:
+            self._ask({"preload": preload, "plugins": plugins})
+        except ServerDied as error:
+            raise ServerDied(
+                f"{error} while it loaded {', '.join((*preload, *plugins))}{self._last_words()}"
+            ) from error
+        self._loaded = True
+        if said := self._said():
+            print(said, file=sys.stderr)
+
+    def _said(self) -> str:
+        file = self._printed.fileno()  # read in place: the server shares the position of this file
+        return os.pread(file, os.fstat(file).st_size, 0).decode(errors="replace").strip()
+
+    def _last_words(self) -> str:
+        """The last line that it printed: of a traceback, what was raised."""
+        lines = self._said().splitlines()
+        return f": {lines[-1].strip()}" if lines else ""
+
+    def _ask(self, request: dict[str, Any], fds: tuple[int, ...] = ()) -> dict[str, Any]:
+        try:
+            socket.send_fds(self._socket, [json.dumps(request).encode()], list(fds))
+            answer = self._socket.recv(_MAX_MESSAGE)
+        except OSError:
+            answer = b""
+        if not answer:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=5)
+            raise ServerDied(f"the fork server ended unexpectedly (exit status {self._process.returncode})")
+        return json.loads(answer)
+
+    def fork(self, spec: dict[str, Any], messages: int, output: int) -> int:
+        """Start a worker on ``spec``; it writes to the two file descriptors. Returns its process id."""
+        return self._ask({"fork": spec}, (messages, output))["pid"]
+
+    def reap(self, pid: int) -> int:
+        """Wait for a worker that ended or was killed, kill whatever it left behind; its wait status."""
+        return self._ask({"reap": pid})["status"]
+
+    def close(self) -> None:
+        """End the server and everything below it."""
+        self._socket.close()
+        self._printed.close()
+        if self._loaded:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=5)
+                return
+        self._process.kill()  # one that has not answered yet has nothing below it
+        self._process.wait()
+
+
+class ServerDied(DetailbenchError):
+    """The fork server is gone: something killed it."""
+
+
+class CannotStart(DetailbenchError):
+    """No worker can be started, whatever the method: an error of the run, never the result of a method."""
+
+    def __init__(self, reason: str):
+        super().__init__(
+            f"cannot start the processes that run the cases: {reason}. No result was stored for them. Check the Python "
+            "environment (PYTHONPATH, installed packages, free memory), then run the same command again"
+        )
+
+
+_begun: list[ForkServer] = []
+
+
+def begin(threads: int) -> None:
+    """Start a server before it is known what it will serve: it imports while this process reads its configs.
+
+    Of use where there is a second processor only. The first that asks :func:`begun` for as many threads gets it;
+    otherwise it is ended then, or with this process.
+    """
+    if len(available()) > 1 and not _begun:
+        _begun.append(ForkServer(threads))
+        atexit.register(_end_begun)
+
+
+def begun(threads: int) -> ForkServer:
+    """The server that was begun, if it is for so many threads, or a new one."""
+    if _begun and _begun[0].threads == threads:
+        return _begun.pop()
+    _end_begun()
+    return ForkServer(threads)
+
+
+def _end_begun() -> None:
+    while _begun:
+        _begun.pop().close()
+
+
+# -- the side of the server --------------------------------------------------------------------------------------------
+
+
+def serve() -> None:
+    """The server's main loop; the arguments are the socket's file descriptor and the number of threads."""
+    isolate_imports()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+    channel, threads = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
+    if hasattr(os, "sched_setaffinity"):  # before all else: libraries count processors when they are imported
+        os.sched_setaffinity(0, available()[:threads])
+    try:
+        _import(ALWAYS)
+        importlib.import_module("bench.engine.worker")  # without it there is no worker: the traceback says why
+        while True:
+            message, fds, _, _ = socket.recv_fds(channel, _MAX_MESSAGE, 2)
+            if not message:
+                break  # the runner is gone
+            request = json.loads(message)
+            if "fork" in request:
+                answer = {"pid": _fork(request["fork"], channel, *fds)}
+            elif "reap" in request:
+                answer = {"status": _reap(request["reap"])}
+            elif "ready" in request:
+                answer = request
+            else:
+                answer = _load(request)
+            channel.send(json.dumps(answer).encode())
+    except OSError:
+        pass  # the runner went while we were answering
+    finally:
+        _kill_descendants()
+
+
+def _load(request: dict[str, Any]) -> dict[str, Any]:
+    """Import what the workers of this server will need beyond :data:`ALWAYS`."""
+    from ..plugins.registry import registry
+
+    found = registry()
+    for path in request["plugins"]:
+        found.load_file(path)
+    _import(request["preload"])
+    gc.collect()
+    gc.freeze()  # pages that the collector never touches stay shared with the workers
+    return {"ready": True}
+
+
+def _import(modules: Iterable[str]) -> None:
+    for module in modules:
+        with contextlib.suppress(ImportError):  # the worker says which library is missing
+            importlib.import_module(module)
+
+
+def _fork(spec: dict[str, Any], channel: socket.socket, messages: int, output: int) -> int:
+    server = os.getpid()
+    pid = os.fork()
+    if pid:
+        os.close(messages)
+        os.close(output)
+        return pid
+    status = 70
+    try:
+        os.setsid()  # a process group of its own, to be killed as a whole
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != server:
+            os._exit(status)
+        channel.close()
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        os.dup2(output, 1)
+        os.dup2(output, 2)
+        os.close(output)
+        from .worker import work
+
+        work(spec, messages)
+        status = 0
+    except BaseException:  # nothing may return into the server's loop; the traceback is what the runner shows
+        import traceback
+
+        traceback.print_exc()
+    finally:
+        with contextlib.suppress(OSError, ValueError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)
+
+
+def _reap(pid: int) -> int:
+    try:
+        _, status = os.waitpid(pid, 0)
+    except ChildProcessError:
+        status = 0
+    _kill_descendants()
+    return status
+
+
+def _children() -> list[int]:
+    """The ids of this process's children, adopted ones too."""
+    if sys.platform == "linux":
+        found: list[int] = []
+        for task in Path(f"/proc/{os.getpid()}/task").iterdir():
+            with contextlib.suppress(OSError):
+                found.extend(int(p) for p in (task / "children").read_text().split())
+        return found
+    import psutil
+
+    return [p.pid for p in psutil.Process().children()]
+
+
+def _kill_descendants() -> None:
+    """Kill all processes below this one; those orphaned by it come up as new children, until none is left."""
+    import psutil
+
+    while True:
+        with contextlib.suppress(psutil.Error):
+            for process in psutil.Process().children(recursive=True):
+                with contextlib.suppress(psutil.Error):
+                    process.kill()
+        try:
+            while True:
+                os.waitpid(-1, 0)
+        except ChildProcessError:
+            if not _children():
+                return

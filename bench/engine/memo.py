@@ -1,0 +1,201 @@
+"""What the cells of a sweep share, kept on disk: meshes, clouds and views, samples of references, floors.
+
+Every method meets the same cases, and each of its cells runs in a process of its own. Without a memory, each would
+make the same mesh, scan it the same way and draw the same samples again, which takes longer than most methods do.
+
+::
+
+    DIR/.cache/ab/ab12....npz     named arrays under the digest of all that they depend on
+
+Nothing depends on the memory but time: an entry holds the very bytes that would be computed, its name tells all that
+it was computed from (parameters, sources, versions, seed), and a damaged or missing one is made again. It keeps below
+``limit.cache_gb`` by forgetting what was not used for longest; 0 switches it off.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..contract.identity import shape_digest
+from ..contract.shape import Shape
+from ..errors import UsageError
+from ..geometry.cloud import PointCloud
+from ..plan.cell import digest
+from ..text import encodable
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+Arrays = Mapping[str, np.ndarray]
+SPARE_BYTES = 1 << 30  # on a disk with less than this left, nothing is remembered: results go first
+PRUNE_EVERY = 50  # writes of one process between two looks at the size of the whole
+
+
+@dataclass(frozen=True)
+class Memo:
+    """A corner of the memory.
+
+    Attributes
+    ----------
+    folder : Path, or None
+        Without one nothing is remembered.
+    key : str
+        What everything in this corner depends on.
+    limit_gb : float
+    """
+
+    folder: Path | None = None
+    key: str = ""
+    limit_gb: float = 2.0
+
+    def at(self, *parts: Any) -> Memo:
+        """The corner below this one for what also depends on ``parts`` (JSON values)."""
+        return Memo(self.folder, digest([self.key, *parts]), self.limit_gb)
+
+    def arrays(self, name: str, make: Callable[[], Arrays]) -> Arrays:
+        """The arrays of that name: those that are remembered, otherwise those that ``make`` returns."""
+        if self.folder is None or self.limit_gb <= 0:
+            return make()
+        entry = digest([self.key, name])
+        path = self.folder / entry[:2] / f"{entry}.npz"
+        known = _read(path)
+        if known is not None:
+            return known
+        made = make()
+        self._write(path, made)
+        return made
+
+    def _write(self, path: Path, arrays: Arrays) -> None:
+        """Write an entry, if there is room; a memory that cannot be written is no error."""
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if shutil.disk_usage(path.parent).free < SPARE_BYTES:
+                return
+            handle, temporary = tempfile.mkstemp(suffix=".tmp", dir=path.parent)
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    np.savez(file, **arrays)
+                os.replace(temporary, path)
+            except OSError:
+                os.unlink(temporary)
+                raise
+        _Writes.count += 1
+        if _Writes.count % PRUNE_EVERY == 1:
+            prune(self.folder, self.limit_gb)
+
+
+class _Writes:
+    count = 0
+
+
+def _read(path: Path) -> Arrays | None:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        os.utime(path)
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+        return None
+    return arrays
+
+
+def prune(folder: Path, limit_gb: float) -> None:
+    """Forget what was not used for longest, until ``folder`` holds less than ``limit_gb``."""
+    entries = []
+    for path in folder.glob("*/*"):
+        with contextlib.suppress(OSError):
+            stat = path.stat()
+            torn = path.suffix == ".tmp" and time.time() - stat.st_mtime > 3600
+            entries.append((0.0 if torn else stat.st_mtime, stat.st_size, path))
+    total = sum(size for _, size, _ in entries)
+    for used, size, path in sorted(entries):
+        if total <= limit_gb * 1e9 and used > 0:
+            return
+        with contextlib.suppress(OSError):
+            path.unlink()
+            total -= size
+
+
+class RememberedDataset:
+    """A dataset whose shapes remember their meshes; all else is the dataset's own."""
+
+    def __init__(self, dataset: Any, memo: Memo):
+        self._dataset, self._memo = dataset, memo
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(self._dataset, name)
+        return self._shapes if name == "shapes" else value
+
+    def _shapes(self, split: str) -> Iterator[Shape]:
+        for shape in self._dataset.shapes(split):
+            shape.id = encodable(shape.id)  # seeds and rows are made of it
+            # The user's own files are on disk already.
+            yield shape if hasattr(self._dataset, "state") else self._remembered(shape, split)
+
+    def _remembered(self, shape: Shape, split: str) -> Shape:
+        from trimesh import Trimesh
+
+        def mesh() -> Trimesh:
+            known = self._memo.at(split, shape.id).arrays("mesh", lambda: _of_mesh(shape.mesh))
+            return Trimesh(known["vertices"], known["faces"], process=False)
+
+        return shape.replace_mesh(mesh)
+
+
+def _of_mesh(mesh: Trimesh) -> Arrays:
+    return {"vertices": np.asarray(mesh.vertices, dtype=np.float64), "faces": np.asarray(mesh.faces)}
+
+
+class RememberedSensor:
+    """A sensor that remembers what it gave, by shape and by the state of the generator it was given.
+
+    Tasks that give it the same shape share what it gave.
+
+    Parameters
+    ----------
+    sensor : the sensor
+    memo : Memo
+    noun : type
+        The class of what it gives, which has ``arrays()`` and ``of(arrays)``; see :func:`sensors.noun_of`.
+    """
+
+    def __init__(self, sensor: Any, memo: Memo, noun: type = PointCloud):
+        self._sensor, self._memo, self._noun = sensor, memo, noun
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._sensor, name)
+
+    def sense(self, shape: Shape, rng: np.random.Generator) -> Any:
+        """What the sensor gives of ``shape``.
+
+        Raises
+        ------
+        UsageError
+            If that is of another class than the sensor declares.
+        """
+        # Spawned generators differ by their key alone, which is no part of the state.
+        start = [str(rng.bit_generator.state), str(rng.bit_generator.seed_seq)]
+        known = self._memo.at(shape.id, shape_digest(shape), start).arrays(
+            self._noun.__name__, lambda: self._made(shape, rng).arrays()
+        )
+        return self._noun.of(known)
+
+    def _made(self, shape: Shape, rng: np.random.Generator) -> Any:
+        made = self._sensor.sense(shape, rng)
+        if not isinstance(made, self._noun):
+            raise UsageError(
+                f"sensor {type(self._sensor).__name__}: expected a {self._noun.__name__} from sense(), got "
+                f'{type(made).__name__}; declare what it gives: @register("sensor", gives=...)'
+            )
+        return made

@@ -1,0 +1,395 @@
+"""Runs cells: each in a child process of its own, watched, with every finished case kept at once.
+
+It behaves the same under every launcher: a launcher only decides in which process :func:`run_cell` is called.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from ..errors import UsageError
+from ..plan.cell import Cell, Settings
+from ..results.files import COLUMNS, SCHEMA_VERSION
+from ..results.imputation import lacks_worst
+from ..results.kept_outputs import found
+from ..results.provenance import fingerprint, ingredients, memory_keys, plugin_sources, provenance, source_digest
+from ..results.store import Record, Results
+from ..text import encodable
+from .affinity import claim
+from .devices import check_device, claim_device
+from .forkserver import CannotStart, ForkServer, ServerDied, begun
+from .watch import Death, Worker
+
+BEFORE_ANY_CASE = ("start", "plan")  # a failure there says nothing of a method: it is tried again each time
+TRIES = 3  # of a worker or a server that ends before any case: somebody short of memory may have killed it
+MAX_SERVERS = 6  # a fork server holds its libraries in memory; the least recently used one goes
+
+
+class Reporter(Protocol):
+    """Where progress is shown."""
+
+    def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
+        """A cell starts; ``done`` of its cases are there already."""
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Whatever the worker reports."""
+
+
+class Silent:
+    """No progress."""
+
+    def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
+        """Nothing."""
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Nothing."""
+
+
+@dataclass
+class Outcome:
+    """What became of a cell."""
+
+    record: Record
+    cached: int  # how many of its cases were there already
+    notes: list[str]  # damaged files that were found
+    for_outputs: int = 0  # how many solved cases were run again because their outputs are to be kept
+
+
+def run_cell(
+    cell: Cell,
+    settings: Settings,
+    reporter: Reporter | None = None,
+    alive: Callable[[], None] = lambda: None,
+) -> Outcome:
+    """Run what is missing of a cell and store it.
+
+    Parameters
+    ----------
+    cell, settings : what and how
+    reporter : where progress goes
+    alive : called while waiting; raises to stop
+
+    Raises
+    ------
+    StoreError
+        If the results cannot be written.
+    UsageError
+        If the dataset has no case in the split, or if something is to be run on a device that is not here.
+    """
+    results = Results(settings.results)
+    parts = ingredients(cell)
+    mark = fingerprint(parts)
+    with results.lock(cell.id):
+        rows, stored = finished_rows(results, cell, mark, settings)
+        if settings.rerun == "always":
+            results.forget_partial(cell.id, mark)
+        if stored and all(rows.get(row["case_index"]) is row for row in stored.rows):
+            return Outcome(stored, len(rows), results.damaged)
+        check_device(cell.device)
+        for_outputs = len(_without_output(results, cell, mark, settings) - rows.keys())
+        job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive)
+        cached = len(rows)
+        with claim_device(cell.device, alive) as job.device, claim(cell.threads) as cpus:
+            job.run(cpus)
+        if not job.rows:
+            raise UsageError(f"dataset {cell.dataset.label} has no shapes in the split {cell.split!r}")
+        meta = _meta(cell, settings, parts, mark, job, cpus)
+        meta["references"] = _references(stored, job.ordered_rows())
+        record = Record(cell.id, mark, meta, job.ordered_rows())
+        results.write(record)
+    return Outcome(record, cached, results.damaged, for_outputs)
+
+
+def finished_rows(
+    results: Results, cell: Cell, mark: str, settings: Settings
+) -> tuple[dict[int, dict[str, Any]], Record | None]:
+    """The cases that need not be run again, by index, and the stored record they come from."""
+    stored = results.read(cell.id, mark)
+    if settings.rerun == "always":
+        return {}, stored
+    rows = stored.rows if stored else []
+    rows = rows + results.partial_rows(cell.id, mark)
+    before = stored.meta["settings"]["limit"] if stored else {}
+    kept = {row["case_index"]: row for row in rows if not _must_rerun(row, settings, before)}
+    return {index: row for index, row in kept.items() if not lacks_output(results, row, settings)}, stored
+
+
+def lacks_output(results: Results, row: Mapping[str, Any], settings: Settings) -> bool:
+    """Whether the settings ask for the output of a solved case whose file is not there."""
+    wanted = settings.outputs == "all" or (settings.outputs == "first" and row["case_index"] == 0)
+    return wanted and row["status"] == "ok" and found(results.folder, row.get("output")) is None
+
+
+def _without_output(results: Results, cell: Cell, mark: str, settings: Settings) -> set[int]:
+    """The solved cases of a cell that are run again for nothing but their outputs."""
+    if settings.outputs == "none" or settings.rerun == "always":
+        return set()
+    rows, _ = finished_rows(results, cell, mark, replace(settings, outputs="none"))
+    return {index for index, row in rows.items() if lacks_output(results, row, settings)}
+
+
+def _references(stored: Record | None, rows: list[dict[str, Any]]) -> dict[str, str]:
+    """The files of the references of the kept outputs by case, relative to the results folder."""
+    before = (stored.meta.get("references") or {}) if stored else {}
+    now = {row["case"]: row.pop("reference", None) for row in rows}
+    return before | {case: path for case, path in now.items() if path}
+
+
+def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str, float]) -> bool:
+    """Whether a stored row should be made anew: a limit was raised, a library may be there now, or it is asked for.
+
+    A row with a note counts as one that the limit cut short: what a method left out for want of time may fit now.
+    ``before`` are the limits that its cell was last run under, for those that are no columns.
+    """
+    limit, noted = settings.limit, row["status"] == "ok" and bool(row.get("message"))
+    off_the_clock = row["status"] == "timeout" and row.get("stage") != "method"
+    return (
+        row["status"] == "skipped"
+        or row.get("stage") in BEFORE_ANY_CASE
+        or (settings.rerun == "failed" and row["status"] != "ok")
+        or ((noted or row["status"] == "timeout") and limit.seconds > (row.get("limit_seconds") or 0))
+        or (off_the_clock and limit.setup_seconds > before.get("setup_seconds", math.inf))
+        or (row["status"] == "oom" and limit.memory_gb > (row.get("limit_memory_gb") or 0))
+    )
+
+
+class _Job:
+    """The cases of one cell that are still to do."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        settings: Settings,
+        results: Results,
+        mark: str,
+        rows: dict[int, dict[str, Any]],
+        reporter: Reporter,
+        alive: Callable[[], None],
+    ):
+        self.cell, self.settings, self.results, self.mark = cell, settings, results, mark
+        self.rows, self.reporter, self.alive = rows, reporter, alive
+        self.device = cell.device
+        self.ids: list[str] = []
+        self.scored: set[int] = set()  # cases whose worst scores were asked for: once is enough
+        self.constants = constant_columns(cell, settings, mark)
+
+    def run(self, cpus: list[int]) -> None:
+        """Fork workers until every case has its row: a new one after each that died.
+
+        Raises
+        ------
+        CannotStart
+            If no worker can begin, whatever the method.
+        """
+        self.reporter.cell_begins(self.cell, self.cell.cases, len(self.rows))
+        deaths = starts = 0
+        while True:
+            try:
+                death = self.work(cpus)
+            except (ServerDied, CannotStart) as error:
+                starts += 1
+                if starts < TRIES:
+                    continue
+                if isinstance(error, CannotStart):
+                    raise
+                death = Death("crashed", str(error), -1, "start", 0.0, "")
+            if death is None:
+                return
+            deaths += 1
+            if death.index < 0:
+                self.no_plan(of_death(death))
+                return
+            if death.index not in self.rows:  # otherwise it died between two cases, and that one is safe
+                self.keep({"case": self.ids[death.index], "case_index": death.index} | of_death(death))
+            elif deaths > 2 * len(self.ids):
+                self.no_plan(of_death(death))
+                return
+
+    def work(self, cpus: list[int]) -> Death | None:
+        """Fork one worker and follow it to its end; how it died, or None when all cases are done.
+
+        Raises
+        ------
+        ServerDied
+            If a library or a plugin of this cell ends the process that imports it.
+        CannotStart
+            If the worker or its server ended before either met anything of this cell.
+        """
+        server = server_for(self.cell, self.settings)
+        limit, verbose = self.settings.limit, self.settings.verbose
+        try:
+            death = Worker(server, self.spec(cpus), limit, self.hear, self.alive, verbose).watch()
+        except ServerDied as error:
+            forget_servers()
+            raise CannotStart(str(error)) from error
+        if death is not None and death.stage == "start":
+            raise CannotStart("; ".join([death.message, *death.printed.splitlines()[-1:]]))
+        return death
+
+    def spec(self, cpus: list[int]) -> dict[str, Any]:
+        """The worker's job, as JSON values."""
+        s = self.settings
+        return {
+            "cell": self.cell.to_json(),
+            "done": sorted(self.rows),
+            "owed": sorted(i for i, row in self.rows.items() if i not in self.scored and lacks_worst(row)),
+            "cpus": cpus,
+            "threads": self.cell.threads,
+            "device": self.device,
+            "seconds": s.limit.seconds,
+            "memory_gb": s.limit.memory_gb,
+            "cache": str(self.results.folder / ".cache"),
+            "cache_gb": s.limit.cache_gb,
+            "keys": memory_keys(self.cell),
+            "outputs": s.outputs,
+            "results": str(self.results.folder),
+            "fingerprint": self.mark,
+        }
+
+    def hear(self, event: dict[str, Any]) -> None:
+        """One event of the worker."""
+        if event["event"] == "cases":
+            self.ids = event["ids"]
+            self.rows = {i: row for i, row in self.rows.items() if i < len(self.ids)}
+        elif event["event"] == "row":
+            self.keep(event["row"])
+        elif event["event"] == "no_plan":
+            self.no_plan(event["row"])
+        elif event["event"] == "begin" and event["stage"] == "worst":
+            self.scored.add(event["index"])
+        elif event["event"] == "worst":
+            row = self.rows.get(event["index"], {})  # none if it could not be kept: that error is on its way
+            row |= {key: value for key, value in event["row"].items() if not row.get(key)}
+        self.reporter.event(event)
+
+    def keep(self, row: dict[str, Any]) -> None:
+        """Keep one finished case, at once."""
+        from .worker import now
+
+        # Whatever a method, a dataset or a file's name brings: the row can be stored.
+        row = encodable(dict.fromkeys(COLUMNS) | {"started": now(), "finished": now()} | row | self.constants)
+        self.results.add_partial(self.cell.id, self.mark, row)
+        self.rows[row["case_index"]] = row
+        self.reporter.event({"event": "kept", "row": row})
+
+    def no_plan(self, row: dict[str, Any]) -> None:
+        """The cases could not even be listed: every planned one gets the reason."""
+        for index in range(self.cell.cases):
+            if index not in self.rows:
+                name = self.ids[index] if index < len(self.ids) else f"case-{index:03d}"
+                self.keep({"case": name, "case_index": index} | row)
+
+    def ordered_rows(self) -> list[dict[str, Any]]:
+        """All rows by case."""
+        # Rows of versions below 4, stored or partial, have no column of the split.
+        return [{"split": self.cell.split} | self.rows[index] for index in sorted(self.rows)]
+
+
+def of_death(death: Death) -> dict[str, Any]:
+    """The columns that tell how a worker ended."""
+    from .worker import now
+
+    return {
+        "started": now(-death.seconds),
+        "status": death.status,
+        "stage": death.stage,
+        "message": death.message,
+        "traceback": death.printed,
+        "seconds": death.seconds if death.stage == "method" else None,
+    }
+
+
+def constant_columns(cell: Cell, settings: Settings, mark: str) -> dict[str, Any]:
+    """The columns that are the same in all rows of a cell."""
+    import platform
+
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "cell": cell.id,
+        "fingerprint": mark,
+        "task": cell.task.label,
+        "dataset": cell.dataset.label,
+        "sensor": cell.sensor.label if cell.sensor in cell.choices else "",
+        "split": cell.split,
+        "method": cell.method.name,
+        "variant": cell.method.variant,
+        "seed": cell.seed,
+        "threads": cell.threads,
+        "device": cell.device,
+        "host": platform.node(),
+        "limit_seconds": settings.limit.seconds,
+        "limit_memory_gb": settings.limit.memory_gb,
+    }
+
+
+def _meta(
+    cell: Cell, settings: Settings, parts: dict[str, Any], mark: str, job: _Job, cpus: list[int]
+) -> dict[str, Any]:
+    """The metadata of a record: all that it takes to do it again."""
+    from dataclasses import asdict
+
+    from .worker import now
+
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "cell_id": cell.id,
+        "cell": cell.to_json(),
+        "fingerprint": mark,
+        "ingredients": parts,
+        "settings": asdict(settings),
+        "planned": len(job.rows),
+        "processors_used": cpus,
+        "metrics": {
+            m.name: {"version": m.plugin.version, "better": m.plugin.options.get("better", "lower")}
+            for m in cell.metrics
+        },
+        "provenance": encodable(provenance(cell)),
+        "sources": encodable(plugin_sources(cell)),
+        "finished": now(),
+    }
+
+
+# -- fork servers ------------------------------------------------------------------------------------------------------
+
+_servers: dict[tuple[Any, ...], ForkServer] = {}
+_sources: dict[str, str] = {}  # digests of the plugin sources that the servers have loaded
+
+
+def server_for(cell: Cell, settings: Settings) -> ForkServer:
+    """The fork server for the libraries of a cell's method; all are started anew when a plugin was edited since.
+
+    What the dataset, the sensor and the metrics of the first cell need is loaded with it; a later cell's dataset is
+    imported by the worker, off the clock.
+    """
+    plugins = [plugin for choice in cell.choices for plugin in choice.parts]
+    for plugin in plugins:
+        digest = source_digest(plugin.file)
+        if _sources.setdefault(str(plugin.file), digest) != digest:
+            forget_servers()
+            break
+    key = (os.getpid(), cell.method.plugin.requires, settings.plugins, cell.threads)
+    if key in _servers:
+        _servers[key] = _servers.pop(key)  # the most recently used comes last
+        return _servers[key]
+    while len(_servers) >= MAX_SERVERS:
+        _servers.pop(next(iter(_servers))).close()
+    preload = tuple(sorted({library for plugin in plugins for library in plugin.requires}))
+    server = begun(cell.threads)
+    try:
+        server.load(preload, settings.plugins)
+    except (ServerDied, CannotStart):
+        server.close()
+        raise
+    _servers[key] = server
+    return server
+
+
+def forget_servers() -> None:
+    """End all fork servers of this process."""
+    _sources.clear()
+    while _servers:
+        _servers.popitem()[1].close()

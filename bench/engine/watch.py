@@ -1,0 +1,237 @@
+"""Watching one worker: its messages, its output, its clock and its memory, and how it ended."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import selectors
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from ..plan.limits import Limits
+from .forkserver import ForkServer, ServerDied
+
+POLL = 0.05  # seconds between looks at the clock and the memory
+LOOK_BELOW = 0.5  # seconds between looks at a worker's own children
+TAIL = 16384  # how much of what a worker printed is kept for the report of its death
+PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
+SETUP_MEMORY_GB = 4.0  # what making a case and scoring may take, where the method's limit is lower
+
+
+@dataclass
+class Death:
+    """How a worker ended before its work was done."""
+
+    status: str  # timeout, oom or crashed
+    message: str
+    index: int  # of the case it was working on; -1 before the first
+    stage: str
+    seconds: float  # since that stage began
+    printed: str  # the end of what it wrote
+
+
+class Worker:
+    """One forked worker, watched until it ends.
+
+    Parameters
+    ----------
+    server : ForkServer
+    spec : the worker's job
+    limits : Limits
+    on_row, on_cases, on_progress : called with what the worker reports
+    alive : called at every look; raises when the runner itself should stop
+    """
+
+    def __init__(
+        self,
+        server: ForkServer,
+        spec: dict[str, Any],
+        limits: Limits,
+        on_event: Callable[[dict[str, Any]], None],
+        alive: Callable[[], None] = lambda: None,
+        verbose: bool = False,
+    ):
+        self.server, self.limits = server, limits
+        self.on_event, self.alive, self.verbose = on_event, alive, verbose
+        self.stage, self.index = "start", -1
+        self.printed = b""
+        self._buffer = b""
+        self._finished = False
+        self._below: list[psutil.Process] = []
+        self._below_at = 0.0
+        messages, messages_w = os.pipe()
+        output, output_w = os.pipe()
+        self._fds = [messages, output]
+        try:
+            self.pid = server.fork(spec, messages_w, output_w)
+        except ServerDied:
+            self._close()
+            raise
+        finally:
+            os.close(messages_w)
+            os.close(output_w)
+        for fd in self._fds:
+            os.set_blocking(fd, False)
+        self._enter("start", -1)
+
+    def watch(self) -> Death | None:
+        """Follow the worker to its end; None when it did all its work."""
+        killed: tuple[str, str] | None = None
+        try:
+            with selectors.DefaultSelector() as selector:
+                for fd in self._fds:
+                    selector.register(fd, selectors.EVENT_READ)
+                while not self._finished:
+                    for key, _ in selector.select(POLL):
+                        if not self._drain(key.fd):
+                            selector.unregister(key.fd)
+                    self.alive()
+                    if self._finished or self._is_over():
+                        break
+                    killed = self._passed_limit()
+                    if killed:
+                        break
+        finally:
+            if not self._finished:
+                self.kill()
+            seconds = time.monotonic() - self._since
+            status = self._reap()
+            for fd in self._fds:
+                self._drain(fd)
+            self._close()
+        if self._finished:
+            return None
+        how, message = killed or self._cause(status)
+        return Death(how, message, self.index, self.stage, seconds, self.printed.decode(errors="replace").strip())
+
+    def kill(self) -> None:
+        """Kill the worker's process group; what left the group falls to the server."""
+        for kill in (os.killpg, os.kill):  # the group does not exist before the worker has made it
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                kill(self.pid, signal.SIGKILL)
+
+    # -- what it says ----------------------------------------------------------------------------------------------
+
+    def _drain(self, fd: int) -> bool:
+        """Read all there is; False at the end of the stream."""
+        while True:
+            try:
+                chunk = os.read(fd, 65536)
+            except BlockingIOError:
+                return True
+            if not chunk:
+                return False
+            if fd == self._fds[1]:
+                self.printed = (self.printed + chunk)[-TAIL:]
+                if self.verbose:
+                    sys.stderr.buffer.write(chunk)
+                    sys.stderr.flush()
+                if len(chunk) < 65536:
+                    return True
+                continue
+            *lines, self._buffer = (self._buffer + chunk).split(b"\n")
+            for line in lines:
+                with contextlib.suppress(json.JSONDecodeError):  # a method that writes to every descriptor it finds
+                    self._hear(json.loads(line))
+
+    def _hear(self, event: dict[str, Any]) -> None:
+        kind = event["event"]
+        if kind == "begin":
+            self._enter(event["stage"], event["index"])
+        elif kind == "pause":
+            self._paused_at = time.monotonic()
+            self._deadline += self.limits.setup_seconds
+        elif kind == "resume":
+            self._deadline += time.monotonic() - self._paused_at - self.limits.setup_seconds
+        elif kind == "done":
+            self._finished = True
+        if kind in ("row", "cases", "no_plan", "progress", "begin", "result", "worst"):
+            self.on_event(event)
+
+    def _enter(self, stage: str, index: int) -> None:
+        self.stage, self.index = stage, index
+        self._since = time.monotonic()
+        self._deadline = self._since + (
+            self.limits.seconds if stage == "method" else max(self.limits.setup_seconds, self.limits.seconds)
+        )
+        self._base_mb = self._resident_mb()
+
+    # -- what it takes ---------------------------------------------------------------------------------------------
+
+    def _passed_limit(self) -> tuple[str, str] | None:
+        # Memory first: a look that comes late on a busy machine may find both limits passed.
+        limit = self.limits.memory_gb if self.stage == "method" else max(self.limits.memory_gb, SETUP_MEMORY_GB)
+        taken = (self._resident_mb() + self._resident_below_mb() - self._base_mb) / 1024
+        if taken > limit:
+            return "oom", f"took {taken:.1f} GB (limit.memory_gb={self.limits.memory_gb:g})"
+        if time.monotonic() > self._deadline:
+            if self.stage == "method":
+                return "timeout", f"stopped after {self.limits.seconds:g} s (limit.seconds={self.limits.seconds:g})"
+            names = {"case": "making the case", "prepare": "preparing the method", "score": "scoring"}
+            name = names.get(self.stage, f"the stage {self.stage!r}")
+            return "timeout", f"{name} took longer than limit.setup_seconds={self.limits.setup_seconds:g}"
+        return None
+
+    def _resident_mb(self) -> float:
+        return _resident_mb(self.pid)
+
+    def _resident_below_mb(self) -> float:
+        """Resident memory of the worker's own children; shared pages count for each."""
+        now = time.monotonic()
+        if now - self._below_at > LOOK_BELOW:
+            self._below_at = now
+            with contextlib.suppress(psutil.Error):
+                self._below = psutil.Process(self.pid).children(recursive=True)
+        return sum(_resident_mb(process.pid) for process in self._below)
+
+    # -- how it ended ----------------------------------------------------------------------------------------------
+
+    def _is_over(self) -> bool:
+        """Whether it has ended. Its pipe does not tell: a grandchild may hold the other end."""
+        try:
+            return psutil.Process(self.pid).status() == psutil.STATUS_ZOMBIE
+        except psutil.NoSuchProcess:
+            return True
+
+    def _reap(self) -> int | None:
+        try:
+            return self.server.reap(self.pid)
+        except ServerDied:
+            return None
+
+    def _cause(self, status: int | None) -> tuple[str, str]:
+        from .worker import OUT_OF_MEMORY
+
+        if status is None:
+            return "crashed", "the fork server was killed"
+        if os.WIFSIGNALED(status):
+            number = os.WTERMSIG(status)
+            with contextlib.suppress(ValueError):
+                message = f"killed by {signal.Signals(number).name} (signal {number})"
+                words = self.printed.decode(errors="replace").lower()
+                if any(w in words for w in OUT_OF_MEMORY):
+                    return "oom", f"{message} after it could not allocate (limit.memory_gb={self.limits.memory_gb:g})"
+                return "crashed", message
+            return "crashed", f"killed by signal {number}"
+        return "crashed", f"ended with exit status {os.WEXITSTATUS(status)}"
+
+    def _close(self) -> None:
+        for fd in self._fds:
+            os.close(fd)
+
+
+def _resident_mb(pid: int) -> float:
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * PAGE_MB
+    if sys.platform != "linux":
+        with contextlib.suppress(psutil.Error):
+            return psutil.Process(pid).memory_info().rss / 2**20
+    return 0.0

@@ -1,0 +1,1 @@
+"""Files: meshes and point clouds are read and written here."""

@@ -1,0 +1,261 @@
+"""Geometry files: what is read is complete and finite, or there is one clear message; what is written is whole.
+
+Files that end early, name vertices that do not exist or hold NaN are refused with the name of the file, what was
+expected, and what to do. What is merely unpleasant is read as it is: duplicate points, holes, non-manifold edges,
+degenerate faces among good ones.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import uuid
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import BadInput, UsageError
+from ..check import check_mesh, check_points
+from ..cloud import PointCloud
+from .obj_off import read_obj, read_off
+from .ply import read_ply, write_ply
+from .raw import NO_FACES, RawGeometry
+from .stl import read_stl
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+def load_mesh(path: str | Path) -> Trimesh:
+    """Read a triangle mesh from a PLY, OBJ, STL or OFF file.
+
+    Vertices and their order are the file's; polygons become fans of triangles; the corners of an STL file become
+    common vertices where they are exactly equal. Coordinates are float64.
+
+    Raises
+    ------
+    BadInput
+        If the file cannot be read, is damaged, or holds no surface.
+    """
+    from trimesh import Trimesh
+
+    raw = _read(path, MESH_READERS, "a mesh file")
+    if not len(raw.faces):
+        raise BadInput(f"{path}: has {len(raw.vertices)} vertices but no faces; expected a triangle mesh")
+    mesh = Trimesh(raw.vertices, raw.faces, process=False)
+    check_mesh(mesh, str(path))
+    return mesh
+
+
+def load_cloud(path: str | Path) -> PointCloud:
+    """Read a point cloud: from PLY, OBJ, STL or OFF (their vertices), or from XYZ and TXT (3 or 6 columns).
+
+    Normals and colours are those that the file itself stores for each point; none are computed. The last three of six
+    columns are colours if all are whole numbers from 0 to 255 and some exceed 1, otherwise normals.
+
+    Normals are scaled to unit length. If some have none (zero, NaN), all are left out, with a warning: a method that
+    is told that there are normals must be able to trust them.
+
+    Raises
+    ------
+    BadInput
+        If the file cannot be read, is damaged, or holds fewer than three points that differ.
+    """
+    raw = _read(path, CLOUD_READERS, "a point cloud or mesh file")
+    check_points(raw.vertices, str(path), at_least=3)
+    colors = raw.colors
+    if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
+        warnings.warn(f"{path}: its colours are not in 0..1; they are left out", stacklevel=2)
+        colors = None
+    return PointCloud(raw.vertices, _unit_normals(raw.normals, str(path)), colors)
+
+
+def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
+    """Write a mesh (.ply .obj .off .stl .glb) or a point cloud (.ply .xyz).
+
+    PLY, OBJ, OFF and XYZ keep float64; STL and GLB are float32 by their nature. The file is written under a temporary
+    name beside ``path`` and then renamed, so that nobody ever sees half of it.
+
+    Raises
+    ------
+    UsageError
+        If the suffix is not one of these, or the file cannot be written.
+    """
+    path = Path(path)
+    content = _writer(path, "cloud" if isinstance(geometry, PointCloud) else "mesh")(geometry)
+    with _beside(path) as temporary:
+        temporary.write_bytes(content)
+        os.replace(temporary, path)
+
+
+def check_target(path: str | Path, kind: str) -> None:
+    """Raise :class:`UsageError` where :func:`save` would, for a ``"mesh"`` or a ``"cloud"``, before it is made."""
+    path = Path(path)
+    _writer(path, kind)
+    if path.is_dir():
+        raise UsageError(f"{path}: is a folder; expected the name of a file")
+    with _beside(path) as temporary:
+        temporary.touch()
+
+
+def _writer(path: Path, kind: str) -> Callable[[Any], bytes]:
+    writers = CLOUD_WRITERS if kind == "cloud" else MESH_WRITERS
+    writer = writers.get(path.suffix.lower())
+    if writer is None:
+        what = "point cloud" if kind == "cloud" else "mesh"
+        suffix = repr(path.suffix) if path.suffix else "a file without a suffix"
+        raise UsageError(f"{path}: cannot write a {what} as {suffix}; expected one of {' '.join(writers)}")
+    return writer
+
+
+@contextlib.contextmanager
+def _beside(path: Path) -> Iterator[Path]:
+    """The name of a temporary file in the same folder, which is gone in the end."""
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+    except OSError as error:
+        raise UsageError(
+            f"{path}: cannot be written ({error.strerror or error}); the old file, if any, is intact"
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):  # of a folder that is none, or that nobody may write to
+            temporary.unlink()
+
+
+# -- reading -----------------------------------------------------------------------------------------------------------
+
+
+def _read(path: str | Path, readers: dict[str, Callable[[bytes, str], RawGeometry]], what: str) -> RawGeometry:
+    path, name = Path(path), str(path)
+    suffixes = " ".join(readers)
+    if path.is_dir():
+        raise BadInput(f"{name}: is a folder; expected {what} ({suffixes})")
+    if path.suffix.lower() not in readers:
+        raise BadInput(f"{name}: unknown suffix {path.suffix!r}; expected {what} ({suffixes})")
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise BadInput(f"{name}: no such file; expected {what} ({suffixes})") from None
+    except OSError as error:
+        raise BadInput(f"{name}: cannot be read ({error.strerror or error}); check its permissions") from error
+    if not data.strip():
+        raise BadInput(f"{name}: is empty ({len(data)} bytes); expected {what}. Copy or export it again")
+    try:
+        return readers[path.suffix.lower()](data, name)
+    except BadInput as error:
+        actual = _suffix_of_content(data)
+        if actual and actual != path.suffix.lower():
+            raise BadInput(f"{error}\nBy its content it is {actual[1:].upper()}: rename it to {actual}") from None
+        raise
+
+
+def _suffix_of_content(data: bytes) -> str:
+    """What the first bytes say, where they say something."""
+    head = data[:1024].lstrip()
+    if head[:3] == b"ply":
+        return ".ply"
+    if head.split(None, 1)[:1] and head.split(None, 1)[0].upper() in (b"OFF", b"COFF", b"NOFF", b"STOFF"):
+        return ".off"
+    if len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        return ".stl"
+    if head[:5].lower() == b"solid" and b"facet" in data[:4096]:
+        return ".stl"
+    return ".obj" if re.search(rb"^v\s+[-+.\d]", head, re.MULTILINE) else ""
+
+
+def _read_xyz(data: bytes, name: str) -> RawGeometry:
+    text = data.decode("utf-8", errors="replace").replace(",", " ").replace(";", " ")
+    try:
+        table = np.loadtxt(io.StringIO(text), dtype=np.float64, comments=("#", "//"), ndmin=2)
+    except ValueError as error:
+        raise BadInput(f"{name}: {error}; expected lines of 3 or 6 numbers: x y z, or x y z nx ny nz") from None
+    if table.shape[1] not in (3, 6):
+        raise BadInput(f"{name}: has {table.shape[1]} columns; expected 3 (x y z) or 6 (x y z nx ny nz)")
+    points, rest = table[:, :3], table[:, 3:]
+    if not rest.size:
+        return RawGeometry(points, NO_FACES)
+    if (rest == np.rint(rest)).all() and rest.min() >= 0 and 1 < rest.max() <= 255:
+        return RawGeometry(points, NO_FACES, None, rest / 255)
+    return RawGeometry(points, NO_FACES, rest)
+
+
+MESH_READERS = {".ply": read_ply, ".obj": read_obj, ".stl": read_stl, ".off": read_off}
+CLOUD_READERS = MESH_READERS | {".xyz": _read_xyz, ".txt": _read_xyz}
+MESH_SUFFIXES = tuple(MESH_READERS)
+
+
+def _unit_normals(normals: np.ndarray | None, name: str) -> np.ndarray | None:
+    if normals is None:
+        return None
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    bad = int((~((lengths > 0) & np.isfinite(lengths))).sum())
+    if bad:
+        warnings.warn(
+            f"{name}: {bad} of {len(normals)} normals have no direction; the normals are left out", stacklevel=3
+        )
+        return None
+    return normals / lengths
+
+
+# -- writing -----------------------------------------------------------------------------------------------------------
+
+
+def _raw(geometry: Trimesh | PointCloud) -> RawGeometry:
+    if isinstance(geometry, PointCloud):
+        return RawGeometry(geometry.points, NO_FACES, geometry.normals, geometry.colors)
+    return RawGeometry(np.asarray(geometry.vertices, dtype=np.float64), np.asarray(geometry.faces))
+
+
+def _lines(form: str, table: np.ndarray) -> str:
+    """One line for each row; 17 digits bring back the very same float64."""
+    return (form * len(table)) % tuple(table.ravel().tolist())
+
+
+def _write_obj(mesh: Trimesh) -> bytes:
+    vertices = _lines("v %.17g %.17g %.17g\n", np.asarray(mesh.vertices))
+    return (vertices + _lines("f %d %d %d\n", np.asarray(mesh.faces) + 1)).encode("ascii")
+
+
+def _write_off(mesh: Trimesh) -> bytes:
+    head = f"OFF\n{len(mesh.vertices)} {len(mesh.faces)} 0\n"
+    body = _lines("%.17g %.17g %.17g\n", np.asarray(mesh.vertices)) + _lines("3 %d %d %d\n", np.asarray(mesh.faces))
+    return (head + body).encode("ascii")
+
+
+def _write_xyz(cloud: PointCloud) -> bytes:
+    table = cloud.points if cloud.normals is None else np.hstack([cloud.points, cloud.normals])
+    return _lines(" ".join(["%.17g"] * table.shape[1]) + "\n", table).encode("ascii")
+
+
+def _exported(kind: str) -> Callable[[Trimesh], bytes]:
+    def export(mesh: Trimesh) -> bytes:
+        extent, furthest = np.ptp(mesh.vertices, axis=0).max(), np.abs(mesh.vertices).max()
+        if furthest * np.finfo(np.float32).eps > 1e-4 * extent:
+            warnings.warn(
+                f"{kind.upper()} rounds to float32, which at {furthest:.3g} from the origin is visible on a mesh "
+                f"{extent:.3g} across; write a PLY, or move the mesh to the origin",
+                stacklevel=4,
+            )
+        return mesh.export(file_type=kind)
+
+    return export
+
+
+MESH_WRITERS: dict[str, Callable[[Trimesh], bytes]] = {
+    ".ply": lambda mesh: write_ply(_raw(mesh)),
+    ".obj": _write_obj,
+    ".off": _write_off,
+    ".stl": _exported("stl"),
+    ".glb": _exported("glb"),
+}
+CLOUD_WRITERS: dict[str, Callable[[PointCloud], bytes]] = {
+    ".ply": lambda cloud: write_ply(_raw(cloud)),
+    ".xyz": _write_xyz,
+}

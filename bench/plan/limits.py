@@ -1,0 +1,15 @@
+"""The limits of a cell's child process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass
+class Limits:
+    """When a cell's child process is killed."""
+
+    seconds: float = 60.0  # wall clock of one method call
+    memory_gb: float = 4.0  # resident memory of the child and its children, and what one call may allocate
+    setup_seconds: float = 600.0  # wall clock for making one case, and for scoring one output
+    cache_gb: float = 2.0  # disk for the shapes, clouds and samples that cells share, in DIR/.cache; 0 for none

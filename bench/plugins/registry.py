@@ -1,0 +1,475 @@
+"""Plugins: how they register, how they are found, and what is said when a name is wrong.
+
+Three ways in, one interface::
+
+    @register("method", cite="Kazhdan and Hoppe 2013")      # 1. in a file: detailbench run --plugin my_method.py
+    @dataclass(frozen=True)
+    class Poisson:
+        \"\"\"Screened Poisson surface reconstruction.\"\"\"
+        depth: int = 8       # octree depth
+
+    [project.entry-points."detailbench.plugins"]             # 2. in any installed package: the value names a module,
+    my_methods = "my_package.methods"                        #    or a package, whose plugin modules are all loaded
+
+    registry().find("method", "poisson")                     # 3. what we ship comes in by way 2
+
+Discovery is guarded: a plugin that fails to import is listed as broken, with its reason, and stops nothing else.
+Modules that do not mention ``register`` (building blocks, and whatever heavy library they import) are not loaded.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import importlib.metadata
+import importlib.util
+import inspect
+import pkgutil
+import re
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ..errors import DetailbenchError, MissingLibrary, PluginError, UsageError, did_you_mean
+from .kept import ENTRY_POINTS, kept_modules
+
+KINDS = ("task", "dataset", "sensor", "method", "metric")
+DIRECTIONS = ("lower", "higher", "reference")
+
+# Import names whose distribution is called otherwise, or that come with one of our extras.
+INSTALL_LINES = {
+    "pymeshlab": 'pip install "detailbench[gpl]"',
+    "CGAL": 'pip install "detailbench[gpl]"',
+    "torch": 'pip install "detailbench[learned]"',
+    "skimage": "pip install scikit-image",
+    "sklearn": "pip install scikit-learn",
+    "igl": "pip install libigl",
+    "cv2": "pip install opencv-python-headless",
+}
+
+T = TypeVar("T", bound=type)
+
+
+def snake_case(name: str) -> str:
+    """``BallPivoting`` -> ``ball_pivoting``; ``ChamferL2Sum`` -> ``chamfer_l2_sum``."""
+    name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name)
+    return name.lower()
+
+
+def install_line(library: str) -> str:
+    """The command that installs the distribution of an import name."""
+    if library == "CGAL" and sys.version_info >= (3, 13):
+        return f"{INSTALL_LINES[library]} under Python 3.11 or 3.12 (cgal has no build for 3.13)"
+    return INSTALL_LINES.get(library, f"pip install {library}")
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """One registered class and what its author said of it."""
+
+    kind: str
+    name: str
+    cls: type
+    file: Path
+    origin: str
+    cite: str = ""
+    requires: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def summary(self) -> str:
+        """The first line of the docstring."""
+        return (inspect.getdoc(self.cls) or "").strip().splitlines()[0]
+
+    @property
+    def version(self) -> int:
+        """The version of the definition: part of every fingerprint (metrics must have one)."""
+        return int(self.options.get("version", 1))
+
+    @property
+    def fields(self) -> tuple[dataclasses.Field[Any], ...]:
+        """The parameters."""
+        return dataclasses.fields(self.cls)
+
+    def better(self, key: str) -> str:
+        """Which way a score of this metric is better: ``lower``, ``higher`` or ``reference`` (nearest the truth's)."""
+        better = self.options.get("better", "lower")
+        return better if isinstance(better, str) else better.get(key, "lower")
+
+    def solves(self, task: str) -> bool:
+        """Whether this method has a function named after the task."""
+        return callable(getattr(self.cls, task, None))
+
+    def require(self) -> None:
+        """Import the libraries that this plugin declares.
+
+        Raises
+        ------
+        MissingLibrary
+            With the line that installs the missing one, or the system package that it lacks.
+        """
+        for library in self.requires:
+            try:
+                importlib.import_module(library)
+            except ImportError as error:
+                raise missing_library(error, library) from error
+
+
+def missing_library(error: ImportError, library: str | None = None) -> MissingLibrary:
+    """The message for an import that failed: what to install, from pip or, for a shared object, from the system."""
+    library = library or (error.name or "a library").partition(".")[0]
+    if "shared object" in str(error):
+        packages = "apt-get install -y --no-install-recommends libusb-1.0-0 libgl1 libegl1 libopengl0"
+        return MissingLibrary(library, packages, f"lacks a system library ({error})")
+    if not isinstance(error, ModuleNotFoundError):
+        return MissingLibrary(library, install_line(library), f"cannot be imported ({error})")
+    return MissingLibrary(library, install_line(library))
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A plugin module that could not be loaded."""
+
+    origin: str
+    file: Path | None
+    reason: str
+    details: str = ""
+
+
+class Registry:
+    """All plugins by kind and name, and those that could not be loaded.
+
+    Where a listing has been kept (:mod:`kept`), the names are known from it, and a module is imported when
+    one of its plugins is asked for.
+    """
+
+    def __init__(self) -> None:
+        self._plugins: dict[str, dict[str, Plugin]] = {kind: {} for kind in KINDS}
+        self._known: dict[str, dict[str, tuple[str, str]]] = {kind: {} for kind in KINDS}  # name -> module, origin
+        self._collisions: dict[tuple[str, str], PluginError] = {}
+        self.broken: list[Broken] = []
+        self._loaded: set[str] = set()
+        self._discovered = False
+        self._origin: str | None = None
+
+    # -- registering -----------------------------------------------------------------------------------------------
+
+    def add(self, plugin: Plugin) -> None:
+        """Add one plugin; a second one of that name from elsewhere is refused, with both sides named."""
+        self._load_known(plugin.kind, plugin.name)
+        known = self._plugins[plugin.kind].get(plugin.name)
+        if known and (known.file, known.cls.__qualname__) != (plugin.file, plugin.cls.__qualname__):
+            collision = PluginError(
+                f"two {plugin.kind}s are called {plugin.name!r}: {known.cls.__qualname__} in {known.file} "
+                f"({known.origin}) and {plugin.cls.__qualname__} in {plugin.file} ({plugin.origin}). Rename one: "
+                f'@register("{plugin.kind}", name="...")'
+            )
+            self._collisions[plugin.kind, plugin.name] = collision
+            raise collision
+        self._plugins[plugin.kind][plugin.name] = plugin
+
+    @property
+    def origin(self) -> str:
+        """Where the module that is being imported comes from."""
+        return self._origin or "imported"
+
+    # -- asking ----------------------------------------------------------------------------------------------------
+
+    def names(self, kind: str) -> list[str]:
+        """The names of one kind, sorted."""
+        return sorted({*self._plugins[kind], *self._known[kind]})
+
+    def all(self, kind: str) -> list[Plugin]:
+        """The plugins of one kind, by name."""
+        for name in list(self._known[kind]):
+            self._load_known(kind, name)
+        return [self._plugins[kind][name] for name in self.names(kind)]
+
+    def loaded(self) -> list[Plugin]:
+        """The plugins whose modules are imported by now, of all kinds."""
+        return [plugin for kind in KINDS for plugin in self._plugins[kind].values()]
+
+    def find(self, kind: str, name: str, *, also: Iterable[str] = ()) -> Plugin:
+        """The plugin of that kind and name; ``also`` are other names that may have been meant.
+
+        Raises
+        ------
+        UsageError
+            If there is none (with the nearest name, and the plugins that are broken), or if two claim the name.
+        """
+        self._load_known(kind, name)
+        if (kind, name) in self._collisions:
+            raise UsageError(str(self._collisions[kind, name]))
+        if name in self._plugins[kind]:
+            return self._plugins[kind][name]
+        broken = "".join(f"\nBroken plugin {b.origin}: {b.reason}" for b in self.broken)
+        raise UsageError(f"no {kind} is called {name!r}. {did_you_mean(name, [*self.names(kind), *also])}{broken}")
+
+    # -- loading ---------------------------------------------------------------------------------------------------
+
+    def discover(self, *, known: Mapping[str, Mapping[str, tuple[str, str]]] | None = None) -> None:
+        """Load every entry point of the group, once; or take note of what is ``known`` to be in them.
+
+        Parameters
+        ----------
+        known : mapping, optional
+            For each kind, the module and the origin of each name. None of the modules is imported.
+        """
+        if self._discovered:
+            return
+        self._discovered = True
+        if known is not None:
+            self._known = {kind: dict(known[kind]) for kind in KINDS}
+            return
+        for entry in sorted(importlib.metadata.entry_points(group=ENTRY_POINTS), key=lambda e: (not _ours(e), e.name)):
+            origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.name
+            for module in self._plugin_modules(entry.module, origin):
+                self._guarded(origin, module, lambda module=module: importlib.import_module(module))
+
+    def _load_known(self, kind: str, name: str) -> None:
+        """Import the module of a name that is known from a listing."""
+        if name not in self._known[kind]:
+            return
+        module, origin = self._known[kind].pop(name)
+        outer = self._origin  # this may happen while another module is being imported
+        self._guarded(origin, module, lambda: importlib.import_module(module))
+        self._origin = outer
+
+    def load_file(self, path: str | Path) -> None:
+        """Load one plugin file, as ``--plugin`` does.
+
+        Raises
+        ------
+        UsageError
+            If there is no such file, or if one of its names is taken: whoever names a file wants that one.
+        """
+        path = Path(path).expanduser().resolve()
+        if not path.is_file():
+            raise UsageError(f"--plugin {path}: no such file")
+        if path.suffix != ".py":
+            raise UsageError(f"--plugin {path}: expected a Python file (.py)")
+        for kind in KINDS:
+            for name, (module, _) in list(self._known[kind].items()):
+                if module.rpartition(".")[2] == path.stem:  # perhaps one of those that are installed
+                    self._load_known(kind, name)
+        if any(plugin.file == path for kind in KINDS for plugin in self._plugins[kind].values()):
+            return  # one of those that are installed
+        module = plugin_module_name(path)
+        collisions = set(self._collisions)
+        self._guarded(str(path), module, lambda: _import_file(path, module), file=path)
+        for key in set(self._collisions) - collisions:
+            raise UsageError(str(self._collisions[key]))
+
+    def _guarded(self, origin: str, module: str, load: Callable[[], Any], file: Path | None = None) -> None:
+        if module in self._loaded:
+            return
+        self._loaded.add(module)
+        self._origin = origin
+        try:
+            load()
+        except (Exception, SystemExit) as error:  # the guard: whatever a plugin's import does, the others go on
+            reason, details = _reason(error)
+            self.broken.append(Broken(f"{origin} ({module})" if not file else origin, file, reason, details))
+        finally:
+            self._origin = None
+
+    def _plugin_modules(self, name: str, origin: str) -> Iterable[str]:
+        """The module, or, of a package, its modules that register something."""
+        try:
+            spec = importlib.util.find_spec(name)
+        except (Exception, SystemExit) as error:  # the parent package's own import may do anything
+            self.broken.append(Broken(f"{origin} ({name})", None, f"{type(error).__name__}: {error}", _trace(error)))
+            return
+        if spec is None:
+            self.broken.append(Broken(f"{origin} ({name})", None, f"there is no module {name!r}"))
+            return
+        if not spec.submodule_search_locations:
+            yield name
+            return
+        if spec.origin and _registers(Path(spec.origin)):
+            yield name
+        for info in pkgutil.iter_modules(spec.submodule_search_locations, name + "."):
+            file = getattr(info.module_finder.find_spec(info.name), "origin", None)
+            if info.ispkg:
+                yield from self._plugin_modules(info.name, origin)
+            elif file and _registers(Path(file)):
+                yield info.name
+
+
+def _ours(entry: importlib.metadata.EntryPoint) -> bool:
+    return bool(entry.dist) and entry.dist.name == "detailbench"
+
+
+def _registers(file: Path) -> bool:
+    """Whether a module's source mentions ``register``."""
+    try:
+        return b"register(" in file.read_bytes()
+    except OSError:
+        return True  # let the import say what is wrong
+
+
+def plugin_module_name(path: Path) -> str:
+    """The module name of a plugin file: stable, and in nobody's way."""
+    import zlib
+
+    return f"detailbench_plugin_{zlib.crc32(str(path).encode()):08x}_{path.stem}"
+
+
+def _import_file(path: Path, name: str) -> None:
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    sys.path.insert(0, str(path.parent))  # so that a plugin file finds its neighbours
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    finally:
+        sys.path.remove(str(path.parent))
+
+
+def _reason(error: BaseException) -> tuple[str, str]:
+    """Why a plugin could not be loaded, and the traceback where it tells more than that.
+
+    A breach of our contract, or of that of ``@dataclass``, is a message with the line of the class. The traceback of
+    other errors begins in the plugin, since how it was imported helps nobody.
+    """
+    frames = traceback.extract_tb(error.__traceback__)
+    machinery = (__file__, dataclasses.__file__)
+    own = [f for f in frames if f.filename not in machinery and "importlib" not in f.filename]
+    where = f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
+    if isinstance(error, DetailbenchError) and not isinstance(error, ImportError):
+        return f"{error}{where}", ""
+    reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    if frames and frames[-1].filename == dataclasses.__file__:
+        hint = "every parameter needs a default; " if "non-default argument" in str(error) else ""
+        return f"{hint}@dataclass says: {error}{where}", ""
+    trace = traceback.TracebackException.from_exception(error)
+    trace.stack = traceback.StackSummary.from_list(frames[frames.index(own[0]) :] if own else [])
+    return reason, "".join(trace.format())
+
+
+def _trace(error: BaseException) -> str:
+    return "".join(traceback.format_exception(error))
+
+
+_REGISTRY = Registry()
+
+
+def registry(*, discover: bool = True) -> Registry:
+    """The registry of this process, with every installed plugin loaded, or known from a listing that was kept."""
+    if discover and not _REGISTRY._discovered:
+        _REGISTRY.discover(known=kept_modules())
+    return _REGISTRY
+
+
+def load_plugins(files: Sequence[str], *, warn: bool = True) -> tuple[str, ...]:
+    """Load everything that is installed, and ``files``; their absolute paths. Broken ones are said on stderr."""
+    found = registry()
+    for file in files:
+        found.load_file(file)
+    if warn:
+        for broken in found.broken:
+            print(f"warning: plugin {broken.origin} is broken: {broken.reason}", file=sys.stderr)
+    return tuple(str(Path(file).expanduser().resolve()) for file in files)
+
+
+def register(
+    kind: str,
+    name: str | None = None,
+    *,
+    cite: str = "",
+    requires: Iterable[str] = (),
+    **options: Any,
+) -> Callable[[T], T]:
+    """Register a dataclass as a plugin.
+
+    Parameters
+    ----------
+    kind : ``"task"``, ``"dataset"``, ``"sensor"``, ``"method"`` or ``"metric"``
+    name : str, optional
+        The plugin's name; the class name in snake case without it.
+    cite : str
+        Whom to cite, shown in listings.
+    requires : import names
+        Libraries that are imported before the clock starts; cells are ``skipped`` when one is missing.
+    options
+        Of a metric: ``version`` (int), ``better`` (``lower``, ``higher``, ``reference``, or a mapping from score to
+        one of them), ``outputs`` (tuple of ``"mesh"``, ``"cloud"``), ``floor`` (bool: score a perfect output too).
+        Of a sensor: ``gives`` (``"cloud"``, ``"views"``, or a word of your own that a task ``takes``).
+
+    Raises
+    ------
+    PluginError
+        If the class is not a dataclass with defaults, has no docstring, or if its name is taken.
+    """
+    if kind not in KINDS:
+        raise PluginError(f"@register({kind!r}): no such kind of plugin. {did_you_mean(str(kind), KINDS)}")
+
+    def decorate(cls: T) -> T:
+        plugin_name = name or snake_case(cls.__name__)
+        _check_class(kind, plugin_name, cls)
+        _check_options(kind, plugin_name, options)
+        _REGISTRY.add(
+            Plugin(
+                kind=kind,
+                name=plugin_name,
+                cls=cls,
+                file=Path(inspect.getsourcefile(cls) or sys.modules[cls.__module__].__file__ or "?").resolve(),
+                origin=_REGISTRY.origin,
+                cite=cite,
+                requires=(requires,) if isinstance(requires, str) else tuple(requires),
+                options=options,
+            )
+        )
+        return cls
+
+    return decorate
+
+
+# What a plugin of each kind must be able to do; a method is named after its tasks instead.
+FUNCTIONS = {
+    "task": ("recipes", "solve", "validate"),
+    "dataset": (),
+    "sensor": ("sense",),
+    "method": (),
+    "metric": ("score",),
+}
+
+
+def _check_class(kind: str, name: str, cls: type) -> None:
+    where = f'@register("{kind}") on {cls.__qualname__}'
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise PluginError(f"{where}: the name {name!r} should be snake_case: letters, digits and underscores")
+    if not dataclasses.is_dataclass(cls) or "__dataclass_params__" not in vars(cls):
+        raise PluginError(f"{where}: put @dataclass(frozen=True) between @register and the class")
+    if not (cls.__doc__ or "").strip() or cls.__doc__.startswith(f"{cls.__name__}("):
+        raise PluginError(f"{where}: give the class a docstring; its first line is shown in listings")
+    for f in dataclasses.fields(cls):
+        if f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING:
+            raise PluginError(f"{where}: parameter {f.name!r} needs a default, so that the plugin runs as it is")
+        if f.name.startswith("_"):
+            raise PluginError(f"{where}: parameter {f.name!r} must not start with an underscore")
+    for function in FUNCTIONS[kind]:
+        if not callable(getattr(cls, function, None)):
+            raise PluginError(f"{where}: a {kind} needs a function {function}(...)")
+
+
+def _check_options(kind: str, name: str, options: Mapping[str, Any]) -> None:
+    known = {"metric": ("version", "better", "outputs", "floor"), "sensor": ("version", "gives")}
+    known = known.get(kind, ("version",))
+    for option in options:
+        if option not in known:
+            raise PluginError(f'@register("{kind}", ...) of {name}: unknown {option!r}. {did_you_mean(option, known)}')
+    gives = options.get("gives", "cloud")
+    if not isinstance(gives, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", gives) or gives == "none":
+        raise PluginError(f"sensor {name}: gives={gives!r}; expected a word like 'cloud' or 'views'")
+    better = options.get("better", "lower")
+    for direction in [better] if isinstance(better, str) else better.values():
+        if direction not in DIRECTIONS:
+            raise PluginError(f"metric {name}: better={direction!r}; {did_you_mean(str(direction), DIRECTIONS)}")

@@ -1,0 +1,1 @@
+"""From rows to tables: who is better, by how much, how surely."""

@@ -1,0 +1,151 @@
+"""Conventions: how one paper prints its table, as a preset over metrics whose names are formulas.
+
+A convention is a YAML file in the config group ``convention``: it selects the metrics that it needs and says which
+score stands in which column, times which factor. It changes what is computed and what is printed, never what a score
+means, so it is no part of a cell's identity; its metrics are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from ..errors import UsageError, did_you_mean
+from ..plugins.presets import names
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+METRIC = "override /metric"  # the entry of the defaults list that selects the metrics
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a paper's table."""
+
+    title: str  # as the paper has it, with its unit
+    score: str  # the key of the score
+    factor: float = 1.0  # the printed number is the score times this, above 0
+    digits: int = 2  # after the point
+
+
+@dataclass(frozen=True)
+class Convention:
+    """A paper's table: which scores, in which units."""
+
+    name: str
+    paper: str  # whom to cite
+    code: str  # the file that computes the numbers
+    differs: str  # where ours cannot follow it, in words
+    metrics: tuple[str, ...]  # the plugins that compute the scores
+    columns: tuple[Column, ...]
+
+    @property
+    def digits(self) -> dict[str, int]:
+        """Digits after the point by title."""
+        return {column.title: column.digits for column in self.columns}
+
+    def notes(self, shown: Collection[str]) -> tuple[str, ...]:
+        """What stands below a table with these titles: whom it follows, the formulas, and what it does not show."""
+        formulas = [f"{c.title} = {c.factor:g} x {c.score}" for c in self.columns if c.title in shown]
+        missing = [f"{c.title} ({c.score})" for c in self.columns if c.title not in shown]
+        if not formulas:  # nothing was solved
+            return ()
+        notes = [f"convention {self.name}: {self.paper}; {self.code}.", f"{'; '.join(formulas)}.", self.differs]
+        if missing:
+            notes.append(f"These results have no {' and no '.join(missing)}.")
+        return tuple(note for note in notes if note)
+
+    def of(self, known: Collection[str]) -> Convention:
+        """The same with the scores that results have: with N samples, ``score@N`` stands where they have no ``score``.
+
+        Of several N it is the largest.
+        """
+        columns = []
+        for column in self.columns:
+            sampled = [name for name in known if name.rpartition("@")[0] == column.score]
+            most = max(sampled, key=lambda name: float(name.rpartition("@")[2]), default=column.score)
+            columns.append(column if column.score in known else replace(column, score=most))
+        return replace(self, columns=tuple(columns))
+
+    def scores(self, known: Mapping[str, Any] | list[str]) -> list[str]:
+        """The scores of the columns that ``known`` has.
+
+        Raises
+        ------
+        UsageError
+            If it has none of them.
+        """
+        found = [column.score for column in self.columns if column.score in known]
+        if not found:
+            wanted = ", ".join(column.score for column in self.columns)
+            raise UsageError(
+                f"convention {self.name} prints {wanted}; these results have none of them. Run them with "
+                f"convention={self.name}, or metric=[{','.join(self.metrics)}]"
+            )
+        return list(dict.fromkeys(found))
+
+    def view(self, board: pd.DataFrame) -> pd.DataFrame:
+        """A leaderboard in this convention: the columns' scores in its units, under its titles, in its order.
+
+        The lines of a table in which nothing was solved have no score and stay as they are.
+        """
+        import pandas as pd
+
+        parts = []
+        group = [name for name in ("task", "dataset", "sensor", "split") if name in board]
+        for _, lines in board.groupby(group, sort=False, dropna=False):
+            shown = [self._column(lines, column) for column in self.columns]
+            shown.append(lines[lines["metric"] == ""])
+            parts.extend(part for part in shown if len(part))
+        made = pd.concat(parts, ignore_index=True) if parts else board.iloc[:0].copy()
+        made.attrs.update(board.attrs)
+        return made
+
+    def _column(self, lines: pd.DataFrame, column: Column) -> pd.DataFrame:
+        part = lines[lines["metric"] == column.score].copy()
+        part["metric"] = column.title
+        # A paper prints the score itself, where our tables have the difference to the reference's own value.
+        if "score_mean" in part:  # boards of earlier versions have no other mean
+            own = part["better"] == "reference"
+            part.loc[own, "mean"] = part.loc[own, "score_mean"]
+            part.loc[own, ["ci_low", "ci_high"]] = float("nan")
+        for name in ("mean", "ci_low", "ci_high", "floor"):
+            part[name] *= column.factor
+        return part
+
+
+def convention_names() -> list[str]:
+    """The conventions that there are."""
+    return names("convention")
+
+
+@cache
+def load_convention(name: str) -> Convention:
+    """The convention of a name.
+
+    Raises
+    ------
+    UsageError
+        For an unknown name, with the nearest right one.
+    """
+    from importlib.resources import files
+
+    import yaml
+
+    if name not in convention_names():
+        raise UsageError(f"no convention is called {name!r}. {did_you_mean(name, convention_names())}")
+    text = (files("bench.conf") / "convention" / f"{name}.yaml").read_text(encoding="utf-8")
+    content = yaml.safe_load(text)
+    (selected,) = (entry[METRIC] for entry in content["defaults"] if METRIC in entry)
+    described = content["convention"]
+    return Convention(
+        name=described["name"],
+        paper=described["paper"],
+        code=described["code"],
+        differs=described.get("differs", ""),
+        metrics=tuple(selected),
+        columns=tuple(Column(**column) for column in described["columns"]),
+    )

@@ -1,0 +1,134 @@
+"""A paper's own numbers, to stand beside ours in the tables of the experiment that repeats its table.
+
+The experiment's file says them, under ``published``::
+
+    published:
+      source: "thesis, table 4.1: mean of 16 shapes"
+      short: thesis                                     # the heading of the columns
+      convention: idf                                   # whose columns and units
+      by: sensor                                        # one table for each of: see `leaderboard --by`
+      lines:
+        - {method: siren, parameters: {omega: 60.0}, values: {"CD (1e-3)": 9.85}}
+
+``values`` go by the titles of the convention's columns. A line belongs to every method of ours whose parameters,
+given or default, are those named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+from ..errors import UsageError, did_you_mean
+from ..plugins.presets import names
+
+GROUP = "experiment"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a paper's table."""
+
+    values: Mapping[str, float]  # by the title of the column
+    method: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    sensor: str = ""  # only for this one; empty for any
+    name: str = ""  # as the paper calls it, where that is another name
+
+    @property
+    def title(self) -> str:
+        """The paper's name, or ours with its parameters."""
+        given = ",".join(f"{key}={_word(value)}" for key, value in self.parameters.items())
+        return self.name or (f"{self.method}[{given}]" if given else self.method)
+
+    def is_of(self, method: str, parameters: Mapping[str, str], sensor: str) -> bool:
+        """Whether a method of ours, with all its parameters in words, is this line's."""
+        return (
+            method == self.method
+            and (not self.sensor or self.sensor == sensor)
+            and all(parameters.get(key) == _word(value) for key, value in self.parameters.items())
+        )
+
+
+@dataclass(frozen=True)
+class Published:
+    """A paper's table."""
+
+    source: str
+    short: str
+    convention: str
+    lines: tuple[Line, ...]
+    by: str | None = None
+
+    def value(self, title: str, method: str, variant: str, sensor: str) -> float | None:
+        """The paper's number in the column ``title`` for a method of ours."""
+        parameters = all_parameters(method, variant)
+        for line in self.lines:
+            if title in line.values and line.is_of(method, parameters, sensor):
+                return float(line.values[title])
+        return None
+
+    def others(self, ours: Collection[tuple[str, str]], sensor: str) -> list[str]:
+        """The lines, in words, that belong to none of ``ours``: methods and variants."""
+        known = [(method, all_parameters(method, variant)) for method, variant in ours]
+        left = [
+            line
+            for line in self.lines
+            if line.sensor in ("", sensor) and not any(line.is_of(*one, sensor) for one in known)
+        ]
+        return [
+            f"{line.title}: {', '.join(f'{title} {value}' for title, value in line.values.items())}" for line in left
+        ]
+
+
+def all_parameters(method: str, variant: str) -> dict[str, str]:
+    """The parameters of a method in words: the defaults, and over them what the variant says."""
+    from ..plugins.registry import registry
+    from ..plugins.schema import defaults
+
+    known = registry().find("method", method) if method in registry().names("method") else None
+    usual = {key: _word(value) for key, value in defaults(known).items()} if known else {}
+    given = dict(part.split("=", 1) for part in variant.split(",") if "=" in part)
+    return usual | given
+
+
+def _word(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+@cache
+def load_published(experiment: str) -> Published:
+    """The numbers that an experiment's file gives.
+
+    Raises
+    ------
+    UsageError
+        If there is no such experiment, or if it repeats no paper's table.
+    """
+    if experiment not in names(GROUP):
+        raise UsageError(f"no experiment is called {experiment!r}. {did_you_mean(experiment, names(GROUP))}")
+    described = _described(experiment)
+    if described is None:
+        known = [name for name in names(GROUP) if has_published(name)]
+        raise UsageError(f"experiment {experiment} repeats no paper's table; these do: {', '.join(known)}")
+    lines = tuple(Line(**line) for line in described["lines"])
+    by = described.get("by")
+    return Published(described["source"], described["short"], described["convention"], lines, by)
+
+
+def has_published(experiment: str) -> bool:
+    """Whether an experiment's file gives a paper's numbers."""
+    return _described(experiment) is not None
+
+
+@cache
+def _described(experiment: str) -> dict[str, Any] | None:
+    """What the file of an experiment says under ``published``."""
+    from importlib.resources import files
+
+    import yaml
+
+    text = (files("bench.conf") / GROUP / f"{experiment}.yaml").read_text(encoding="utf-8")
+    return (yaml.safe_load(text) or {}).get("published")

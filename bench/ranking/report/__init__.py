@@ -1,0 +1,81 @@
+"""How leaderboards are printed: terminal, Markdown, LaTeX, CSV.
+
+::
+
+    print(render(board, "markdown", rows=rows))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ...errors import UsageError, did_you_mean
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..conventions import Convention
+    from ..published import Published
+
+FORMATS = ("terminal", "markdown", "latex", "csv")
+
+
+def render(
+    board: pd.DataFrame,
+    format: str = "terminal",
+    *,
+    rows: pd.DataFrame | None = None,
+    metrics: Sequence[str] = (),
+    width: int = 120,
+    color: bool = False,
+    convention: Convention | None = None,
+    published: Published | None = None,
+) -> str:
+    """A leaderboard as text.
+
+    Parameters
+    ----------
+    board : DataFrame
+        From :func:`bench.ranking.leaderboard.leaderboard`.
+    format : str
+        One of :data:`FORMATS`. ``csv`` is the board itself, in full precision; the others are tables to be read.
+    rows : DataFrame, optional
+        The rows that the board was made from: with them the tables show the number of parameters, and the
+        terminal lists what failed.
+    metrics : sequence of str
+        In which order to show the metrics; the first one orders the methods. Default: measured distances first.
+    width : int
+        Columns of the terminal. Metrics that do not fit go into further blocks; nothing is cut off.
+    color : bool
+        Whether to use the terminal's bold and dim letters.
+    convention : Convention, optional
+        Print a paper's columns, in its units and under its titles, instead of the scores.
+    published : Published, optional
+        Print the numbers of a paper's table beside ours.
+
+    Raises
+    ------
+    UsageError
+        For an unknown format.
+    """
+    if format not in FORMATS:
+        raise UsageError(f"format {format!r} is unknown. {did_you_mean(format, FORMATS)}")
+    if convention is not None:
+        board, metrics = convention.view(board), list(convention.digits)
+    if format == "csv":
+        return board.to_csv(index=False, lineterminator="\n")
+    from .tables import tables
+
+    if format == "terminal":
+        from .terminal import remarks, terminal
+
+        text = terminal(tables(board, rows, metrics, convention, published), width, color)
+        return text + (remarks(board, rows, color) if rows is not None else "")
+    if format == "markdown":
+        from .markdown import markdown
+
+        return markdown(tables(board, rows, metrics, convention, published))
+    from .latex import latex
+
+    return latex(tables(board, rows, metrics, convention, published))

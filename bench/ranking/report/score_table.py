@@ -1,0 +1,85 @@
+"""The scores of one output as a table for the terminal."""
+
+from __future__ import annotations
+
+import io
+import math
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+    from ...contract.case import Case
+    from ...geometry.cloud import PointCloud
+    from ..conventions import Convention
+
+BETTER = {"lower": "lower", "higher": "higher", "reference": "nearest the reference's"}
+
+
+class Score(NamedTuple):
+    """One score of an output."""
+
+    value: float
+    floor: float | None  # None where there is none
+    better: str
+
+
+def score_table(
+    scores: Mapping[str, Score],
+    case: Case,
+    samples: int,
+    left_out: Mapping[str, str],
+    convention: Convention | None = None,
+) -> str:
+    """The scores with their floors, and below them what the numbers mean.
+
+    Parameters
+    ----------
+    scores : mapping from names, or titles of the convention's columns
+    case : Case
+        Its frame and its seed are named.
+    samples : int
+        How many points were drawn from a surface.
+    left_out : mapping from metrics to the reason why they have no score
+    convention : Convention, optional
+        Its digits and its notes are used.
+    """
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    digits = convention.digits if convention else {}
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+    table.add_column("score")
+    for title in ("value", "floor"):
+        table.add_column(title, justify="right")
+    table.add_column("better")
+    for key, (value, floor, better) in scores.items():
+        shown = "" if floor is None else _number(floor, digits.get(key))
+        table.add_row(key, _number(value, digits.get(key)), shown, BETTER[better])
+    text = io.StringIO()
+    Console(file=text, width=160, force_terminal=sys.stdout.isatty(), highlight=False).print(table)
+    lines = [line.rstrip() for line in text.getvalue().splitlines()]
+    lines += ["", f"Lengths are in radii of the reference: 1 is {case.frame.radius:.6g} in the files' coordinates."]
+    lines += [f"Where a metric does not say how many, {samples:,} points are drawn from a surface; seed {case.seed}."]
+    if convention:
+        lines += convention.notes(scores)
+    lines += [f"no score: {name} {reason}" for name, reason in left_out.items()]
+    return "\n".join(lines)
+
+
+def _number(value: float, digits: int | None) -> str:
+    """Four significant digits, or so many after the point."""
+    if not math.isfinite(value):
+        return str(value)
+    return f"{value:.4g}" if digits is None else f"{value:.{digits}f}"
+
+
+def words(geometry: PointCloud | Trimesh) -> str:
+    """``1,280 faces, 642 vertices``, or ``3,000 points``."""
+    if hasattr(geometry, "faces") and len(geometry.faces):
+        return f"{len(geometry.faces):,} faces, {len(geometry.vertices):,} vertices"
+    points = geometry.vertices if hasattr(geometry, "vertices") else geometry.points
+    return f"{len(points):,} points"

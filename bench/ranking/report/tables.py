@@ -1,0 +1,327 @@
+"""A leaderboard pivoted for people: one table per task, dataset and sensor, one line per method."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..headline import primary_metrics
+from ..order import metric_order
+from ..resolution import EQUAL, FEWEST
+from . import standing
+from .inputs import words_of_input
+from .labels import hosts_note, label, setup, shown_setup
+from .numbers import count, plain, unit_exponent, with_interval
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..conventions import Convention
+    from ..published import Published
+
+
+GROUP = ["task", "dataset", "sensor", "split"]
+CONTENDER = ["method", "variant", "threads", "device", "host"]
+Line = dict[str, Any]  # one row of a board
+FAILED = "†"  # behind a mean into which failed cases enter with the score of the worst pseudo-method
+LEFT_OUT = "††"  # behind a mean that leaves failed cases out, for nothing says what they are worth
+DIFFERENCE = "|diff|"  # behind a metric of which the difference to the reference's own value is shown
+GIVEN = "‡"  # behind a method that was given the truth
+LATER: Line = {  # columns that a board of an earlier version lacks, and what stands for "not known"
+    "split": "test",
+    "threads": 1,
+    "device": "cpu",
+    "host": "",
+    "imputed": 0,
+    "front": math.nan,
+    "shapes": FEWEST,
+    "not_run": 0,
+    "undefined": 0,
+    "versus_next": "",
+    "detectable": math.nan,
+    "more_shapes": math.nan,
+    "versus_first": "",
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A mean with its interval, or the mark that there is none."""
+
+    text: str
+    best: bool = False  # tied for the first rank
+    mark: str = ""  # what to read in the notes
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One column of scores."""
+
+    name: str
+    better: str  # lower, higher, reference (the score, to be near it) or difference (to the reference's own value)
+    exponent: int  # the cells are to be multiplied by 10 to this
+    cells: tuple[Cell, ...]
+    floor: str  # the floor, or the reference's own value
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table; every tuple has one entry per method, best method first."""
+
+    task: str
+    dataset: str
+    sensor: str
+    split: str
+    methods: tuple[str, ...]
+    ranks: tuple[str, ...]  # by the first metric; empty where the task has no single rank
+    fronts: tuple[str, ...]  # "1" on the Pareto front; empty where none was asked for
+    metrics: tuple[Metric, ...]
+    solved: tuple[str, ...]
+    seconds: tuple[str, ...]
+    memory: tuple[str, ...]
+    parameters: tuple[str, ...]  # empty when no method has any
+    notes: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """``reconstruct · bumps · samples``; see :func:`title_of`."""
+        return title_of(self.task, self.dataset, self.sensor, self.split)
+
+    @property
+    def places(self) -> list[tuple[str, tuple[str, ...]]]:
+        """The columns that say who is better: heading and cells."""
+        return [(title, cells) for title, cells in (("rank", self.ranks), ("front", self.fronts)) if cells]
+
+    @property
+    def costs(self) -> list[tuple[str, tuple[str, ...]]]:
+        """The columns that are not scores: heading and cells."""
+        columns = [("solved", self.solved), ("seconds", self.seconds), ("peak MB", self.memory)]
+        return [*columns, ("params", self.parameters)] if self.parameters else columns
+
+
+def title_of(task: str, dataset: str, sensor: str, split: str) -> str:
+    """``reconstruct · bumps · samples``; a task without a sensor has two parts, a table over train shapes says so."""
+    return " · ".join(filter(None, (task, dataset, sensor, "" if split == "test" else f"split {split}")))
+
+
+def tables(
+    board: pd.DataFrame,
+    rows: pd.DataFrame | None = None,
+    metrics: Sequence[str] = (),
+    convention: Convention | None = None,
+    published: Published | None = None,
+) -> list[Table]:
+    """The tables of a board, in its order; of a board in a convention, with its digits and its notes.
+
+    A paper's own numbers, ``published``, stand in a column beside ours.
+    """
+    parameters, states = _parameters(rows), _states(rows)
+    said = {"level": 0.95, "equal": EQUAL, "pareto": ()} | board.attrs
+    if "front" in board:
+        board = board.assign(front=board["front"].astype("float64"))
+    lines = [LATER | line for line in board.to_dict("records")]
+    return [
+        _table(label, list(part), parameters, metrics, said, convention, states.get(label), published)
+        for label, part in itertools.groupby(lines, key=lambda line: tuple(line[name] for name in GROUP))
+    ]
+
+
+def shared_notes(tables: Sequence[Table], *more: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
+    """The notes of each table alone, and those of all (with ``more``), which need to be printed only once."""
+    first, *others = (table.notes for table in tables)
+    shared = tuple(note for note in first if all(note in notes for notes in others))
+    return [tuple(note for note in table.notes if note not in shared) for table in tables], (*shared, *more)
+
+
+def any_best(tables: Sequence[Table]) -> bool:
+    """Whether any method is marked as tied for first."""
+    return any(cell.best for table in tables for metric in table.metrics for cell in metric.cells)
+
+
+def _table(
+    group: tuple[str, str, str, str],
+    lines: list[Line],
+    parameters: dict[tuple, str],
+    wanted: Sequence[str],
+    said: dict[str, Any],
+    convention: Convention | None,
+    state: str | None,
+    published: Published | None,
+) -> Table:
+    shown = shown_setup(lines)
+    lines = [line | {"label": label(line["method"], line["variant"], setup(line, shown))} for line in lines]
+    names = metric_order(lines, wanted)
+    by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
+    for line in lines:
+        if line["metric"] in by_metric:
+            by_metric[line["metric"]][line["label"]] = line
+    first = by_metric[names[0] if names else ""]
+    methods = list(
+        dict.fromkeys([*first, *(line["label"] for line in lines)])
+    )  # who has no such score stands at the end
+    # What a method solved, whatever the metrics say of it: the most of any metric.
+    most = {line["label"]: line for line in sorted(lines, key=lambda line: line["solved"])}
+    counts = [parameters.get((*group, *(most[m][name] for name in CONTENDER)), "-") for m in methods]
+    digits = convention.digits if convention else {}
+    lines_shown = [most[m] for m in methods]
+    on_front = {line["label"] for line in lines if line["front"] == 1}
+    criteria = (said["pareto"] or primary_metrics(group[0])) if on_front else ()
+    alone = bool(on_front) and not said["pareto"] and not wanted  # the task has two primary metrics: no rank
+    ranked = standing.is_ranked(list(first.values()))
+    columns: list[Metric] = []
+    for name in names:
+        columns.append(_metric(name, by_metric[name], lines_shown, digits.get(name)))
+        columns.extend(_published(columns[-1], lines_shown, published, digits.get(name)))
+    return Table(
+        *group,
+        methods=tuple(m + (f" {GIVEN}" if _is_given(most[m]) else "") for m in methods),
+        ranks=() if alone else tuple(_rank(first.get(m)) if ranked else "-" for m in methods),
+        fronts=tuple("1" if m in on_front else "" for m in methods) if on_front else (),
+        metrics=tuple(columns),
+        solved=tuple(f"{most[m]['solved']}/{most[m]['planned']}" for m in methods),
+        seconds=tuple(_seconds(most[m]["seconds_median"]) for m in methods),
+        memory=tuple(_megabytes(most[m]["peak_rss_mb"]) for m in methods),
+        parameters=tuple(counts) if any(c != "-" for c in counts) else (),
+        notes=(
+            *([state] if state else []),
+            *(_rank_notes(names[0], first, said) if names and not alone else ()),
+            *(standing.front(criteria, alone) if on_front else ()),
+            *_notes(lines, columns, said["level"]),
+            *hosts_note(lines, shown),
+            *(convention.notes(names) if convention else ()),
+            *(_published_notes(published, [(m["method"], m["variant"]) for m in lines_shown], group[2])),
+        ),
+    )
+
+
+def _rank_notes(name: str, scored: dict[str, Line], said: dict[str, Any]) -> list[str]:
+    """What the ranks are, and what they can tell."""
+    lines, methods = list(scored.values()), list(scored)
+    about = standing.rank_notes(name, said["level"]) if standing.is_ranked(lines) else []
+    return [*standing.resolution(name, lines), *standing.equality(lines, methods, said["equal"]), *about]
+
+
+def _published_notes(published: Published | None, ours: list[tuple[str, str]], sensor: str) -> list[str]:
+    """Where a paper's numbers are from, and those that have no line of ours beside them."""
+    if published is None:
+        return []
+    others = published.others(ours, sensor)
+    return [
+        f"{published.short}: {published.source}.",
+        *([f"{published.short}, not among ours: {'; '.join(others)}."] if others else []),
+    ]
+
+
+def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int | None) -> Metric:
+    """One column; with ``digits`` given its title has the unit already, and no power of ten is taken out."""
+    exponent = unit_exponent(line["mean"] for line in scored.values()) if digits is None else 0
+    floors = sorted({plain(line["floor"], exponent, digits) for line in scored.values()} - {"-"}, key=float)
+    floor = floors[0] if len(floors) == 1 else f"{floors[0]} to {floors[-1]}" if floors else ""
+    better = next(iter(scored.values()))["better"]
+    if better == "reference":
+        better, floor = ("difference", f"ref {floor}" if floor else "") if digits is None else ("reference", floor)
+    ranked = standing.is_ranked(list(scored.values()))
+    cells = (_cell(scored.get(m["label"]), m, exponent, digits, ranked) for m in methods)
+    return Metric(name, better, exponent, tuple(cells), floor)
+
+
+def _published(ours: Metric, methods: list[Line], published: Published | None, digits: int | None) -> list[Metric]:
+    """The paper's column beside ours, where it has a number for one of the methods."""
+    if published is None:
+        return []
+    values = [published.value(ours.name, m["method"], m["variant"], m["sensor"]) for m in methods]
+    if all(value is None for value in values):
+        return []
+    cells = tuple(Cell("" if value is None else plain(value, 0, digits)) for value in values)
+    return [Metric(f"{ours.name}, {published.short}", ours.better, 0, cells, "")]
+
+
+def _cell(line: Line | None, most: Line, exponent: int, digits: int | None, ranked: bool) -> Cell:
+    if line is None:
+        return Cell("")
+    mark = ""
+    if 0 < line["solved"] < line["planned"]:
+        usual = (line["solved"], line["planned"]) == (most["solved"], most["planned"])
+        sign = FAILED if line["solved"] + line["imputed"] == line["planned"] else LEFT_OUT
+        mark = sign if usual else f"{sign}{line['solved']}/{line['planned']}"
+    text = with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent, digits)
+    # What failed anywhere is not printed as the best, whatever its rank.
+    return Cell(text, ranked and 0 < line["planned"] == line["solved"] and line["rank_low"] == 1, mark)
+
+
+def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[str, ...]:
+    notes = []
+    if columns:
+        notes.append(f"mean [{level:.0%} interval over shapes]; seconds: median; peak MB: largest, of solved cases.")
+    if any(c.exponent for c in columns):
+        notes.append("A power of ten beside a metric: its numbers are in that unit.")
+    marks = {cell.mark.rstrip("0123456789/") for c in columns for cell in c.cells}
+    if FAILED in marks:
+        notes.append(f"{FAILED} failed cases enter mean and rank with the score of the worst pseudo-method.")
+    if LEFT_OUT in marks:
+        why = "no pseudo-method was scored on them"
+        notes.append(
+            f"{LEFT_OUT} the mean leaves failed cases out ({why}); for the rank they are worse than any answer."
+        )
+    if any(map(_is_given, lines)):
+        notes.append(
+            f"{GIVEN} trained on true distances of the reference, which the other methods are not given: no answer to "
+            "the same question."
+        )
+    if any(column.better == "difference" for column in columns):
+        notes.append(f"{DIFFERENCE}: mean absolute difference to the reference's own value, which is in the last line.")
+    notes.extend(standing.coverage(lines, [column.name for column in columns]))
+    if any(line["shapes"] < 2 and math.isfinite(line["mean"]) and not math.isfinite(line["ci_low"]) for line in lines):
+        notes.append("No interval: only one case.")
+    return tuple(notes)
+
+
+def _is_given(line: Line) -> bool:
+    """Whether the method asked for true distances of the reference."""
+    return line.get("true_distances", 0) > 0
+
+
+def _states(rows: pd.DataFrame | None) -> dict[tuple[str, str, str, str], str]:
+    """What the inputs of each table really were like, in words: see the ``describe`` of the tasks."""
+    if rows is None:
+        return {}
+    from ..selection import completed
+
+    columns = [column for column in rows.columns if column.startswith("input.")]
+    states = {}
+    for group, part in completed(rows).groupby(GROUP) if columns else ():
+        medians = {name.removeprefix("input."): float(value) for name, value in part[columns].median().items()}
+        states[group] = words_of_input(group[0], {key: value for key, value in medians.items() if math.isfinite(value)})
+    return {group: state for group, state in states.items() if state}
+
+
+def _rank(line: Line | None) -> str:
+    if line is None or not line["solved"]:
+        return "-"
+    low, high = line["rank_low"], line["rank_high"]
+    return str(low) if low == high else f"{low}-{high}"
+
+
+def _seconds(value: float) -> str:
+    return "-" if not math.isfinite(value) else f"{value:.3f}" if value < 1 else f"{value:.3g}"
+
+
+def _megabytes(value: float) -> str:
+    return "-" if not math.isfinite(value) else f"{value:,.0f}"
+
+
+def _parameters(rows: pd.DataFrame | None) -> dict[tuple, str]:
+    """The numbers of parameters of learned methods: ``1.35M``, or ``1.35M (420k active)``."""
+    if rows is None:
+        return {}
+    from ..leaderboard import costs
+
+    learned = costs(rows)[["parameters", "active_parameters"]].astype(float)
+    learned = learned[learned["parameters"] > 0]
+    return {
+        key: count(total) + (f" ({count(active)} active)" if active > 0 else "")
+        for key, total, active in zip(learned.index, *learned.to_numpy().T, strict=True)
+    }

@@ -1,0 +1,94 @@
+"""Which of several records of one place in a table is shown.
+
+The record that is *current*: its fingerprint is the one that a run of its cell would have today, with the sources,
+packages and files that are here now. Where none is, or where that cannot be told, the newest. So a table shows what
+`detailbench run` would find, also after an edit was taken back.
+
+A plugin that is not installed here is not imported for this, whatever file the record names: its source is compared
+with that file, if it is there, and what else the plugin would have to say counts as unchanged.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..errors import DetailbenchError
+from ..plan.cell import Cell
+from ..plugins.registry import registry
+from .provenance import explain, ingredients, package_version, source_digest
+
+# What the metadata of any folder, and the plugins that they name, may raise.
+UNTOLD = (DetailbenchError, KeyError, TypeError, ValueError, AttributeError, OSError)
+
+
+class Today:
+    """What the fingerprints of cells depend on today; each plugin is looked at once."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, dict[str, Any]] = {}
+
+    def is_current(self, meta: Mapping[str, Any]) -> bool:
+        """Whether the record with this metadata is what a run would find; False where that cannot be told."""
+        return self.differences(meta) == []
+
+    def differences(self, meta: Mapping[str, Any]) -> list[str] | None:
+        """What differs between the ingredients of a record and today's, a line each; None where it cannot be told."""
+        then = meta.get("ingredients")
+        if not isinstance(then, Mapping):
+            return None
+        try:
+            cell = Cell.from_json(meta["cell"])
+            now = self._of(cell) | {"cell": cell.id}
+        except UNTOLD:
+            now = _without_plugins(then, meta)
+        return None if now is None else explain(then, now)
+
+    def _of(self, cell: Cell) -> dict[str, Any]:
+        # Cells of one sweep differ in these alone, which take part in the fingerprint by the cell's id.
+        same = {k: v for k, v in cell.to_json().items() if k not in ("seed", "cases", "split")}
+        key = json.dumps(same, sort_keys=True)
+        if key not in self._known:
+            self._known[key] = ingredients(cell)
+        return self._known[key]
+
+
+def _without_plugins(then: Mapping[str, Any], meta: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Today's ingredients as far as they can be told without building the cell; None where a source is not here."""
+    recorded = (meta.get("provenance") or {}).get("plugins") or {}
+    now = dict(then)
+    for key in then:
+        if key.startswith("package "):
+            now[key] = package_version(key.removeprefix("package "))
+        elif key.startswith("source of "):
+            kind, _, name = key.removeprefix("source of ").partition(" ")
+            if name in registry().names(kind):
+                file = registry().find(kind, name).file
+            else:
+                file = Path((recorded.get(f"{kind} {name}") or {}).get("file") or "")
+            if not file.is_file():
+                return None
+            now[key] = source_digest(file)
+    return now
+
+
+def seconds_of(finished: Any) -> float:
+    """A time in ISO 8601 as seconds since the epoch, NaN where it is none."""
+    try:
+        moment = datetime.fromisoformat(finished)
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def timestamp(finished: Any, written: float, now: float) -> float:
+    """When a record was made, in seconds since the epoch, for what is newer than what.
+
+    A clock that is wrong must not make a record the newest for ever: a time in the future does not count, the file's
+    own does (``written``), and a file that is itself from the future is older than all others.
+    """
+    return next((time for time in (seconds_of(finished), written) if time <= now), -math.inf)

@@ -1,0 +1,186 @@
+"""The index of a results folder: all rows in one file, so that the second leaderboard is quick.
+
+``.index/rows.parquet`` holds the rows of every record, each with the name of its file; its metadata holds the size
+and modification time of every file when it was read. Rows of files that changed or went are read again; a missing or
+damaged index is made anew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+from collections.abc import Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import StoreError
+from .files import COLUMNS, IDENTITY, META_KEY, NOT_INDEXED, ORDER, SCHEMA_VERSION, newest, split_of, write_atomically
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+    from .store import Results
+
+FILE = "__file"  # the columns that only this module sees
+WRITTEN = "__written"
+FOLDER = "__folder"
+BATCH = 256  # files read before their small tables are made one: ten thousand of them are mostly overhead
+
+
+def rows(folders: Sequence[Results], *, use_index: bool, of: Collection[tuple[str, str]] | None = None) -> pd.DataFrame:
+    """Every row below the folders; where several records have one place in a table, the one that counts.
+
+    With ``of``, the records of one run (cell and fingerprint), of these alone.
+    """
+    import pandas as pd
+
+    frames = [_gathered(results, use_index).assign(**{FOLDER: i}) for i, results in enumerate(folders)]
+    filled = [frame for frame in frames if len(frame)]
+    frame = pd.concat(filled, ignore_index=True) if len(filled) > 1 else (filled or frames)[0]
+    if of is not None:
+        pairs = pd.MultiIndex.from_frame(frame[["cell", "fingerprint"]])
+        frame = frame[pairs.isin(list(of))] if len(of) else frame.iloc[:0]
+    several = frame.duplicated(list(IDENTITY), keep=False).to_numpy()
+    if several.any():
+        frame = newest(_weighed(frame, several, folders))
+    return frame.drop(columns=[c for c in (FILE, WRITTEN, FOLDER, *ORDER) if c in frame]).reset_index(drop=True)
+
+
+def _gathered(results: Results, use_index: bool) -> pd.DataFrame:
+    """Every row below one folder, with the name of its file and when that was written."""
+    import pyarrow as pa
+
+    files = {p.name: (p, s.st_mtime_ns, s.st_size) for p, s in results._files()}
+    folder = results.folder / ".index"
+    known, table = _load(folder) if use_index else ({}, None)
+    seen = {name: [mtime, size] for name, (_, mtime, size) in files.items()}
+    fresh = [name for name in files if known.get(name) != seen[name]]
+    gone = [name for name in known if name not in files or name in set(fresh)]
+
+    tables = []
+    if table is not None:
+        if gone:
+            import pyarrow.compute as pc
+
+            table = table.filter(pc.invert(pc.is_in(table[FILE], value_set=pa.array(gone))))
+        tables.append(table)
+    tables.extend(_read_all(results, [files[name][0] for name in sorted(fresh)]))
+    if not tables:
+        return _empty()
+    merged = pa.concat_tables(tables, promote_options="permissive") if len(tables) > 1 else tables[0]
+    if use_index and (fresh or gone):
+        _save(folder, seen, merged)
+    frame = merged.to_pandas()
+    return frame.assign(**{WRITTEN: frame[FILE].map({name: mtime / 1e9 for name, (_, mtime, _) in files.items()})})
+
+
+def _weighed(frame: pd.DataFrame, several: np.ndarray, folders: Sequence[Results]) -> pd.DataFrame:
+    """The rows with the columns ORDER: whether they are current, and when they were made.
+
+    Only rows that share a place with others are looked at.
+    """
+    from .current import Today, timestamp
+
+    now, today = time.time(), Today()
+    rivals = frame[several]
+    _warn_of_the_future(rivals, folders, now)
+    when = [timestamp(f, w, now) for f, w in zip(rivals["finished"], rivals[WRITTEN], strict=True)]
+    others = rivals.drop_duplicates([*IDENTITY, "cell", "fingerprint"])
+    others = others[others.duplicated(list(IDENTITY), keep=False)]  # not two copies of one record
+    current = {
+        (folders[folder].folder, cell, fingerprint)
+        for folder, cell, fingerprint in dict.fromkeys(_keys(others))
+        if today.is_current(folders[folder].meta(cell, fingerprint))
+    }
+    is_current = [(folders[f].folder, cell, fingerprint) in current for f, cell, fingerprint in _keys(rivals)]
+    columns = {name: np.zeros(len(frame)) for name in ORDER}
+    for name, values in zip(ORDER, (is_current, when), strict=True):
+        columns[name][several] = values
+    return frame.assign(**columns)
+
+
+def _keys(frame: pd.DataFrame) -> Iterator[tuple[int, str, str]]:
+    return zip(frame[FOLDER], frame["cell"], frame["fingerprint"], strict=True)
+
+
+def _warn_of_the_future(rivals: pd.DataFrame, folders: Sequence[Results], now: float) -> None:
+    """Say which records have a date that cannot be."""
+    from .current import seconds_of
+
+    dated = rivals.drop_duplicates([FOLDER, FILE, "finished"])
+    ahead = dated[[seconds_of(finished) > now for finished in dated["finished"]]].drop_duplicates([FOLDER, FILE])
+    for folder, name, finished in zip(ahead[FOLDER], ahead[FILE], ahead["finished"], strict=True):
+        folders[folder].damaged.append(f"{name}: is dated {finished}, in the future; the time of its file counts")
+
+
+def _read_all(results: Results, paths: list[Path]) -> list[pa.Table]:
+    """The tables of some record files; a damaged one is set aside and reported."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    def read(path: Path) -> pa.Table | Exception:
+        try:
+            table = pq.ParquetFile(path, page_checksum_verification=True).read()
+            if "fingerprint" not in table.column_names or not table.num_rows:
+                raise ValueError("it is no record of detailbench")
+            if "split" not in table.column_names:
+                split = split_of(json.loads((table.schema.metadata or {}).get(META_KEY, b"{}")))
+                table = table.append_column("split", pa.array([split] * table.num_rows, pa.string()))
+        except (pa.ArrowException, OSError, ValueError) as error:
+            return error
+        table = table.drop_columns([c for c in NOT_INDEXED if c in table.column_names]).replace_schema_metadata(None)
+        return table.append_column(FILE, pa.array([path.name] * table.num_rows, pa.string()))
+
+    merged = []
+    with ThreadPoolExecutor(4) as pool:
+        for begin in range(0, len(paths), BATCH):
+            batch, good = paths[begin : begin + BATCH], []
+            for path, table in zip(batch, pool.map(read, batch), strict=True):
+                if isinstance(table, FileNotFoundError):
+                    continue
+                if isinstance(table, Exception):
+                    results._set_aside(path, table)
+                else:
+                    good.append(table)
+            if good:
+                merged.append(pa.concat_tables(good, promote_options="permissive").combine_chunks())
+    return merged
+
+
+def _load(folder: Path) -> tuple[dict[str, Any], pa.Table | None]:
+    """The index as it was left, or nothing when it cannot be used."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.ParquetFile(folder / "rows.parquet").read()
+        known = json.loads(table.schema.metadata[b"files"])
+        if known.pop("schema_version") != SCHEMA_VERSION:
+            return {}, None
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException):
+        return {}, None
+    return known, table.replace_schema_metadata(None)
+
+
+def _save(folder: Path, seen: dict[str, Any], table: pa.Table) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    sink = pa.BufferOutputStream()
+    named = set(table[FILE].unique().to_pylist())
+    files = {name: stamp for name, stamp in seen.items() if name in named}
+    meta = {b"files": json.dumps({"schema_version": SCHEMA_VERSION, **files}).encode()}
+    pq.write_table(table.replace_schema_metadata(meta), sink, compression="zstd")
+    with contextlib.suppress(StoreError):  # results that can only be read still make a leaderboard
+        write_atomically(folder / "rows.parquet", sink.getvalue().to_pybytes())
+
+
+def _empty() -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame({name: [] for name in COLUMNS if name not in NOT_INDEXED})

@@ -1,0 +1,83 @@
+"""Kept outputs and their references: what their files are called, and where they are found again.
+
+::
+
+    DIR/outputs/CELL-FINGERPRINT/CASE.ply               an output; its row names it, relative to DIR
+    DIR/outputs/references/DATASET-CASE-CONTENT.ply     a reference; the metadata of the record name it
+
+A results folder can be moved, copied or given away: nothing in it names a place outside. Rows of earlier versions hold
+absolute paths, and are found below the folder that they are in now. References go by their content, so that two tasks,
+seeds or splits whose cases share an id never share a file unless it is the same.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from ..plan.cell import digest, reference_name
+
+if TYPE_CHECKING:
+    from ..contract.shape import Shape
+
+FOLDER = "outputs"
+LONGEST = 120  # letters of a file's name; file systems take 255 bytes with the suffixes of temporary files
+
+
+def file_name(id: str, suffix: str = ".ply") -> str:
+    """A file's name for the id of a case: the id itself where every file system takes it.
+
+    Other letters than those of plain file names become ``_``, and what was left out is told by a digest.
+    """
+    plain = re.sub(r"[^\w.+=@,-]", "_", id.encode("utf-8", "replace").decode(), flags=re.ASCII).lstrip(".")[:LONGEST]
+    return f"{plain}{suffix}" if plain and plain == id else f"{plain}-{digest(id)[:8]}{suffix}"
+
+
+def reference_file(dataset: str, case: str, reference: Shape) -> str:
+    """The path of a case's reference, relative to the results folder: another shape has another name."""
+    from ..contract.identity import shape_digest
+
+    return f"{FOLDER}/references/{file_name(f'{dataset}-{case}', f'-{shape_digest(reference)[:8]}.ply')}"
+
+
+def found(folder: Path, stored: str | None) -> Path | None:
+    """The file that a stored path means, None where there is none.
+
+    Parameters
+    ----------
+    folder : Path
+        The results folder, wherever it is now.
+    stored : str or None
+        Relative to the folder; or absolute, as earlier versions stored it: then the file of the same name below the
+        folder's own ``outputs`` is preferred, for the folder may have been moved or copied since.
+    """
+    if not isinstance(stored, str) or not stored:
+        return None
+    path, parts = Path(stored), PurePosixPath(stored).parts
+    if not path.is_absolute():
+        inside = ".." not in parts and (folder / path).is_file()
+        return folder / path if inside else None
+    places = [path]
+    if FOLDER in parts:
+        last = len(parts) - 1 - parts[::-1].index(FOLDER)
+        places.insert(0, folder.joinpath(*parts[last:]))
+    return next((place for place in places if place.is_file()), None)
+
+
+def found_reference(folder: Path, meta: Mapping[str, Any], row: Mapping[str, Any]) -> Path | None:
+    """The file of the reference that a row's output is compared with, None where there is none.
+
+    Parameters
+    ----------
+    folder : Path
+        The results folder.
+    meta : mapping
+        The metadata of the row's record.
+    row : mapping
+        With ``dataset`` and ``case``.
+    """
+    named = (meta.get("references") or {}).get(row["case"])
+    # As earlier versions named it.
+    return found(folder, named or f"{FOLDER}/references/{reference_name(row['dataset'], row['case'])}")

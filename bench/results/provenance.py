@@ -1,0 +1,304 @@
+"""What a result depends on (the fingerprint), and where it came from (the provenance)."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import functools
+import hashlib
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..plan.cell import NO_SENSOR, Cell, Choice, digest
+from ..plugins.reads import contents
+from ..plugins.registry import Plugin
+
+# Packages that take part in every cell; a plugin's `requires` come on top.
+ALWAYS = ("numpy", "scipy", "trimesh")
+BENCH = Path(__file__).parents[1]
+
+
+def ingredients(cell: Cell) -> dict[str, Any]:
+    """All that decides whether a finished result of ``cell`` is current, as a flat mapping for :func:`explain`.
+
+    The parameters and the seed (in ``cell``), the source of the plugins that make the output (with the neighbours
+    and the geometry that they import), the versions of metrics, the packages that compute, what a dataset says of its
+    own state (hashes of the user's files), and the contents of the files that plugins read (:mod:`reads`).
+    """
+    parts: dict[str, Any] = {"cell": cell.id}
+    for choice in cell.choices:
+        plugin = choice.plugin
+        if choice.kind == "metric":
+            parts[f"version of metric {choice.name}"] = plugin.version
+        else:
+            for part in choice.parts:
+                parts[f"source of {choice.kind} {part.name}"] = source_digest(part.file)
+    for package in sorted({*ALWAYS, *(r for c in cell.choices for p in c.parts for r in p.requires)}):
+        parts[f"package {package}"] = package_version(package)
+    state = getattr(cell.dataset.build(), "state", None)
+    if state:
+        parts.update({f"file {name}": value for name, value in state().items()})
+    parts.update({f"content of {name}": value for name, value in contents(cell.choices).items()})
+    return parts
+
+
+def memory_keys(cell: Cell) -> dict[str, str]:
+    """What the shapes, the clouds, the cases and the floors of a cell depend on, for :mod:`bench.engine.memo`.
+
+    Under ``dataset``, ``sensor``, ``task`` and ``metric NAME``: digests over parameters, sources and the
+    versions of packages. Our own sources all count, since all cells share them.
+    """
+    common = {
+        "detailbench": _own_digest(),
+        "packages": {p: package_version(p) for p in (*ALWAYS, "libigl", "pykdtree")},
+    }
+
+    def key(choice: Choice) -> str:
+        parts = choice.parts
+        return digest(
+            {
+                "common": common,
+                "parameters": choice.parameters,
+                "sources": [[p.name, source_digest(p.file)] for p in parts],
+                "packages": {r: package_version(r) for p in parts for r in p.requires},
+                "state": getattr(choice.build(), "state", dict)(),
+                **({"contents": read} if (read := contents([choice])) else {}),
+            }
+        )
+
+    sensor = NO_SENSOR.name if cell.sensor == NO_SENSOR else key(cell.sensor)
+    made_by = {"dataset": key(cell.dataset), "sensor": sensor, "task": key(cell.task)}
+    return made_by | {f"metric {m.name}": key(m) for m in cell.metrics}
+
+
+def _own_digest() -> str:
+    """A digest over the sources of shapes, tasks, effects and geometry: what a case is and how it is measured."""
+    folder = BENCH
+    files = [
+        folder / "seeds.py",
+        *(file for room in ("contract", "geometry", "tasks") for file in sorted((folder / room).rglob("*.py"))),
+    ]
+    return digest([_sha256(file, file.stat().st_mtime_ns, file.stat().st_size) for file in files])
+
+
+@functools.lru_cache(maxsize=1024)
+def _sha256(path: Path, mtime_ns: int, size: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def fingerprint(parts: dict[str, Any]) -> str:
+    """Sixteen hexadecimal digits over the ingredients."""
+    return digest(parts)[:16]
+
+
+def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """What differs between the ingredients of a stored result and those of today, one line each."""
+    lines = []
+    for key in sorted({*then, *now}):
+        before, after = then.get(key), now.get(key)
+        if before == after:
+            continue
+        if key.startswith("source of"):
+            lines.append(f"{key} was edited")
+        elif key.startswith("file "):
+            what = "is new" if before is None else "is gone" if after is None else "has other content"
+            lines.append(f"{key} {what}")
+        elif key.startswith("content of "):
+            what = "was not recorded" if before is None else "is not read any more" if after is None else "has changed"
+            lines.append(f"{key} {what}")
+        else:
+            lines.append(f"{key}: {before or 'not installed'} -> {after or 'not installed'}")
+    return lines
+
+
+# -- source ------------------------------------------------------------------------------------------------------------
+
+
+def source_digest(file: Path) -> str:
+    """SHA-256 over a plugin's file and the sources it imports from beside it or from ``bench.geometry``."""
+    total = hashlib.sha256()
+    for path in sorted(source_closure(file), key=str):
+        total.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return total.hexdigest()[:16]
+
+
+def source_closure(file: Path) -> set[Path]:
+    """``file`` and, transitively, what it imports from its own folder or package, or from ``bench.geometry``."""
+    known: set[Path] = set()
+    todo = [file.resolve()]
+    while todo:
+        path = todo.pop()
+        if path in known or not path.is_file():
+            continue
+        known.add(path)
+        stat = path.stat()
+        todo.extend(_local_imports(path, stat.st_mtime_ns, stat.st_size))
+    return known
+
+
+@functools.lru_cache(maxsize=4096)
+def _local_imports(path: Path, mtime_ns: int, size: int) -> tuple[Path, ...]:
+    try:
+        tree = ast.parse(path.read_bytes())
+    except SyntaxError:
+        return ()
+    return tuple(found for name in _imported_names(tree) if (found := _resolve(name, path)))
+
+
+def _imported_names(tree: ast.AST) -> Iterator[str]:
+    """Dotted names; relative ones keep their leading dots."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = "." * node.level + (node.module or "")
+            yield base
+            dot = "" if base.endswith(".") else "."
+            yield from (f"{base}{dot}{alias.name}" for alias in node.names if alias.name != "*")
+
+
+def _resolve(name: str, importer: Path) -> Path | None:
+    """The file of an import that counts as the plugin's own, or None."""
+    level = len(name) - len(name.lstrip("."))
+    if level:
+        folder = importer.parent
+        for _ in range(level - 1):
+            folder = folder.parent
+    elif name.startswith("bench.geometry."):
+        folder, name = BENCH, name.removeprefix("bench.")
+    elif not (importer.parent / "__init__.py").exists():
+        folder = importer.parent  # a plain script finds its neighbours by name
+    else:
+        return None
+    stem = folder.joinpath(*name.strip(".").split("."))
+    for candidate in (stem.with_suffix(".py"), stem / "__init__.py"):
+        if candidate.is_file() and candidate.resolve() != importer:
+            return candidate.resolve()
+    return None
+
+
+# -- packages ----------------------------------------------------------------------------------------------------------
+
+
+# Import names that are not the names of their distributions; asking importlib.metadata for all takes half a second.
+DISTRIBUTIONS = {
+    "CGAL": ("cgal",),
+    "igl": ("libigl",),
+    "open3d": ("open3d-cpu", "open3d"),
+    "skimage": ("scikit-image",),
+    "sklearn": ("scikit-learn",),
+    "cv2": ("opencv-python-headless", "opencv-python"),
+}
+
+
+@functools.cache
+def package_version(module: str) -> str | None:
+    """The version of the distribution that brings an import name; None when it is not installed."""
+    for name in DISTRIBUTIONS.get(module, (module,)):
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            return importlib.metadata.version(name)
+    if importlib.util.find_spec(module) is None:
+        return None
+    names = importlib.metadata.packages_distributions().get(module, ())
+    return next((f"{name} {importlib.metadata.version(name)}" for name in names), "present, version unknown")
+
+
+# -- machine -----------------------------------------------------------------------------------------------------------
+
+
+@functools.cache
+def machine() -> dict[str, Any]:
+    """What ran: host, processor, memory, system, Python, and the commit of a checkout of detailbench."""
+    import psutil
+
+    return {
+        "host": platform.node(),
+        "system": platform.platform(),
+        "processor": _processor(),
+        "processors": os.cpu_count(),
+        "memory_gb": round(psutil.virtual_memory().total / 2**30, 1),
+        "python": platform.python_version(),
+        "detailbench": __version__,
+        "commit": commit_of(BENCH),
+        "command": sys.argv,
+    }
+
+
+def provenance(cell: Cell) -> dict[str, Any]:
+    """The machine, and for each plugin its file, its origin and its commit."""
+    plugins = {
+        f"{c.kind} {c.name}": {
+            "file": str(c.plugin.file),
+            "origin": c.plugin.origin,
+            "commit": commit_of(c.plugin.file.parent),
+        }
+        for c in cell.choices
+    }
+    return {**machine(), "plugins": plugins}
+
+
+LONGEST_SOURCE = 1 << 16  # bytes of one file that a record keeps
+LONGEST_SOURCES = 1 << 18  # and of all files together
+
+
+def plugin_sources(cell: Cell) -> dict[str, dict[str, str | None]]:
+    """The sources of the plugins that ``--plugin`` brought, with the files beside them that they import.
+
+    They are kept in the record for people: nothing imports them from there.
+
+    Returns
+    -------
+    dict
+        By path: ``sha256`` of the file, and its ``text``, or None where it is longer than :data:`LONGEST_SOURCE`, or
+        where the files before it fill :data:`LONGEST_SOURCES`.
+    """
+    plugins = [part for choice in cell.choices for part in choice.parts if is_from_file(part)]
+    files = {path for plugin in plugins for path in source_closure(plugin.file)}
+    own, left, kept = Path(__file__).resolve().parent, LONGEST_SOURCES, {}
+    for path in sorted(file for file in files if not file.is_relative_to(own)):
+        content = path.read_bytes()
+        fits = len(content) <= min(LONGEST_SOURCE, left)
+        left -= len(content) if fits else 0
+        text = content.decode("utf-8", "backslashreplace") if fits else None
+        kept[str(path)] = {"sha256": hashlib.sha256(content).hexdigest(), "text": text}
+    return kept
+
+
+def is_from_file(plugin: Plugin) -> bool:
+    """Whether ``--plugin`` brought it; what is installed has the name of its package as its origin."""
+    return Path(plugin.origin).is_absolute()
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")
+
+
+@functools.cache
+def commit_of(folder: Path) -> dict[str, Any] | None:
+    """The commit that a folder's checkout is at and whether it has changes; None outside a checkout."""
+
+    def git(*arguments: str) -> str | None:
+        try:
+            done = subprocess.run(
+                ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=False
+            )
+        except (OSError, subprocess.TimeoutExpired):
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+    head = git("rev-parse", "HEAD")
+    if head is None or git("check-ignore", "-q", ".") is not None:  # an ignored folder: somebody's .venv
+        return None
+    return {"commit": head, "dirty": bool(git("status", "--porcelain", "--untracked-files=no"))}

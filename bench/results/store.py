@@ -1,0 +1,282 @@
+"""Results on disk: one Parquet file per finished cell, written to a temporary name and renamed.
+
+::
+
+    DIR/cells/ab/ab12cd34ef56-0123456789abcdef.parquet   cell id - fingerprint; one row per planned case
+    DIR/.partial/...jsonl                                finished cases of a cell that is still running
+    DIR/.locks/ab12cd34ef56                              held by the process that runs the cell
+    DIR/.index/                                          all rows in one file, made again when stale
+    DIR/.sweeps/SESSION/                                 what a running sweep has done; removed when it ends
+    DIR/damaged/                                         files that could not be read, set aside
+    DIR/outputs/CELL-FINGERPRINT/CASE.ply                outputs that were kept (outputs=first|all)
+    DIR/outputs/CELL-FINGERPRINT/CASE/NAME.*             and what their methods stored beside them (run.keep)
+
+Every file stands alone, so the results of two machines are merged by copying one folder into the other. The columns
+and the metadata are described in docs/results.md.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import time
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import StoreError, UsageError, did_you_mean
+from ..text import encodable
+from .files import COLUMNS, MEASURED, META_KEY, STATUSES, split_of, write_atomically
+from .kept_outputs import found, found_reference
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+
+@dataclass
+class Record:
+    """A finished cell: its metadata and one row per planned case."""
+
+    cell: str
+    fingerprint: str
+    meta: dict[str, Any]
+    rows: list[dict[str, Any]] = field(default_factory=list)
+
+    @property
+    def solved(self) -> int:
+        """How many cases are ``ok``."""
+        return sum(row["status"] == "ok" for row in self.rows)
+
+
+class Results:
+    """A folder of results."""
+
+    def __init__(self, folder: str | Path):
+        self.folder = Path(folder).expanduser().absolute()
+        self.damaged: list[str] = []  # what was found damaged, for the report
+
+    def prepare(self) -> None:
+        """Make the folder and see that it can be written.
+
+        Raises
+        ------
+        StoreError
+            If it cannot.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise StoreError(f"results={self.folder}: is a file; expected a folder")
+        probe = self.folder / ".sweeps" / f".probe-{os.getpid()}"
+        write_atomically(probe, bytes(1 << 16))  # a full disk takes an empty file, and no more
+        probe.unlink(missing_ok=True)
+
+    # -- one record ------------------------------------------------------------------------------------------------
+
+    def path(self, cell: str, fingerprint: str) -> Path:
+        """Where the record of a cell under a fingerprint is."""
+        return self.folder / "cells" / cell[:2] / f"{cell}-{fingerprint}.parquet"
+
+    def read(self, cell: str, fingerprint: str) -> Record | None:
+        """The record, or None when there is none; a damaged file is set aside and reported in ``damaged``."""
+        path = self.path(cell, fingerprint)
+        return self._read(path) if path.exists() else None
+
+    def _read(self, path: Path) -> Record | None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            table = pq.ParquetFile(path, page_checksum_verification=True).read()
+            meta = json.loads(table.schema.metadata[META_KEY])
+            rows = table.to_pylist()
+            if not rows or rows[0]["fingerprint"] not in path.name or meta["planned"] != len(rows):
+                raise ValueError("its rows are not those that its metadata announces")
+        except FileNotFoundError:
+            return None
+        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
+            self._set_aside(path, error)
+            return None
+        return Record(meta["cell_id"], meta["fingerprint"], meta, [{"split": split_of(meta)} | row for row in rows])
+
+    def _set_aside(self, path: Path, error: Exception) -> None:
+        target = self.folder / "damaged" / path.name
+        reason = str(error).splitlines()[0]
+        try:
+            target.parent.mkdir(exist_ok=True)
+            os.replace(path, target)
+            self.damaged.append(f"{path}: damaged ({reason}); set aside as {target}, its cell will be computed again")
+        except OSError:
+            self.damaged.append(f"{path}: damaged ({reason}) and could not be set aside")
+
+    def write(self, record: Record) -> None:
+        """Write a finished cell and forget its partial file."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        sink = pa.BufferOutputStream()
+        pq.write_table(_table(record), sink, compression="zstd", write_page_checksum=True)
+        write_atomically(self.path(record.cell, record.fingerprint), sink.getvalue().to_pybytes())
+        with contextlib.suppress(OSError):
+            self._partial(record.cell, record.fingerprint).unlink(missing_ok=True)
+
+    def records(self, cell: str) -> list[Record]:
+        """All records of a cell, the newest first; see :func:`bench.results.current.timestamp`."""
+        from .current import timestamp
+
+        now = time.time()
+        found = []
+        for path in sorted((self.folder / "cells" / cell[:2]).glob(f"{cell}-*.parquet")):
+            with contextlib.suppress(FileNotFoundError):
+                written = path.stat().st_mtime
+                if record := self._read(path):
+                    found.append((timestamp(record.meta.get("finished"), written, now), record))
+        return [record for _, record in sorted(found, key=lambda pair: pair[0], reverse=True)]
+
+    def find_cell(self, prefix: str) -> str:
+        """The one cell id that begins with ``prefix``.
+
+        Raises
+        ------
+        UsageError
+            If there is none, or several.
+        """
+        ids = sorted({path.name.partition("-")[0] for path, _ in self._files()})
+        found = [i for i in ids if i.startswith(prefix.lower())] if prefix else []
+        if len(found) == 1:
+            return found[0]
+        if not ids:
+            raise UsageError(f"{self.folder}: there are no results here; choose the folder with results=DIR")
+        if not found:
+            raise UsageError(f"no cell {prefix!r} in {self.folder}. {did_you_mean(prefix, ids[:50])}")
+        raise UsageError(f"cell {prefix!r} is not unique in {self.folder}: {', '.join(found[:8])}")
+
+    # -- cases of an unfinished cell -----------------------------------------------------------------------------------
+
+    def _partial(self, cell: str, fingerprint: str) -> Path:
+        return self.folder / ".partial" / f"{cell}-{fingerprint}.jsonl"
+
+    def partial_rows(self, cell: str, fingerprint: str) -> list[dict[str, Any]]:
+        """The cases that an interrupted run of this cell had finished; lines that are no rows are ignored.
+
+        The last one may be torn, and any may be damaged: its case is run again.
+        """
+        rows = []
+        with contextlib.suppress(FileNotFoundError):
+            for line in self._partial(cell, fingerprint).read_bytes().split(b"\n"):
+                with contextlib.suppress(ValueError):  # no JSON, or no UTF-8
+                    rows.append(json.loads(line))
+        return [encodable(row) for row in rows if _is_row(row)]
+
+    def add_partial(self, cell: str, fingerprint: str, row: Mapping[str, Any]) -> None:
+        """Keep one finished case, whatever happens to this process next."""
+        path = self._partial(cell, fingerprint)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("ab") as file:
+                # A line that an earlier death tore is closed first; empty lines are no rows.
+                file.write(b"\n" + json.dumps(row).encode() + b"\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise StoreError(
+                f"cannot write {path}: {error.strerror or error}. Earlier results are intact; free some space and run "
+                "the same command again"
+            ) from error
+
+    def forget_partial(self, cell: str, fingerprint: str) -> None:
+        """Drop the cases of an unfinished cell, to run them again."""
+        with contextlib.suppress(OSError):
+            self._partial(cell, fingerprint).unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def lock(self, cell: str) -> Iterator[None]:
+        """Hold a cell: two sweeps into one folder share the work. The system lets go when the holder dies."""
+        path = self.folder / ".locks" / cell
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            file = path.open("w")
+        except OSError as error:
+            raise StoreError(f"cannot write {path}: {error.strerror or error}; choose results=DIR") from error
+        with file:
+            with contextlib.suppress(OSError):  # a file system without locks: the worst is work done twice
+                fcntl.flock(file, fcntl.LOCK_EX)
+            yield
+
+    # -- all rows --------------------------------------------------------------------------------------------------
+
+    def _files(self) -> Iterator[tuple[Path, os.stat_result]]:
+        """Every record file, and its stat, in no order."""
+        root = self.folder / "cells"
+        if not root.is_dir():
+            return
+        for shelf in os.scandir(root):
+            if not shelf.is_dir():
+                continue
+            for entry in os.scandir(shelf.path):
+                if entry.name.endswith(".parquet") and not entry.name.startswith("."):
+                    yield Path(entry.path), entry.stat()
+
+    def rows(self, *, use_index: bool = True, of: Collection[tuple[str, str]] | None = None) -> pd.DataFrame:
+        """One row per planned case of every cell: the record that counts where there are several.
+
+        The first call reads every file; later ones read an index beside them and the files that changed since.
+
+        Parameters
+        ----------
+        use_index : bool
+        of : collection of (cell, fingerprint), optional
+            The records of one run: of these alone. Without it, of several records of one place in a table the one that
+            is current counts where that can be told (:mod:`bench.results.current`), and the newest otherwise.
+        """
+        from . import index
+
+        return index.rows([self], use_index=use_index, of=of)
+
+    def meta(self, cell: str, fingerprint: str) -> dict[str, Any]:
+        """The metadata of a record, empty where it cannot be read; its rows are not."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            return json.loads(pq.read_metadata(self.path(cell, fingerprint)).metadata[META_KEY])
+        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError):
+            return {}
+
+    def output_of(self, row: Mapping[str, Any]) -> Path | None:
+        """The file of a row's kept output, wherever the folder is now; None where there is none."""
+        return found(self.folder, row.get("output"))
+
+    def reference_of(self, row: Mapping[str, Any]) -> Path | None:
+        """The file of the reference that a row's kept output is compared with; None where there is none."""
+        return found_reference(self.folder, self.meta(row["cell"], row["fingerprint"]), row)
+
+
+def _is_row(value: Any) -> bool:
+    """Whether a value from a partial file can become a row of a record."""
+    if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("case", "status")):
+        return False
+    kinds = {"string": str, "int64": int, "float64": (int, float)}
+    measured = [key for key in value if key.startswith(MEASURED)]
+    types = {**COLUMNS, **dict.fromkeys(measured, "float64")}
+    fits = all(value.get(key) is None or isinstance(value[key], kinds[kind]) for key, kind in types.items())
+    return fits and value.get("case_index") is not None and value["status"] in STATUSES
+
+
+def _table(record: Record) -> pa.Table:
+    """The rows of a record as a table with the documented columns, the metadata in its schema."""
+    import pyarrow as pa
+
+    scores = sorted({key for row in record.rows for key in row if key.startswith(MEASURED)})
+    types = {**COLUMNS, **dict.fromkeys(scores, "float64")}
+    schema = pa.schema(
+        [pa.field(name, _arrow_type(pa, kind)) for name, kind in types.items()],
+        metadata={META_KEY: json.dumps(record.meta).encode()},
+    )
+    return pa.Table.from_pylist([{name: row.get(name) for name in types} for row in record.rows], schema=schema)
+
+
+def _arrow_type(pa: Any, kind: str) -> pa.DataType:
+    return {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}[kind]

@@ -1,0 +1,1 @@
+"""Hydra: what is asked for becomes jobs."""

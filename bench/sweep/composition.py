@@ -1,0 +1,165 @@
+"""How Hydra is asked to compose the configs of a run."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from ..errors import UsageError
+from ..plan.keys import Base
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+
+CONFIG_MODULE = "bench.conf"
+CONFIG_NAME = "config"
+VERSION_BASE = "1.3"
+
+
+def register_base() -> None:
+    """Put the typed base, and every plugin, into Hydra's config store; those that are new since the last call."""
+    from ..plugins.registry import KINDS, registry
+
+    _register(tuple((kind, *registry().names(kind)) for kind in KINDS))
+
+
+@functools.lru_cache(maxsize=1)
+def _register(names: tuple[tuple[str, ...], ...]) -> None:
+    from hydra.core.config_store import ConfigStore
+
+    from ..plugins.schema import store_configs
+
+    ConfigStore.instance().store(name="base", node=Base, provider="detailbench")
+    store_configs()
+
+
+@contextmanager
+def hydra_ready() -> Iterator[Any]:
+    """Hydra's config loader over our configs, without a Hydra application."""
+    from hydra import initialize_config_module
+    from hydra.core.global_hydra import GlobalHydra
+
+    register_base()
+    with initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
+        yield GlobalHydra.instance().config_loader()
+
+
+def compose(overrides: Sequence[str]) -> DictConfig:
+    """One composed config.
+
+    Raises
+    ------
+    UsageError
+        With Hydra's own message when it cannot compose.
+    """
+    from hydra import compose as hydra_compose
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    with hydra_ready():
+        try:
+            return hydra_compose(CONFIG_NAME, overrides=list(overrides))
+        except (HydraException, OmegaConfBaseException) as error:
+            raise UsageError(hydra_message(error)) from error
+
+
+def hydra_message(error: BaseException) -> str:
+    """What Hydra said, with the cause under it when the cause says more, and without hints to add unknown keys."""
+    parts = [str(error)]
+    if error.__cause__ is not None and str(error.__cause__) not in parts[0]:
+        parts.append(str(error.__cause__))
+    lines = [line for part in parts for line in part.splitlines()]
+    for launcher, extra in (("joblib", "joblib"), ("submitit", "slurm"), ("ray", "ray")):
+        if f"hydra/launcher/{launcher}" in parts[0]:
+            lines.append(f'This launcher is an extra: pip install "detailbench[{extra}]"')
+    return "\n".join(line for line in lines if line.strip() and "append" not in line and "prepend" not in line)
+
+
+def is_sweep(overrides: Sequence[str]) -> bool:
+    """Whether the experiment that the overrides name is a sweep, so that ``-m`` need not be said."""
+    from hydra.types import RunMode
+    from omegaconf import OmegaConf
+
+    config = experiment_config(overrides)
+    return config is not None and OmegaConf.select(config, "hydra.mode") == RunMode.MULTIRUN
+
+
+def experiment_config(overrides: Sequence[str]) -> DictConfig | None:
+    """The config of the experiment that the overrides name, with Hydra's own part; None without one.
+
+    None also for one that cannot be composed: what is wrong with it is said where it is used.
+    """
+    named = tuple(override for override in overrides if override.startswith("experiment="))
+    return _experiment_config(named) if named else None
+
+
+@functools.lru_cache(maxsize=4)
+def _experiment_config(named: tuple[str, ...]) -> DictConfig | None:
+    from hydra.errors import HydraException
+    from hydra.types import RunMode
+    from omegaconf.errors import OmegaConfBaseException
+
+    with hydra_ready() as loader:
+        try:
+            return loader.load_configuration(CONFIG_NAME, list(named), run_mode=RunMode.RUN)
+        except (HydraException, OmegaConfBaseException):
+            return None
+
+
+def settled_by_job(overrides: Sequence[str]) -> list[str]:
+    """The words of a sweep as Hydra can take them: ``method=a,b method.x=1`` as ``method=a,b method.x=choice(1)``.
+
+    Hydra first composes a sweep's config without all that is swept, and so with the default method, which may have no
+    parameter x. As a sweep of one value it is left to the jobs, each with its own method.
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    from ..plugins.registry import KINDS
+
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    fixed = {o.key_or_group for o in parsed if not o.is_sweep_override()}
+    swept = {o.key_or_group for o in parsed} - fixed
+    words = []
+    for word, override in zip(overrides, parsed, strict=True):
+        kind, _, parameter = override.key_or_group.partition(".")
+        open_still = kind in swept or ("experiment" in fixed and kind not in fixed)
+        if kind in KINDS and parameter and open_still and not (override.is_sweep_override() or override.is_delete()):
+            key, _, value = word.partition("=")
+            word = f"{key}=choice({value})"
+        words.append(word)
+    return words
+
+
+def enumerate_jobs(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
+    """The overrides of every job that Hydra's basic sweeper would launch, in its order."""
+    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+    from hydra.types import RunMode
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    overrides = settled_by_job(overrides) if multirun else overrides
+    if not any("hydra" in o or "experiment" in o or "glob(" in o for o in overrides):
+        # Nothing but the command line can sweep: the config need not be composed to count the jobs.
+        if not multirun:
+            return [list(overrides)]
+        parsed = OverridesParser.create().parse_overrides(list(overrides))
+        return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
+    with hydra_ready() as loader:
+        try:
+            mode = RunMode.MULTIRUN if multirun else RunMode.RUN
+            master = loader.load_configuration(CONFIG_NAME, list(overrides), run_mode=mode)
+            if not multirun and OmegaConf.select(master, "hydra.mode") != RunMode.MULTIRUN:
+                return [list(overrides)]
+            given = list(master.hydra.overrides.task)
+            swept = OmegaConf.select(master, "hydra.sweeper.params") or {}
+            keys = {o.get_key_element() for o in OverridesParser.create().parse_overrides(given)}
+            arguments = [f"{k}={v}" for k, v in swept.items() if str(k) not in keys] + given
+            parsed = OverridesParser.create(config_loader=loader).parse_overrides(arguments)
+            return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
+        except (HydraException, OmegaConfBaseException) as error:
+            raise UsageError(hydra_message(error)) from error

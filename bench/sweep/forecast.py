@@ -1,0 +1,153 @@
+"""How long a sweep takes: from finished cases in the same folder, from what methods say of themselves, from its start.
+
+All times are wall-clock seconds of cases from their beginning to their end: making the input and scoring the output
+count, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ..engine.affinity import available
+
+if TYPE_CHECKING:
+    from ..plan.cell import Cell
+    from ..results.store import Results
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Median seconds of a case, by what it is a case of."""
+
+    known: Mapping[tuple[str, ...], float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, results: Results) -> Pace:
+        """What the finished cases in a folder took."""
+        import pandas as pd
+
+        rows = results.rows()
+        rows = rows[rows["seconds"].notna()] if len(rows) else rows
+        if rows.empty:
+            return cls()
+        begin, end = (
+            pd.to_datetime(rows[c], format="ISO8601", utc=True, errors="coerce") for c in ("started", "finished")
+        )
+        rows = rows.assign(wall=(end - begin).dt.total_seconds().clip(lower=rows["seconds"]).fillna(rows["seconds"]))
+        known: dict[tuple[str, ...], float] = {}
+        for columns in (
+            ["task", "method", "variant", "dataset"],
+            ["task", "method", "variant"],
+            ["task", "method", "dataset"],
+            ["task", "method"],
+        ):
+            medians = rows.fillna({"variant": ""}).groupby(columns)["wall"].median()
+            known |= {(*columns, *key): float(seconds) for key, seconds in medians.items()}
+        return cls(known)
+
+    def seconds(self, cell: Cell) -> float | None:
+        """Seconds of one case of a cell; None where nothing like it was timed and its method does not say.
+
+        Cases of the same method with the same parameters come first, then a parameter ``seconds`` with which a method
+        is told how long to take, then the same method with other parameters.
+        """
+        names = {
+            "task": cell.task.label,
+            "method": cell.method.name,
+            "variant": cell.method.variant,
+            "dataset": cell.dataset.label,
+        }
+
+        def timed(*columns: str) -> float | None:
+            return self.known.get((*columns, *(names[column] for column in columns)))
+
+        same = timed("task", "method", "variant", "dataset") or timed("task", "method", "variant")
+        declared = cell.method.parameters.get("seconds")
+        if not same and isinstance(declared, (int, float)) and declared > 0:
+            return float(declared)
+        return same or timed("task", "method", "dataset") or timed("task", "method")
+
+
+class Forecast:
+    """How long the rest of a sweep takes, corrected by what its first jobs took.
+
+    Parameters
+    ----------
+    expected : of each job, seconds that it is expected to take: 0 where all is there, None where nobody knows
+    kinds : of each job, a text that is the same for those that may take about as long, such as its method
+    workers : how many jobs are run at a time
+    """
+
+    def __init__(self, expected: Sequence[float | None], kinds: Sequence[str], workers: int = 1):
+        self._expected, self._kinds, self.workers = list(expected), list(kinds), max(workers, 1)
+        self._took: dict[int, float] = {}  # of jobs that ended, 0 where all was there
+
+    def ended(self, job: int, seconds: float) -> None:
+        """Take note of a job that ended: what it took, 0 where all its cases were there."""
+        if 0 <= job < len(self._expected):
+            self._took[job] = seconds
+
+    def left(self) -> float | None:
+        """Seconds until the end; None where that is not known of some job that is to come."""
+        ran = {job: took for job, took in self._took.items() if took}
+        both = [(self._expected[job], took) for job, took in ran.items() if self._expected[job]]
+        factor = sum(took for _, took in both) / sum(expected or 0.0 for expected, _ in both) if both else 1.0
+        by_kind: dict[str, list[float]] = {}
+        for job, took in ran.items():
+            by_kind.setdefault(self._kinds[job], []).append(took)
+        means = {kind: sum(took) / len(took) for kind, took in by_kind.items()}
+        overall = sum(ran.values()) / len(ran) if ran else None
+        rest: list[float] = []
+        for job, (expected, kind) in enumerate(zip(self._expected, self._kinds, strict=True)):
+            if job not in self._took:
+                seconds = expected * factor if expected is not None else means.get(kind, overall)
+                if seconds is None:
+                    return None
+                rest.append(seconds)
+        return max(sum(rest) / self.workers, max(rest, default=0.0))
+
+
+def workers_of(overrides: Sequence[str], threads: int = 1) -> int:
+    """How many cells the launcher that the overrides choose runs at a time, as far as there are processors for them."""
+    words = {key.lstrip("+"): value for key, _, value in (word.partition("=") for word in overrides)}
+    if words.get("hydra/launcher") != "joblib":
+        return 1
+    count = words.get("hydra.launcher.n_jobs", "-1")
+    processors = len(available())
+    asked = int(count) if count.lstrip("-").isdecimal() else -1
+    asked = asked if asked > 0 else processors + 1 + asked  # as joblib counts: -1 for all
+    return max(1, min(asked, processors // max(threads, 1)))
+
+
+def duration(seconds: float) -> str:
+    """A time in words, no more exact than an estimate is: ``40 s``, ``3 min``, ``2 h``, ``4 days``."""
+    for unit, size, least in (("days", 86400, 2 * 86400), ("h", 3600, 5400), ("min", 60, 120)):
+        if seconds >= least:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s" if seconds >= 1 else f"{seconds:.1g} s"
+
+
+def summary(planned: int, finished: int, seconds: Sequence[float | None], unknown: int, workers: int) -> str:
+    """``48 cases, 12 finished, 36 to do, about 3 min``: what a plan ends with and a sweep begins with.
+
+    Parameters
+    ----------
+    planned, finished : cases
+    seconds : of each cell, what is left to do; None where nobody knows
+    unknown : cases that are to do, of cells whose time nobody knows
+    workers : how many cells are run at a time
+    """
+    text = f"{planned} cases, {finished} finished, {planned - finished} to do"
+    if known := [s for s in seconds if s]:
+        beside = f", {workers} cells at a time" if workers > 1 else ""
+        text += f", about {duration(max(sum(known) / workers, max(known)))}{beside}"
+    return text + (f" and {unknown} cases never timed" if unknown else "")
+
+
+def seconds_to_do(cell: Cell, finished: int, pace: Pace) -> float | None:
+    """Seconds of a cell's cases that are not finished; None where nobody knows."""
+    to_do = cell.cases - finished
+    one = pace.seconds(cell) if to_do else 0.0
+    return None if one is None else to_do * one

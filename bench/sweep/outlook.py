@@ -1,0 +1,141 @@
+"""What a sweep has to do, found without composing the config of every job: that takes longer than small cells do."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..engine.runner import finished_rows
+from ..errors import UsageError
+from ..plan.cell import Cell, NotSolved, Settings, settings_of
+from ..plan.keys import GROUPS
+from ..plugins import presets
+from ..plugins.registry import KINDS
+from ..plugins.schema import NAME_KEY
+from ..results.provenance import fingerprint, ingredients
+from ..results.store import Results
+from .composition import compose
+from .forecast import Forecast, Pace, seconds_to_do, summary, workers_of
+
+LOOKED_UP = 100  # jobs of a large sweep that stand for all
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """A forecast of a sweep, and the same in words: empty where no time is known."""
+
+    forecast: Forecast
+    text: str
+
+
+def look_ahead(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results: Results) -> Outlook | None:
+    """What the jobs of a sweep have to do; None where they differ in what cannot be looked up.
+
+    Of a large sweep some jobs, evenly spread, stand for all.
+
+    Parameters
+    ----------
+    jobs : the overrides of each job
+    overrides : those of the sweep, which name its launcher
+    results : where finished cases are
+    """
+    chosen = range(0, len(jobs), -(-len(jobs) // LOOKED_UP) or 1)
+    try:
+        cells = dict(zip(chosen, likely_cells([jobs[job] for job in chosen]), strict=True))
+        done = {job: _finished(results, *entry) if entry else 0 for job, entry in cells.items()}
+    except UsageError:
+        return None  # what is wrong is said where the job is run
+    pace = Pace.of(results)
+    seconds = {job: seconds_to_do(entry[0], done[job], pace) if entry else 0.0 for job, entry in cells.items()}
+    kinds = [_kind(job) for job in jobs]
+    every = _spread(seconds, kinds)
+    planned = {job: entry[0].cases if entry else 0 for job, entry in cells.items()}
+    unknown = sum(planned[job] - done[job] for job in chosen if seconds[job] is None)
+    workers = workers_of(overrides, max((entry[0].threads for entry in cells.values() if entry), default=1))
+    cases, finished, unknown = (
+        n * len(jobs) // len(chosen) for n in (sum(planned.values()), sum(done.values()), unknown)
+    )
+    text = summary(cases, finished, every, unknown, workers) if any(every) else ""
+    return Outlook(Forecast(every, kinds, workers), text)
+
+
+def _finished(results: Results, cell: Cell, settings: Settings) -> int:
+    rows, _ = finished_rows(results, cell, fingerprint(ingredients(cell)), settings)
+    return min(len(rows), cell.cases)
+
+
+def _kind(job: Sequence[str]) -> str:
+    """The words of a job that choose its method and task."""
+    return " ".join(word for word in job if re.match(r"\+?(method|task)\b", word))
+
+
+def _spread(seconds: Mapping[int, float | None], kinds: Sequence[str]) -> list[float | None]:
+    """Seconds of every job: of those that were not looked up, the mean of their kind; None where nobody knows."""
+    of_kind: dict[str, list[float]] = {}
+    for job, value in seconds.items():
+        if value is not None:
+            of_kind.setdefault(kinds[job], []).append(value)
+    means = {kind: sum(values) / len(values) for kind, values in of_kind.items()}
+    return [seconds[job] if job in seconds else means.get(kind) for job, kind in enumerate(kinds)]
+
+
+def likely_cells(jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Cell, Settings] | None]:
+    """The cells of jobs that differ in plugins, their parameters and plain values; None for a pair that has no cell.
+
+    The first job is composed, and what the words of the others change is changed in that. An experiment may give
+    parameters to a plugin that another job has not: such a cell may be missed.
+
+    Raises
+    ------
+    UsageError
+        If a job cannot be composed, or if jobs differ in more: in their profile, say.
+    """
+    from omegaconf import OmegaConf
+
+    first = dict(_parsed(jobs[0]))
+    base: Any = OmegaConf.to_container(compose(list(jobs[0])), resolve=True)
+    for job in jobs:
+        words = _parsed(job)
+        values = copy.deepcopy(base)
+        changed = [(key, value) for key, value in words if first.get(key, value) != value or key not in first]
+        for key, value in changed:
+            _change(values, key, value)
+        chosen = {key for key, _ in changed if key in KINDS}
+        for key, value in words:  # a plugin that was chosen anew has lost what the words give to it
+            if key.partition(".")[0] in chosen and "." in key:
+                _change(values, key, value)
+        try:
+            yield Cell.from_config(values), settings_of(values)
+        except NotSolved:
+            yield None
+
+
+def _parsed(job: Sequence[str]) -> list[tuple[str, Any]]:
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    parsed = OverridesParser.create().parse_overrides(
+        [word for word in job if not word.lstrip("+~").startswith("hydra")]
+    )
+    return [(override.key_or_group, override.value()) for override in parsed]
+
+
+def _change(values: dict[str, Any], key: str, value: Any) -> None:
+    """Put one word's value into a composed config."""
+    group, _, parameter = key.partition(".")
+    if key in KINDS and key != "metric":
+        plugin = presets.resolve(key, str(value))
+        given = presets.presets(key, plugin).get(str(value))
+        values[key] = {NAME_KEY: plugin, **(copy.deepcopy(dict(given.values)) if given else {})}
+    elif parameter and isinstance(values.get(group), dict):
+        *inner, last = parameter.split(".")
+        node = values[group]
+        for name in inner:
+            node = node.setdefault(name, {})
+        node[last] = value
+    elif key in values and key not in GROUPS and not isinstance(values[key], dict):
+        values[key] = value
+    else:
+        raise UsageError(f"{key}={value}: jobs that differ in this are composed one by one")

@@ -1,0 +1,226 @@
+"""A look at Hydra overrides before Hydra gets them: every wrong name and parameter gets the nearest right one.
+
+Hydra itself lists the options of a group but suggests none, and for an unknown key it advises ``+key=value``, which
+then lets any typo in.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from ..errors import UsageError, did_you_mean
+from ..plan.keys import GROUPS, Base
+from ..plan.limits import Limits
+from ..plugins import presets
+from ..plugins.registry import KINDS, Plugin, registry
+from ..plugins.schema import check_value
+
+
+def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
+    """Raise :class:`UsageError` for names and parameters that do not exist, and for a sweep without ``-m``."""
+    for override in _parse(overrides):
+        key = override.key_or_group
+        values = _values(override)
+        if override.is_sweep_override() and not multirun and not key.startswith("hydra"):
+            raise UsageError(f"{override.input_line}: several values are a sweep; add -m: detailbench run -m ...")
+        if key.startswith("hydra"):
+            continue
+        head, _, tail = key.partition(".")
+        if not tail and head in KINDS:
+            for name in values:
+                _check_plugin_name(head, name)
+        elif not tail and head in ("convention", "profile", "experiment"):
+            for name in values:
+                _check_preset(head, name)
+        elif tail and head in KINDS:
+            _check_parameter(head, tail, overrides, override)
+        elif head == "limit" and tail:
+            _check_key("limit.", tail, [f.name for f in dataclasses.fields(Limits)], override.input_line)
+        else:
+            _check_key("", head, [*(f.name for f in dataclasses.fields(Base)), *GROUPS], override.input_line)
+
+
+def by_experiment(overrides: Sequence[str]) -> list[list[str]]:
+    """The overrides of each experiment in turn: ``experiment=a,b`` is one command after the other.
+
+    An experiment brings a sweep of its own, and values for keys of all groups; Hydra cannot sweep over those.
+    """
+    for place, (word, override) in enumerate(zip(overrides, _parse(overrides), strict=True)):
+        if override.key_or_group == "experiment" and override.is_sweep_override():
+            names = dict.fromkeys(str(value) for value in _values(override))
+            key = word.partition("=")[0]
+            return [[*overrides[:place], f"{key}={name}", *overrides[place + 1 :]] for name in names]
+    return [list(overrides)]
+
+
+def is_override(word: str) -> bool:
+    """Whether a word of a command line is a key and its value, not the name of a file."""
+    key, equals, _ = word.partition("=")
+    return bool(equals) and key.lstrip("+").replace(".", "_").replace("@", "_").replace("/", "_").isidentifier()
+
+
+def _parse(overrides: Sequence[str]) -> list[Any]:
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import OverrideParseException
+
+    parsed = []
+    for text in overrides:
+        try:
+            parsed.extend(OverridesParser.create().parse_overrides([text]))
+        except OverrideParseException as error:
+            raise UsageError(
+                f"cannot read {text!r}: expected key=value, for instance method=poisson or limit.seconds=60 "
+                f"({str(error).splitlines()[0]})"
+            ) from error
+    return parsed
+
+
+def _values(override: Any) -> list[Any]:
+    """The values of an override: one, those of a sweep, or those of a list."""
+    from hydra.core.override_parser.types import Glob
+
+    if isinstance(override.value(), Glob):
+        return _matching(override)
+    if override.is_interval_sweep():
+        raise UsageError(f"{override.input_line}: an interval has no end of values; list some, or use range(...)")
+    if override.is_sweep_override() and override.is_choice_sweep():
+        return [_text(v) for v in override.value().list]
+    value = override.value()
+    return [_text(v) for v in value] if isinstance(value, list) else [_text(value)]
+
+
+def _matching(override: Any) -> list[str]:
+    """The plugins and presets that ``method=glob(p*)`` means."""
+    group = override.key_or_group
+    if group not in GROUPS:
+        raise UsageError(f"{override.input_line}: glob() is for names of plugins; list the values of {group}")
+    known = {*presets.names(group), *(registry().names(group) if group in KINDS else ())}
+    found = override.value().filter(sorted(known))
+    if not found:
+        raise UsageError(f"{override.input_line}: no {group} matches. Known: {', '.join(sorted(known))}")
+    return found
+
+
+def _text(value: Any) -> Any:
+    return [str(v) for v in value] if isinstance(value, list) else value
+
+
+def _flat(values: Iterable[Any]) -> list[str]:
+    return [str(v) for value in values for v in (value if isinstance(value, list) else [value])]
+
+
+def chosen(kind: str, overrides: Sequence[str]) -> list[str]:
+    """The plugin names of a kind that the overrides choose; without any, and without a preset, the default."""
+    names: list[str] = []
+    preset = False
+    for override in _parse(overrides):
+        preset = preset or override.key_or_group == "experiment"
+        if override.key_or_group == kind:
+            names.extend(_flat(_values(override)))
+    return names if names or preset else [n for n in (_default_choice(kind),) if n]
+
+
+def threads_of(overrides: Sequence[str]) -> int:
+    """How many threads the words of a command ask for first; 1 where they do not say, or what cannot be."""
+    asked = [value for key, _, value in (word.partition("=") for word in overrides) if key == "threads"]
+    first = asked[-1].partition(",")[0] if asked else ""
+    return max(int(first), 1) if first.isdecimal() else 1
+
+
+def devices_of(overrides: Sequence[str]) -> list[str]:
+    """The devices that the words of a command ask for; what a preset may say is found when its cell is run."""
+    asked = [str(v) for override in _parse(overrides) if override.key_or_group == "device" for v in _values(override)]
+    return list(dict.fromkeys(asked))
+
+
+def runs_here(overrides: Sequence[str]) -> bool:
+    """Whether the launcher that the words choose runs jobs on this machine, as far as is known."""
+    chosen = [word.partition("=")[2] for word in overrides if word.lstrip("+").startswith("hydra/launcher=")]
+    return not chosen or chosen[-1] in ("basic", "joblib", "submitit_local")
+
+
+def _default_choice(group: str) -> str | None:
+    """What the main config chooses."""
+    from importlib.resources import files
+
+    from omegaconf import OmegaConf
+
+    config = OmegaConf.create((files("bench.conf") / "config.yaml").read_text())
+    for entry in config.defaults:
+        if not isinstance(entry, str) and group in entry:
+            return entry[group]
+    return None
+
+
+def _check_plugin_name(kind: str, name: Any) -> None:
+    for one in _flat([name]):
+        if one in ("None", "null", "") and registry().names(kind):
+            raise UsageError(f"{kind}={one}: choose a {kind} by name. Known: {', '.join(registry().names(kind))}")
+        known = presets.names(kind)
+        if one not in known:
+            registry().find(kind, one, also=known)
+
+
+def _check_preset(group: str, name: Any) -> None:
+    known = presets.names(group)
+    if str(name) not in (*known, "None", "null"):
+        raise UsageError(f"no {group} is called {name!r}. {did_you_mean(str(name), known)}")
+
+
+def _check_parameter(kind: str, tail: str, overrides: Sequence[str], override: Any) -> None:
+    """A parameter must be one of a plugin that the run chooses (or, where it chooses none, of some plugin)."""
+    line = override.input_line
+    names = [presets.resolve(kind, n) for n in chosen(kind, overrides)]
+    names = [n for n in names if n in registry().names(kind)] or registry().names(kind)
+    prefix = f"{kind}."
+    if kind == "metric":
+        name, _, tail = tail.partition(".")
+        registry().find(kind, name)
+        names, prefix = [name], f"metric.{name}."
+    known = {f.name for name in names for f in registry().find(kind, name).fields}
+    parameter = tail.partition(".")[0]
+    if parameter and parameter not in known:
+        of = names[0] if len(names) == 1 else "those chosen"
+        of_the_run = parameter == tail and parameter in {f.name for f in dataclasses.fields(Base)}
+        hint = f"The run has: say {parameter}=..." if of_the_run else _hint(prefix, parameter, known)
+        raise UsageError(f"{line}: {kind} {of} has no parameter {parameter!r}. {hint}")
+    if parameter == tail and not override.is_delete():
+        having = [p for p in (registry().find(kind, n) for n in names) if any(f.name == parameter for f in p.fields)]
+        _check_values(having, parameter, override)
+
+
+def _check_values(plugins: Sequence[Plugin], parameter: str, override: Any) -> None:
+    """Each value of a parameter must fit its type, in one of the plugins that have it.
+
+    This is found out before a sweep starts; what a plugin itself refuses is, by the job that meets it.
+    """
+    from hydra.core.override_parser.types import Glob, QuotedString, Transformer
+
+    if override.is_interval_sweep() or isinstance(override.value(), Glob):
+        return  # refused elsewhere
+    swept = override.is_sweep_override()
+    values = override.sweep_iterator(transformer=Transformer.identity) if swept else [override.value()]
+    for value in values:
+        value = value.text if isinstance(value, QuotedString) else value
+        if isinstance(value, str) and "${" in value:  # known when Hydra composes
+            continue
+        errors = []
+        for plugin in plugins:
+            try:
+                check_value(plugin, parameter, value)
+            except UsageError as error:
+                errors.append(error)
+        if errors and len(errors) == len(plugins):
+            raise errors[0]
+
+
+def _check_key(prefix: str, key: str, known: Iterable[str], line: str) -> None:
+    known = list(known)
+    if key not in known:
+        raise UsageError(f"{line}: there is no key '{prefix}{key}'. {_hint(prefix, key, known)}")
+
+
+def _hint(prefix: str, key: str, known: Iterable[str]) -> str:
+    return did_you_mean(key, known).replace("'", f"'{prefix}", 1) if prefix else did_you_mean(key, known)

@@ -1,0 +1,205 @@
+"""Progress: a rich bar where somebody looks, one line per cell elsewhere; the same under every launcher."""
+
+from __future__ import annotations
+
+import math
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from .forecast import Forecast, duration
+
+if TYPE_CHECKING:
+    from ..engine.runner import Outcome
+    from ..plan.cell import Cell
+    from .session import Session
+
+LOOK = 0.1  # seconds between looks at what jobs left
+LOOK_AGAIN = 1.0  # seconds for which a forecast is shown as it is
+WORTH_SAYING = 10.0  # seconds that are left, at least
+
+
+def line_of(cell: Cell, outcome: Outcome) -> str:
+    """What became of a cell, in one line."""
+    rows = outcome.record.rows
+    seconds = sum(row["seconds"] or 0.0 for row in rows)
+    text = f"{cell.title}: {outcome.record.solved}/{len(rows)} solved"
+    if outcome.cached == len(rows):
+        return f"{text}, all there already"
+    there = f", {outcome.cached} there already" if outcome.cached else ""
+    there += f", {outcome.for_outputs} run again for the outputs" if outcome.for_outputs else ""
+    failed = next((row for row in rows if row["status"] != "ok"), None)
+    why = f" ({failed['status']}: {_first_line(failed['message'])})" if failed else ""
+    return f"{text} in {seconds:.3g} s{there}{why}"
+
+
+def _first_line(text: str | None) -> str:
+    line = (text or "").strip().splitlines()[0] if (text or "").strip() else "no message"
+    return line if len(line) <= 160 else line[:157] + "..."
+
+
+class Lines:
+    """One line per finished job on stderr, in whichever process it was run; see :class:`Follow`."""
+
+    def __init__(self, total: int | None = None, forecast: Forecast | None = None):
+        self.total, self.done, self.forecast = total, 0, forecast
+        self._left, self._left_at = "", -math.inf
+
+    def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
+        """Nothing yet."""
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Nothing: lines are for finished cells."""
+
+    def ended(self, entry: Mapping[str, Any]) -> None:
+        """Count a job by what it left in its session's folder, and show the line of a cell."""
+        if entry["kind"] == "stopped":
+            return  # the end of the sweep, which the front door reports
+        self.done += 1
+        if self.forecast:
+            self.forecast.ended(entry.get("job", -1), entry.get("took", 0.0))
+        for note in entry.get("notes", ()):
+            self.show(f"warning: {note}")
+        if "line" in entry:
+            count = f"[{self.done}/{self.total}] " if self.total else ""
+            left = self.left()
+            self.show(f"{count}{entry['line']}{f'; {left}' if left else ''}")
+
+    def left(self) -> str:
+        """``about 3 min left``; empty where that is not known, or no longer of interest."""
+        if self.forecast and time.monotonic() - self._left_at > LOOK_AGAIN:
+            seconds = self.forecast.left()
+            self._left = f"about {duration(seconds)} left" if seconds and seconds >= WORTH_SAYING else ""
+            self._left_at = time.monotonic()
+        return self._left
+
+    def show(self, text: str) -> None:
+        """One line, in one write."""
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
+
+
+class Bars(Lines):
+    """Two live bars on a terminal: cells of the sweep, and cases (or a method's own steps) of the current cell."""
+
+    def __init__(self, total: int | None, forecast: Forecast | None = None):
+        super().__init__(total, forecast)
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        self._progress = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._cells = self._progress.add_task("cells", total=total)
+        self._cases = self._progress.add_task("", total=None, visible=False)
+        self._steps = self._progress.add_task("", total=None, visible=False)
+
+    def __enter__(self) -> Bars:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._progress.stop()
+
+    def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
+        """Show the cell's cases."""
+        self._progress.reset(self._cases, total=planned, completed=done, visible=True, description=cell.title)
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Move the bars."""
+        kind = event["event"]
+        if kind == "kept":
+            self._progress.advance(self._cases)
+            self._progress.update(self._steps, visible=False)
+        elif kind == "cases":
+            self._progress.update(self._cases, total=len(event["ids"]))
+        elif kind == "progress":
+            self._progress.update(
+                self._steps, description="  steps", completed=event["done"], total=event["total"], visible=True
+            )
+
+    def ended(self, entry: Mapping[str, Any]) -> None:
+        """Move the bar of the cells, too."""
+        super().ended(entry)
+        left = self.left()
+        self._progress.update(self._cells, completed=self.done, description=f"cells, {left}" if left else "cells")
+        self._progress.update(self._cases, visible=False)
+
+    def show(self, text: str) -> None:
+        """The line stays above the bars."""
+        self._progress.console.print(text, markup=False, highlight=False)
+
+
+Progress = Lines | Bars
+
+
+class Follow:
+    """Shows what the jobs of a session leave in its folder as they leave it, whichever process runs them.
+
+    Inside ``with``, a thread looks at the folder every now and then; at the end all that is there has been shown.
+    """
+
+    def __init__(self, session: Session, progress: Progress):
+        self._session, self._progress = session, progress
+        self._shown: set[str] = set()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._look_on, daemon=True, name="progress")
+
+    def __enter__(self) -> Follow:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.look()
+
+    def _look_on(self) -> None:
+        pause = LOOK
+        while not self._stop.wait(pause):
+            begin = time.monotonic()
+            self.look()
+            pause = max(LOOK, 20 * (time.monotonic() - begin))  # tens of thousands of files take a while to list
+
+    def look(self) -> None:
+        """Show what is new."""
+        for name, entry in self._session.entries(self._shown):
+            self._shown.add(name)
+            self._progress.ended(entry)
+
+
+class Steps:
+    """A bar for one method call, on a terminal."""
+
+    def __init__(self, title: str):
+        self._title = title
+        self._progress: Any = None
+
+    def __enter__(self) -> Steps:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+            title = TextColumn("{task.description}", markup=False)
+            columns = (SpinnerColumn(), title, BarColumn(), TimeElapsedColumn())
+            self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._progress.start()
+            self._bar = self._progress.add_task(self._title, total=None)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._progress:
+            self._progress.stop()
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Move the bar."""
+        if self._progress and event["event"] == "progress":
+            self._progress.update(self._bar, completed=event["done"], total=event["total"])

@@ -1,0 +1,1 @@
+"""Details that families put on a base."""

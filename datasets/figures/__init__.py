@@ -1,0 +1,1 @@
+"""Human figures: bodies, builds, poses and their skeleton."""

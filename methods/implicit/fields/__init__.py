@@ -1,0 +1,1 @@
+"""The fields that are fitted."""

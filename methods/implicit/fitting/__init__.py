@@ -1,0 +1,1 @@
+"""Bases of the methods: one field fitted to one shape."""

@@ -1,0 +1,1 @@
+"""Eq. 4.4 and its guidance."""

@@ -1,0 +1,1 @@
+"""Poisson surfaces by Fourier transforms."""

@@ -1,0 +1,1 @@
+"""Meshes of fields: marching cubes in a narrow band."""

@@ -1,0 +1,171 @@
+"""The one training loop: draws, steps, stops in time, and keeps the best state."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import torch
+
+from bench import InvalidOutput, Run
+
+from .batches import Batch
+from .field import Field
+from .settings import Training
+
+
+class Sampling(Protocol):
+    """Whatever draws batches."""
+
+    def draw(self) -> Batch:
+        """The next one."""
+        ...
+
+
+class Fit(NamedTuple):
+    """What became of a training."""
+
+    steps: int
+    improved: bool  # whether a state was better than the one that it began with
+
+
+class Progress:
+    """The progress t of a training, from 0 to 1, over its steps; and, where they would take too long, over its time.
+
+    As long as the steps fit into the time left, t does not depend on the clock, and the training is repeatable to the
+    bit. When the speed so far says that they will not fit, each step covers a larger part of the schedule, so that a
+    schedule always runs to its end.
+
+    Parameters
+    ----------
+    steps : int
+    elapsed : function without arguments
+        The clock, in seconds: it stands still while intermediate results are scored, or true distances are measured.
+    seconds : float
+        The time that there is, by that clock.
+    """
+
+    WARM_UP = 5  # steps that say little of the speed: buffers and threads are being made
+
+    def __init__(self, steps: int, elapsed: Callable[[], float], seconds: float = math.inf):
+        self._steps, self._elapsed = steps, elapsed
+        self._last = elapsed()
+        self._end = self._last + seconds
+        self._done, self._measured, self._per_step = 0, 0, 0.0
+        self.t = 0.0
+
+    def step(self) -> None:
+        """One step is done."""
+        now = self._elapsed()
+        seconds, self._last, left = now - self._last, now, self._end - now
+        self._done += 1
+        if self._done > self.WARM_UP or self.WARM_UP * seconds > left:
+            self._measured += 1
+            self._per_step += (seconds - self._per_step) / min(20, self._measured)
+        part = 1 / self._steps
+        if self._per_step > 0 and left < math.inf:
+            part = max(part, (1 - self.t) * self._per_step / max(left, 1e-9))
+        self.t = min(1.0, self.t + part) if left > 0 else 1.0
+        if self._steps <= self._done:
+            self.t = 1.0
+
+
+class Diverged(InvalidOutput):
+    """The training met values that are not finite."""
+
+
+def fit(
+    field: Field,
+    sampler: Sampling,
+    run: Run,
+    training: Training,
+    offer: Callable[[], None] = lambda: None,
+) -> Fit:
+    """Fit a field; afterwards it holds its best state.
+
+    The best state is that with the least loss, as it counts at the end (t = 1), on one batch that is drawn beforehand.
+    (Its points of the space are met nowhere else; those of the surface are points of the input, as in all batches.)
+
+    Parameters
+    ----------
+    offer : called ``training.traces`` times, with the field as it is then
+
+    Raises
+    ------
+    Diverged
+        If the loss is NaN or infinite.
+    """
+    optimizer = field.optimizer(training)
+    progress = Progress(training.steps, run.elapsed, training.seconds)
+    held_out = sampler.draw()
+    best = _Best(field, held_out, training.chunk)
+    best.look()  # a field that was loaded may be better than what comes
+    at_first = best.loss
+    steps = 0
+    while progress.t < 1:
+        t = training.begin + (1 - training.begin) * progress.t
+        loss = _step(field, sampler.draw(), optimizer, t, training)
+        if not math.isfinite(loss):
+            raise Diverged(
+                f"the training diverged: the loss is {loss} after {steps} of {training.steps} steps; "
+                f"try a smaller learning_rate (it is {training.learning_rate:g})"
+            )
+        before, steps = progress.t, steps + 1
+        progress.step()
+        run.progress(round(1000 * progress.t), 1000)
+        if _passed(before, progress.t, training.checkpoints):
+            best.look()
+        if progress.t < 1 and _passed(before, progress.t, training.traces):
+            offer()
+    best.restore()
+    return Fit(steps, best.loss < at_first)
+
+
+def _passed(before: float, now: float, marks: int) -> bool:
+    return math.floor(before * marks) < math.floor(now * marks)
+
+
+def _step(field: Field, batch: Batch, optimizer: torch.optim.Optimizer, t: float, training: Training) -> float:
+    """One step of the optimizer; the loss before it."""
+    for group, factor in zip(optimizer.param_groups, field.rates(t), strict=True):
+        group["lr"] = training.learning_rate * factor
+        for parameter in group["params"]:
+            parameter.requires_grad_(factor > 0)
+    optimizer.zero_grad(set_to_none=True)
+    loss = 0.0
+    for chunk in batch.chunks(training.chunk):
+        part = field.loss(chunk, t)
+        if part.requires_grad:
+            part.backward()
+        loss = loss + part.detach()
+    if training.clip > 0:
+        torch.nn.utils.clip_grad_norm_(field.parameters(), training.clip)
+    optimizer.step()
+    return float(loss)
+
+
+class _Best:
+    """The best state so far."""
+
+    def __init__(self, field: Field, batch: Batch, chunk: int):
+        self._field, self._batch, self._chunk = field, batch, chunk
+        self.loss, self._state = math.inf, None
+
+    def look(self) -> None:
+        """Keep the state of now if it is better."""
+        with torch.no_grad():
+            loss = float(sum(self._field.loss(part, 1.0) for part in self._batch.chunks(self._chunk)))
+        if loss < self.loss:
+            self.loss, now = loss, self._field.state_dict()
+            if self._state is None:
+                self._state = {name: torch.empty_like(tensor) for name, tensor in now.items()}
+            for name, tensor in now.items():
+                self._state[name].copy_(tensor)
+
+    def restore(self) -> None:
+        """Back to the best state."""
+        if self._state is not None:
+            self._field.load_state_dict(self._state)
+        for parameter in self._field.parameters():
+            parameter.requires_grad_(True)

@@ -1,0 +1,21 @@
+"""How a field is fitted: the settings of the training loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Training:
+    """How a field is fitted."""
+
+    steps: int  # at most
+    seconds: float = math.inf  # of wall clock, at most
+    learning_rate: float = 1e-4
+    betas: tuple[float, float] = (0.1, 0.9)
+    chunk: int = 2048  # points that go forwards and backwards at once
+    clip: float = 0.0  # largest norm of the gradient; 0 for none
+    checkpoints: int = 20  # how often the state is compared with the best one, over the whole training
+    traces: int = 0  # how often an intermediate result is offered
+    begin: float = 0.0  # progress at which a schedule begins: a field that was loaded is beyond its first stages
