@@ -108,7 +108,8 @@ def test_a_failed_write_leaves_what_was_there(tmp_path):
     write_atomically(path, b"old")
     script = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
-        "from pathlib import Path; from bench.results.files import write_atomically\nfrom bench.errors import StoreError\n"
+        "from pathlib import Path\n"
+        "from bench.results.files import write_atomically\nfrom bench.errors import StoreError\n"
         "try:\n    write_atomically(Path(sys.argv[1]), b'x' * 100000)\n"
         "except StoreError as error:\n    print(error)\n"
     )
