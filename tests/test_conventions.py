@@ -258,7 +258,9 @@ def test_tables_are_in_the_papers_units(format):
 
 
 def test_results_without_the_scores_say_what_to_do():
-    rows = pd.DataFrame({"status": ["ok"], "score.p2f_mean": [0.1]})
+    named = ("task", "dataset", "sensor", "method", "variant", "case", "host", "device", "fingerprint")
+    whole = {"seed": [0], "threads": [1], "split": ["test"], "status": ["ok"], "tags": [""]}
+    rows = pd.DataFrame({**dict.fromkeys(named, ["x"]), **whole, "score.p2f_mean": [0.1]})
     with pytest.raises(UsageError, match=r"convention=idf, or metric=\[chamfer_l1_sum,normal_cosine_distance\]"):
         show(rows, convention="idf")
 

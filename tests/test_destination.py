@@ -5,7 +5,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from bench.errors import UsageError
-from bench.plan import limits as config
+from bench.sweep import composition as config
 from bench.sweep.destination import destination, settled
 
 PLACE = "it's a/b,c"

@@ -12,6 +12,9 @@ import sys
 import numpy as np
 import pytest
 import trimesh
+
+from bench import BadInput, PointCloud, Run
+from bench.geometry.mesh_surface import MeshSurface
 from bench.methods.classical.advancing_front import AdvancingFront
 from bench.methods.classical.alpha_shape import AlphaShape
 from bench.methods.classical.alpha_wrap import AlphaWrap
@@ -23,9 +26,6 @@ from bench.methods.classical.jet import Jet
 from bench.methods.classical.poisson import Poisson
 from bench.methods.classical.rimls import Rimls
 from bench.methods.classical.wlop import Wlop
-
-from bench import BadInput, PointCloud, Run
-from bench.geometry.mesh_surface import MeshSurface
 from bench.tasks.denoise import Denoise
 from bench.tasks.reconstruct import Reconstruct
 
@@ -199,7 +199,9 @@ import hashlib, json, sys
 import numpy as np
 from bench import BadInput, PointCloud, Run
 from bench.plugins.registry import registry
-from bench.contract.task import Denoise, Reconstruct, Upsample
+from bench.tasks.denoise import Denoise
+from bench.tasks.reconstruct import Reconstruct
+from bench.tasks.upsample import Upsample
 
 def sphere(n):
     points = np.random.default_rng(n).standard_normal((n, 3))

@@ -10,21 +10,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import save_file
+
+from bench import BadInput, PointCloud, Run
 from bench.methods.implicit.fields.displaced_field import DisplacedField, attenuation
 from bench.methods.implicit.idf import Idf
 from bench.methods.implicit.losses.oriented import STEEPNESS, OrientedLoss
 from bench.methods.implicit.siren import Siren
 from bench.methods.learned.networks.sine_network import SineNetwork
-from bench.methods.learned.training import field as files
+from bench.methods.learned.training import files
 from bench.methods.learned.training.batches import Batch, DistanceSampler, Sampler
 from bench.methods.learned.training.field import Field
 from bench.methods.learned.training.loop import Diverged, Progress, fit
 from bench.methods.learned.training.schedules import stage
 from bench.methods.learned.training.settings import Training
 from bench.methods.learned.training.stages import area_about, reserve, seconds_to_extract
-from safetensors.torch import save_file
-
-from bench import BadInput, PointCloud, Run
 
 
 def draw(seed: int = 0) -> torch.Generator:

@@ -140,7 +140,7 @@ def test_weights_exchanged_under_one_name_are_run_again_and_why_names_the_file(s
 
 
 def test_every_shipped_sphere_is_found_by_its_form():
-    from bench.methods.implicit.shipped import FOLDER, sphere_file, spheres_read
+    from bench.methods.learned.networks.shipped import FOLDER, sphere_file, spheres_read
     from bench.methods.learned.networks.sphere import FORMS, RADIUS
 
     assert {sphere_file(*form, RADIUS) for form in FORMS} == set(FOLDER.glob("*.safetensors"))
@@ -151,6 +151,7 @@ def test_every_shipped_sphere_is_found_by_its_form():
 def test_methods_say_which_sphere_they_read(name, monkeypatch):
     """The file that they say is the one that is opened when they are prepared, and there is none without a sphere."""
     import safetensors.torch
+
     from bench.methods.learned.networks import sphere
 
     opened = []

@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import pytest
 
@@ -142,6 +142,8 @@ def test_a_missing_library_comes_with_the_line_that_installs_it():
 class AllTypes:
     """Every type that a parameter may have."""
 
+    writes: ClassVar[tuple[str, ...]] = ("path",)  # it need not be there
+
     whole: int = 1
     real: float = 0.5
     flag: bool = False
@@ -219,6 +221,8 @@ class Colour(Enum):
 @dataclass(frozen=True)
 class DeepTypes:
     """Types within types."""
+
+    writes: ClassVar[tuple[str, ...]] = ("paths",)  # they need not be there
 
     kinds: list[Literal["near", "far"]] = field(default_factory=lambda: ["near"])
     paths: tuple[Path, ...] = (Path("a"),)

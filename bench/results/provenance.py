@@ -262,7 +262,7 @@ def plugin_sources(cell: Cell) -> dict[str, dict[str, str | None]]:
     """
     plugins = [part for choice in cell.choices for part in choice.parts if is_from_file(part)]
     files = {path for plugin in plugins for path in source_closure(plugin.file)}
-    own, left, kept = Path(__file__).resolve().parent, LONGEST_SOURCES, {}
+    own, left, kept = BENCH.resolve(), LONGEST_SOURCES, {}
     for path in sorted(file for file in files if not file.is_relative_to(own)):
         content = path.read_bytes()
         fits = len(content) <= min(LONGEST_SOURCE, left)
