@@ -19,6 +19,7 @@ from ..contract.views import Views
 from ..engine.isolate import Isolation
 from ..errors import BadInput, DetailbenchError, InvalidOutput
 from ..geometry.cloud import PointCloud
+from ..plan.cell import Choice
 from ..plan.limits import Limits
 from ..plugins.registry import Plugin, registry
 from ..plugins.schema import NAME_KEY, build, config_class, parameters
@@ -176,7 +177,8 @@ def simple_checks(trial: _Trials) -> Iterator[Check]:
 
 def attempt(spec: dict[str, Any], channel: Any) -> None:
     """One trial, in a child; its outcome is sent as a row."""
-    from ..engine.worker import failure, plain
+    from ..engine.channel import plain
+    from ..engine.worker import failure
 
     asked = spec["arguments"]
     plugin = registry().find(asked["kind"], asked["name"])
@@ -263,29 +265,27 @@ def toy_case(task: Any, kind: str) -> Case | None:
 
 
 def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
-    import time
-
-    from ..contract.run import Run
-    from ..engine.worker import seed_globals
-    from ..geometry.signed_distance import signed_distances
+    from ..engine.call import MeasuredCall
+    from ..engine.meter import Meter
 
     task = registry().find("task", asked["task"]).cls()
     case = toy_case(task, asked["input"])
     if case is None:
         return {"status": "no_toy", "message": "this task has no toy(), which makes a small case; try it in a run"}
-    seed_globals(0)
-    run = Run(
+    call = MeasuredCall(
+        task=Choice("task", asked["task"]),
+        method=Choice(plugin.kind, plugin.name, asked["values"]),
+        solver=task,
+        inputs=case.input,
         seed=0,
-        threads=spec["threads"],
-        seconds=spec["seconds"],
-        on_distances=lambda points: signed_distances(case.reference.mesh, points),
+        spec=spec,
+        meter=Meter(spec["memory_gb"], "cpu"),
+        channel=channel,
+        reference=case.reference,
     )
-    channel.enter("method", 0)
-    begin = time.perf_counter()
-    output = task.solve(build(plugin, asked["values"]), asked["task"], dict(case.input), run)
-    seconds = time.perf_counter() - begin
+    output = call.solve()
     # Only a toy that was made here has poor variants.
-    row = {"seconds": seconds, "cloud": taken_by(task) == "cloud" and not hasattr(task, "toy")}
+    row = {"seconds": call.columns["seconds"], "cloud": taken_by(task) == "cloud" and not hasattr(task, "toy")}
     if asked["input"] == "empty" and isinstance(output, PointCloud) and not len(output):
         return row | {"output": "nothing from nothing", "digest": ""}
     task.validate(output, case.input)
@@ -330,15 +330,17 @@ def _metric(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel
 
     (Noise spreads points more evenly, and the maximum of a few distances moves with the sample.)
     """
-    metric = build(plugin, asked["values"])
+    from ..engine.call import score
+
     shape = toy_shape()
     case = Case("toy", {}, shape)
     kinds = plugin.options.get("outputs", ("mesh", "cloud"))
     ladder = [_spoiled(shape, kinds, amount) for amount in (0.0, 0.5)]
-    scores = [metric.score(output, case) for output in ladder]
+    choice = Choice(plugin.kind, plugin.name, asked["values"])
+    scores = [score([choice], output, case).values for output in ladder]
     for key in scores[0]:
         direction = plugin.better(key)
-        values = [float(s[key]) for s in scores if key in s]
+        values = [s[key] for s in scores if key in s]
         if not np.isfinite(values).all():
             raise InvalidOutput(f"{key} is not finite: {values}")
         order = values if direction == "lower" else [-v for v in values]

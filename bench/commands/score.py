@@ -26,7 +26,6 @@ from ..cli import add_plugin_argument
 from ..errors import DetailbenchError, MissingLibrary, UsageError, did_you_mean
 from ..plan.cell import Choice
 from ..plugins.registry import load_plugins, registry
-from ..plugins.schema import build
 from ..ranking.conventions import Convention, load_convention
 from ..ranking.report.score_table import Score, score_table, words
 
@@ -177,6 +176,7 @@ def _without_faces(points: Any) -> Trimesh:
 
 def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tuple[dict[str, Score], dict[str, str]]:
     """Every score that can be computed, and why the other metrics have none."""
+    from ..engine import call
     from ..geometry.comparison import NeedsSurface
 
     kind = "mesh" if hasattr(output, "faces") else "cloud"
@@ -190,21 +190,17 @@ def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tu
             continue
         try:
             plugin.require()
-            metric = build(plugin, choice.parameters)
-            found = metric.score(output, case)
-            floors = {}
-            if plugin.options.get("floor") and not is_cloud:
-                floors = metric.score(case.perfect(output), case)
+            found = call.score([choice], output, case, floors=not is_cloud)
         except NeedsSurface:
             left_out[choice.name] = "needs a reference that is a mesh"
             continue
         except MissingLibrary as error:
             left_out[choice.name] = str(error)
             continue
-        if not found:
+        if not found.values:
             left_out[choice.name] = "does not apply to these two"
-        for key, value in found.items():
-            scores[key] = Score(float(value), floors.get(key), plugin.better(key))
+        for key, value in found.values.items():
+            scores[key] = Score(value, found.floors.get(key), found.directions[key])
     if not scores:
         raise DetailbenchError("; ".join(f"{name} {reason}" for name, reason in left_out.items()))
     return scores, left_out

@@ -6,7 +6,6 @@ a message.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ from ..plan.limits import Limits
 from .isolate import Isolation
 
 if TYPE_CHECKING:
-    from .worker import Channel
+    from .channel import Channel
 
 
 @dataclass(frozen=True)
@@ -61,51 +60,38 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
 def call(spec: Mapping[str, Any], channel: Channel) -> None:
     """The worker's side: read, call, validate, write."""
     from ..geometry.io.files import check_target
-    from .devices import check_device, make_context
+    from .call import MeasuredCall
+    from .channel import plain
+    from .devices import check_device
     from .meter import Meter
-    from .worker import failure, plain, prepare
+    from .worker import failure
 
-    call = spec["arguments"]
+    asked = spec["arguments"]
     try:
         channel.enter("prepare", 0)
-        task, method = Choice(**call["task"]), Choice(**call["method"])
-        method.plugin.require()
-        check_device(call["device"])
-        solver, promised = method.build(), task.build()
-        check_target(call["output"], promised.output)  # nobody should wait for what cannot be written
+        task, method = Choice(**asked["task"]), Choice(**asked["method"])
+        check_device(asked["device"])
+        solver = task.build()
+        check_target(asked["output"], solver.output)  # nobody should wait for what cannot be written
         channel.enter("case", 0)
-        inputs, frame = promised.read(call["inputs"])
-        meter = Meter(spec["memory_gb"], call["device"])
-        channel.enter("prepare", 0)
-        make_context(call["device"])
-        prepare(solver)
-        run = _run(spec, channel)
-        channel.enter("method", 0)
-        with meter:
-            run._started = time.perf_counter()
-            output = promised.solve(solver, task.name, dict(inputs), run)
-        promised.validate(output, inputs)
+        inputs, frame = solver.read(asked["inputs"])
+        call = MeasuredCall(
+            task=task,
+            method=method,
+            solver=solver,
+            inputs=inputs,
+            seed=asked["seed"],
+            spec=spec,
+            meter=Meter(spec["memory_gb"], asked["device"]),
+            channel=channel,
+        )
+        output = call()
         channel.enter("write", 0)
-        row = meter.figures() | _write(promised.restore(output, frame), call["output"])
-        row |= {"status": "ok", "message": "; ".join(run.notes), "input": _words(inputs.values())}
+        row = call.columns | _write(solver.restore(output, frame), asked["output"])
+        row |= {"status": "ok", "input": _words(inputs.values())}
     except BaseException as error:  # the boundary: shown as one message
         row = {"stage": channel.stage} | failure(error, channel.stage)
     channel.send("result", row=plain(row))
-
-
-def _run(spec: Mapping[str, Any], channel: Channel) -> Any:
-    from ..contract.run import Run
-    from .worker import seed_globals
-
-    call = spec["arguments"]
-    seed_globals(call["seed"])
-    return Run(
-        seed=call["seed"],
-        device=call["device"],
-        threads=spec["threads"],
-        seconds=spec["seconds"],
-        on_progress=lambda done, total: channel.send("progress", done=done, total=total),
-    )
 
 
 def _write(output: Any, path: str) -> dict[str, Any]:

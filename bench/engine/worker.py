@@ -10,13 +10,9 @@ import contextlib
 import faulthandler
 import importlib
 import json
-import math
 import os
-import random
 import sys
-import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -24,10 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from ..contract.artefacts import Artefacts
 from ..contract.case import Case
 from ..contract.identity import shape_digest
-from ..contract.run import Run
 from ..contract.sensors import noun_of
 from ..errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from ..geometry.cloud import PointCloud
@@ -36,37 +30,11 @@ from ..plugins.registry import missing_library
 from ..results import imputation
 from ..results.kept_outputs import FOLDER, file_name, reference_file
 from ..seeds import generator
-from .devices import check_device, make_context
+from .call import MeasuredCall, Scores, floor, score
+from .channel import Channel, plain
+from .devices import check_device
 from .memo import Memo, RememberedDataset, RememberedSensor
 from .meter import Meter
-
-
-class Channel:
-    """Lines of JSON to the runner.
-
-    Attributes
-    ----------
-    stage : str
-        What is being done, as the runner was told last.
-    """
-
-    def __init__(self, fd: int):
-        self._file = os.fdopen(fd, "wb", buffering=0)
-        self._owner = os.getpid()
-        self.stage = "start"
-
-    def send(self, event: str, **values: Any) -> None:
-        """Send one event. A process that a method forked has nothing to say here, and ends."""
-        if os.getpid() != self._owner:
-            os._exit(0)
-        line = json.dumps({"event": event, **values}).encode() + b"\n"
-        while line:
-            line = line[self._file.write(line) or 0 :]
-
-    def enter(self, stage: str, index: int) -> None:
-        """Say what is done from now on, for which case: the runner watches the limits of that stage."""
-        self.stage = stage
-        self.send("begin", index=index, stage=stage)
 
 
 def work(spec: dict[str, Any], fd: int) -> None:
@@ -160,10 +128,14 @@ class _Session:
             self.case = case = self.made(recipe)
             row["tags"] = ",".join(case.tags)
             row |= conditions(task, case)
-            output = self.call_method(index, case, task, row)
-            task.validate(output, case.input)
+            call = self.measured_call(index, case, task)
+            try:
+                output = call()
+            finally:
+                row |= call.columns
             self.channel.enter("score", index)
-            row |= sizes(output) | self.score(output, case)
+            scores = self.score(output, case)
+            row |= sizes(output) | scores.columns | {"directions": json.dumps(scores.directions, sort_keys=True)}
             row |= self.keep(index, case, output)
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
@@ -171,127 +143,27 @@ class _Session:
             return row | {"stage": self.channel.stage} | failure(error, self.channel.stage)
         return {"message": ""} | row | {"status": "ok", "stage": "", "traceback": ""}
 
-    def call_method(self, index: int, case: Case, task: Any, row: dict[str, Any]) -> Any:
-        """The output of the method; into the row goes what clock and memory say of that call alone."""
-        cell = self.cell
-        self.channel.enter("prepare", index)
-        cell.method.plugin.require()
-        make_context(self.device)
-        method = cell.method.build()
-        prepare(method)
-        seed = int(generator(cell.seed, case.id, "run").integers(2**31))
-        seed_globals(seed)
-        trace: list[dict[str, Any]] = []
-        files = self.artefacts(index, case, lambda text: run.note(text))
-        run = Run(
-            seed=seed,
-            device=self.device,
-            threads=cell.threads,
-            seconds=self.spec["seconds"],
-            on_progress=lambda done, total: self.channel.send("progress", done=done, total=total),
-            on_trace=lambda output, seconds, keep=False: self.traced(
-                output, seconds, case, task, trace, files if keep else None
-            ),
-            on_keep=(lambda name, value: self.keep_artefact(files, name, value)) if files else None,
-            on_distances=(lambda points: self.distances(points, case)) if len(case.reference.mesh.faces) else None,
+    def measured_call(self, index: int, case: Case, task: Any) -> MeasuredCall:
+        """The call of the method on one case."""
+        cell, results = self.cell, Path(self.spec["results"])
+        return MeasuredCall(
+            task=cell.task,
+            method=cell.method,
+            solver=task,
+            inputs=case.input,
+            seed=int(generator(cell.seed, case.id, "run").integers(2**31)),
+            spec=self.spec,
+            meter=self.meter,
+            channel=self.channel,
+            index=index,
+            reference=case.reference,
+            trace_score=lambda output: self.score(output, case, floors=False).columns,
+            store=(results / self.outputs / file_name(case.id, ""), results) if self.keeps(index) else None,
         )
-        self.channel.enter("method", index)
-        try:
-            with self.meter:
-                run._started, run._paused = time.perf_counter(), 0.0
-                return task.solve(method, cell.task.name, dict(case.input), run)
-        finally:
-            row |= self.meter.figures()
-            row |= {"parameters": run.parameters, "active_parameters": run.active_parameters}
-            row["message"] = "; ".join(run.notes)
-            row["true_distances"] = run.distances_given or None
-            if trace:
-                row["trace"] = json.dumps(plain(trace))
-            if files and files.paths:
-                row["artefacts"] = json.dumps(files.paths)
 
-    def traced(
-        self,
-        output: Any,
-        seconds: float,
-        case: Case,
-        task: Any,
-        trace: list[dict[str, Any]],
-        files: Artefacts | None = None,
-    ) -> None:
-        """Score an intermediate result while the clock stands still; store it too where ``files`` is given."""
-        with self.off_the_clock():
-            entry: dict[str, Any] = {"seconds": seconds}
-            try:
-                output = output() if callable(output) else output
-                task.validate(output, case.input)
-                entry |= self.score(output, case, floors=False)
-            except InvalidOutput as error:
-                entry["message"] = str(error)
-            else:
-                if files and (path := files.keep(f"trace-{len(trace):03d}", output)):
-                    entry["artefact"] = path
-            trace.append(entry)
-
-    def artefacts(self, index: int, case: Case, note: Callable[[str], None]) -> Artefacts | None:
-        """Where a case stores what its method gives to ``run.keep``; None where the settings ask for no outputs."""
-        if not self.keeps(index):
-            return None
-        results = Path(self.spec["results"])
-        return Artefacts(results / self.outputs / file_name(case.id, ""), results, note)
-
-    def keep_artefact(self, files: Artefacts, name: str, value: Any) -> None:
-        """Store one artefact while the clock stands still."""
-        with self.off_the_clock():
-            files.keep(name, value)
-
-    def distances(self, points: np.ndarray, case: Case) -> np.ndarray:
-        """Signed distances to the reference mesh, while the clock stands still: a paper samples them beforehand."""
-        from ..geometry.signed_distance import signed_distances
-
-        with self.off_the_clock():
-            return signed_distances(case.reference.mesh, points)
-
-    @contextlib.contextmanager
-    def off_the_clock(self) -> Iterator[None]:
-        """Neither the time of the call nor its limit runs; what happens in here has limit.setup_seconds."""
-        self.channel.send("pause")
-        try:
-            with self.meter.paused():
-                yield
-        finally:
-            self.channel.send("resume")
-
-    def score(self, output: Any, case: Case, *, floors: bool = True) -> dict[str, Any]:
-        """``score.<key>`` of every metric, ``floor.<key>`` where it has one, and which way each is better."""
-        row: dict[str, Any] = {}
-        directions = {}
-        for choice in self.cell.metrics:
-            metric, plugin = choice.build(), choice.plugin
-            try:
-                scores = metric.score(output, case)
-                floor = self.floor(choice, metric, output, case) if floors and plugin.options.get("floor") else {}
-            except Exception as error:
-                error.add_note(f"while scoring {choice.name}")
-                raise
-            directions |= {key: plugin.better(key) for key in scores}
-            row |= {f"score.{key}": float(value) for key, value in scores.items()}
-            row |= {f"floor.{key}": float(value) for key, value in floor.items()}
-        return row | ({"directions": json.dumps(directions, sort_keys=True)} if floors else {})
-
-    def floor(self, choice: Choice, metric: Any, output: Any, case: Case) -> dict[str, float]:
-        """What a perfect output, in kind and count, would score: the same for all methods that return as many.
-
-        A metric may look at the input of the case, so each sensor has floors of its own.
-        """
-        kind = f"{len(output)} points" if isinstance(output, PointCloud) else "mesh"
-
-        def scored() -> dict[str, np.ndarray]:
-            return {key: np.float64(value) for key, value in metric.score(case.perfect(output), case).items()}
-
-        keys = self.spec["keys"]
-        name = f"floor of {choice.name} {keys[f'metric {choice.name}']} for {kind} from {keys['sensor']}"
-        return {key: float(value) for key, value in case.remember(name, scored).items()}
+    def score(self, output: Any, case: Case, *, floors: bool = True) -> Scores:
+        """What the metrics of the cell say of an output."""
+        return score(self.cell.metrics, output, case, floors=floors, keys=self.spec["keys"])
 
     @property
     def outputs(self) -> str:
@@ -344,7 +216,7 @@ class _Session:
             # A metric of a user may refuse what the tasks never let through; it then has no worst score.
             with contextlib.suppress(Exception):
                 hopeless.append(metric.score(output, rough))
-        perfect = self.floor(choice, metric, outputs[0], case) if hopeless else {}
+        perfect = floor(choice, metric, outputs[0], case, self.spec["keys"]) if hopeless else {}
         worst = imputation.worst_scores(hopeless, perfect, choice.plugin.better)
         return {key: np.float64(value) for key, value in worst.items()}
 
@@ -419,12 +291,6 @@ OUT_OF_MEMORY = (
 )
 
 
-def prepare(method: Any) -> None:
-    """Let a method make or fetch what it keeps: weights, say. That is no part of the call, nor of its limit."""
-    if hasattr(method, "prepare"):
-        method.prepare()
-
-
 def conditions(task: Any, case: Case) -> dict[str, float]:
     """``input.<key>`` of what the task can tell of a case's input: how noisy, how complete, how even it really is."""
     describe = getattr(task, "describe", None)
@@ -432,16 +298,6 @@ def conditions(task: Any, case: Case) -> dict[str, float]:
 
 
 # -- small things ------------------------------------------------------------------------------------------------------
-
-
-def seed_globals(seed: int) -> None:
-    """Seed the global generators: nothing of ours draws from them, somebody's method may, and must be repeatable."""
-    random.seed(seed)
-    np.random.seed(seed)  # noqa: NPY002
-    if "torch" in sys.modules:
-        sys.modules["torch"].manual_seed(seed)
-    if "open3d" in sys.modules:
-        sys.modules["open3d"].utility.random.seed(seed)
 
 
 def sizes(output: Any) -> dict[str, int]:
@@ -456,16 +312,3 @@ def sizes(output: Any) -> dict[str, int]:
 def now(seconds: float = 0.0) -> str:
     """The time in so many seconds, UTC, ISO 8601."""
     return (datetime.now(UTC) + timedelta(seconds=seconds)).isoformat(timespec="milliseconds")
-
-
-def plain(value: Any) -> Any:
-    """As JSON can hold it: numpy scalars become Python's, not-a-number becomes null."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else value
-    return value

@@ -1,0 +1,233 @@
+"""One measured call of a method, and one score of its output: for ``run``, ``apply``, ``check`` and ``score`` alike."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import random
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..contract.artefacts import Artefacts
+from ..contract.case import Case
+from ..contract.run import Run
+from ..contract.shape import Shape
+from ..errors import InvalidOutput
+from ..geometry.cloud import PointCloud
+from ..plan.cell import Choice
+from .channel import Channel, plain
+from .devices import make_context
+from .meter import Meter
+
+# -- the call ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class MeasuredCall:
+    """One call of a method: prepared, seeded, measured, and its output validated.
+
+    ``columns`` is empty until the method was called. Then, also when it raised, it has the figures of the meter, and
+    what the method reported: ``parameters``, ``active_parameters``, ``message``, ``true_distances``, ``trace`` and
+    ``artefacts``. The channel hears of the stages ``prepare`` and ``method``, and of every pause of the clock.
+    """
+
+    task: Choice
+    method: Choice
+    solver: Any  # the task, built
+    inputs: Mapping[str, Any]  # the keyword arguments of the method's function
+    seed: int  # of the global generators and of the Run
+    spec: Mapping[str, Any]  # of the job: its ``threads``, and the ``seconds`` that the method is told as its limit
+    meter: Meter  # its device is the method's
+    channel: Channel
+    index: int = 0  # of the case, for the channel
+    reference: Shape | None = None  # what run.true_distances measures to
+    trace_score: Callable[[Any], Mapping[str, Any]] | None = None  # of a valid output; None: nobody looks at traces
+    store: tuple[Path, Path] | None = None  # where run.keep stores, and what the listed paths are relative to
+    columns: dict[str, Any] = field(default_factory=dict, init=False)
+    _trace: list[dict[str, Any]] = field(default_factory=list, init=False)
+    _files: Artefacts | None = field(default=None, init=False)
+
+    def __call__(self) -> Any:
+        """The output of the method, validated.
+
+        Raises
+        ------
+        InvalidOutput
+            If it is not what the task promises. Whatever the method raises passes through.
+        """
+        output = self.solve()
+        self.solver.validate(output, self.inputs)
+        return output
+
+    def solve(self) -> Any:
+        """The output of the method, whatever it is."""
+        self.channel.enter("prepare", self.index)
+        self.method.plugin.require()
+        make_context(self.meter.device)
+        method = self.method.build()
+        if hasattr(method, "prepare"):  # weights, say: no part of the call, nor of its limit
+            method.prepare()
+        seed_globals(self.seed)
+        run = self._new_run()
+        self.channel.enter("method", self.index)
+        try:
+            with self.meter:
+                run._started, run._paused = time.perf_counter(), 0.0
+                return self.solver.solve(method, self.task.name, dict(self.inputs), run)
+        finally:
+            self.columns |= self.meter.figures() | self._reported(run)
+
+    def _new_run(self) -> Run:
+        has_truth = self.reference is not None and len(self.reference.mesh.faces) > 0
+        run = Run(
+            seed=self.seed,
+            device=self.meter.device,
+            threads=self.spec["threads"],
+            seconds=self.spec["seconds"],
+            on_progress=lambda done, total: self.channel.send("progress", done=done, total=total),
+            on_trace=self._add_trace if self.trace_score else None,
+            on_keep=self._keep if self.store else None,
+            on_distances=self._distances if has_truth else None,
+        )
+        self._files = Artefacts(*self.store, run.note) if self.store else None
+        return run
+
+    def _reported(self, run: Run) -> dict[str, Any]:
+        """The columns of what the method reported through its run."""
+        columns = {
+            "parameters": run.parameters,
+            "active_parameters": run.active_parameters,
+            "message": "; ".join(run.notes),
+            "true_distances": run.distances_given or None,
+        }
+        if self._trace:
+            columns["trace"] = json.dumps(plain(self._trace))
+        if self._files and self._files.paths:
+            columns["artefacts"] = json.dumps(self._files.paths)
+        return columns
+
+    # -- off the clock -------------------------------------------------------------------------------------------------
+
+    @contextlib.contextmanager
+    def _off_the_clock(self) -> Iterator[None]:
+        """Neither the time of the call nor its limit runs; what happens in here has limit.setup_seconds."""
+        self.channel.send("pause")
+        try:
+            with self.meter.paused():
+                yield
+        finally:
+            self.channel.send("resume")
+
+    def _add_trace(self, output: Any, seconds: float, keep: bool = False) -> None:
+        """Score an intermediate result; store it too with ``keep``."""
+        with self._off_the_clock():
+            entry: dict[str, Any] = {"seconds": seconds}
+            try:
+                output = output() if callable(output) else output
+                self.solver.validate(output, self.inputs)
+                entry |= self.trace_score(output)
+            except InvalidOutput as error:
+                entry["message"] = str(error)
+            else:
+                if keep and self._files and (path := self._files.keep(f"trace-{len(self._trace):03d}", output)):
+                    entry["artefact"] = path
+            self._trace.append(entry)
+
+    def _keep(self, name: str, value: Any) -> None:
+        with self._off_the_clock():
+            self._files.keep(name, value)
+
+    def _distances(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances to the reference: a paper samples them beforehand, so they are not the method's time."""
+        from ..geometry.signed_distance import signed_distances
+
+        with self._off_the_clock():
+            return signed_distances(self.reference.mesh, points)
+
+
+def seed_globals(seed: int) -> None:
+    """Seed the global generators: nothing of ours draws from them, somebody's method may, and must be repeatable."""
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002
+    if "torch" in sys.modules:
+        sys.modules["torch"].manual_seed(seed)
+    if "open3d" in sys.modules:
+        sys.modules["open3d"].utility.random.seed(seed)
+
+
+# -- the score ---------------------------------------------------------------------------------------------------------
+
+
+class Scores(NamedTuple):
+    """What metrics say of one output: scores, floors where there are any, and the direction of each score."""
+
+    values: dict[str, float]
+    floors: dict[str, float]
+    directions: dict[str, str]  # lower, higher or reference
+
+    @property
+    def columns(self) -> dict[str, float]:
+        """``score.<key>`` and ``floor.<key>``."""
+        return {f"score.{k}": v for k, v in self.values.items()} | {f"floor.{k}": v for k, v in self.floors.items()}
+
+
+def score(
+    metrics: Iterable[Choice],
+    output: Any,
+    case: Case,
+    *,
+    floors: bool = True,
+    keys: Mapping[str, str] | None = None,
+) -> Scores:
+    """Score an output against the reference of a case.
+
+    Parameters
+    ----------
+    metrics : metrics that score this kind of output
+    output : PointCloud or mesh, in the frame of the case
+    case : its seed and id seed the samples
+    floors : whether to score the perfect output too, with the metrics that have a floor
+    keys : fingerprints under which floors are cached, see :func:`bench.results.provenance.memory_keys`; only needed
+        for a case that has a cache
+
+    Raises
+    ------
+    Exception
+        Whatever a metric raises, with a note that names the metric.
+    """
+    found = Scores({}, {}, {})
+    for choice in metrics:
+        metric, plugin = choice.build(), choice.plugin
+        try:
+            scores = metric.score(output, case)
+            perfect = floor(choice, metric, output, case, keys) if floors and plugin.options.get("floor") else {}
+        except Exception as error:
+            error.add_note(f"while scoring {choice.name}")
+            raise
+        found.values.update({key: float(value) for key, value in scores.items()})
+        found.floors.update(perfect)
+        found.directions.update({key: plugin.better(key) for key in scores})
+    return found
+
+
+def floor(
+    choice: Choice, metric: Any, output: Any, case: Case, keys: Mapping[str, str] | None = None
+) -> dict[str, float]:
+    """What a perfect output, in kind and count, would score: the same for all methods that return as many.
+
+    A metric may look at the input of the case, so each sensor has floors of its own.
+    """
+    kind = f"{len(output)} points" if isinstance(output, PointCloud) else "mesh"
+
+    def scored() -> dict[str, np.ndarray]:
+        return {key: np.float64(value) for key, value in metric.score(case.perfect(output), case).items()}
+
+    keys = keys or {}
+    name = f"floor of {choice.name} {keys.get(f'metric {choice.name}')} for {kind} from {keys.get('sensor')}"
+    return {key: float(value) for key, value in case.remember(name, scored).items()}

@@ -1,0 +1,154 @@
+"""One measured call and one score: run, apply, check and score agree, whoever asks."""
+
+import json
+import random
+import shutil
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from conftest import TOYS
+
+from bench import PointCloud, generator
+from bench.authoring.conformance import LIMIT, _Trials, digest_of, toy_cloud, toy_shape
+from bench.contract.case import Case
+from bench.engine.call import score
+from bench.engine.isolate import Isolation
+from bench.geometry.io.files import load_cloud
+from bench.plan.cell import Choice
+from bench.plugins.registry import load_plugins, registry
+
+PLUGINS = '''
+import random
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench import PointCloud, register
+
+
+@register("method")
+@dataclass
+class Shuffled:
+    """The points, in an order in which every seeded generator has a part."""
+
+    ready = False
+
+    def prepare(self):
+        random.random(), np.random.random()  # drawn before the seeding: without effect on the call
+        time.sleep(0.3)
+        self.ready = True
+
+    def denoise(self, cloud, run):
+        if not self.ready:
+            raise RuntimeError("called before it was prepared")
+        run.keep("given", cloud)
+        if run.has_truth:
+            run.true_distances(np.tile(cloud.points, (50, 1)))
+        order = run.rng.permutation(len(cloud))[np.random.permutation(len(cloud))]
+        return PointCloud(cloud.points[np.roll(order, random.randrange(len(cloud)))])
+
+
+@register("metric", version=1, better="lower", floor=True, outputs=("cloud",))
+@dataclass(frozen=True)
+class Choosy:
+    """Refuses what lies on the reference, as the perfect output does."""
+
+    def score(self, output, case):
+        if output is case.perfect(output):
+            raise RuntimeError("not the perfect one")
+        return {"choosy": 1.0}
+'''
+
+
+def shuffled(points: np.ndarray, seed: int) -> np.ndarray:
+    """What the method of this file returns for a seed: the three generators, seeded by hand."""
+    order = generator(seed, "method").permutation(len(points))[np.random.RandomState(seed).permutation(len(points))]
+    return points[np.roll(order, random.Random(seed).randrange(len(points)))]
+
+
+@pytest.fixture(scope="module")
+def plugin(tmp_path_factory):
+    path = tmp_path_factory.mktemp("plugin") / "ordered.py"
+    path.write_text(PLUGINS)
+    known = {kind: dict(plugins) for kind, plugins in registry()._plugins.items()}
+    load_plugins([str(path)])
+    yield path
+    for kind, plugins in known.items():  # other tests of this process look at all there is
+        registry()._plugins[kind].clear()
+        registry()._plugins[kind].update(plugins)
+
+
+@pytest.fixture(scope="module")
+def ran(shells, plugin):
+    """A shell with the method's results, and the row of its second case."""
+    shell = shells("call")
+    metrics = "metric=[spread,p2f_mean,chamfer_l1_mean]"
+    done = shell.run("method=shuffled", "outputs=all", metrics, sweep=False, plugins=(TOYS, plugin))
+    assert done.returncode == 0, done.stderr
+    table = pq.read_table(shell.files()[0])
+    return shell, table.to_pylist()[1]
+
+
+def given(ran):
+    """What the method was given in the run."""
+    shell, row = ran
+    (path,) = json.loads(row["artefacts"])
+    return shell.results / path
+
+
+def test_run_seeds_the_call_and_all_global_generators_by_cell_and_case(ran):
+    shell, row = ran
+    seed = int(generator(0, row["case"], "run").integers(2**31))
+    output = load_cloud(shell.results / row["output"])
+    assert np.array_equal(output.points, shuffled(load_cloud(given(ran)).points, seed))
+
+
+def test_apply_makes_of_the_same_input_and_seed_what_run_made(ran, plugin):
+    shell, row = ran
+    seed = int(generator(0, row["case"], "run").integers(2**31))
+    words = ("apply", "--plugin", plugin, "method=shuffled", "task=denoise", f"seed={seed}")
+    done = shell.call(*words, given(ran), "out.ply")
+    assert done.returncode == 0, done.stderr
+    ours, theirs = load_cloud(shell.work / "out.ply").points, load_cloud(shell.results / row["output"]).points
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12)  # it goes through the frame of the input
+
+
+def test_check_calls_as_run_does(plugin):
+    with Isolation((), (str(plugin),)) as isolation:
+        trial = _Trials(registry().find("method", "shuffled"), isolation, {}, LIMIT)
+        done = trial.run("solve", task="denoise", input="toy")
+    assert done["status"] == "ok", done["message"]  # it was prepared
+    assert done["digest"] == digest_of(PointCloud(shuffled(toy_cloud("toy").points, 0)))
+    assert done["seconds"] < 0.2  # neither preparing nor the true distances are the method's
+
+
+def test_score_says_of_the_kept_output_what_run_said(ran):
+    shell, row = ran
+    (reference,) = shell.results.glob(f"outputs/references/*{row['case']}-*.ply")
+    shutil.copy(reference, shell.work / f"{row['case']}.ply")  # the name seeds the samples, as the case's id does
+    words = ("score", "--plugin", TOYS, "--json", "--metric", "spread,p2f_mean,chamfer_l1_mean")
+    done = shell.call(*words, shell.results / row["output"], f"{row['case']}.ply")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    for kind, prefix in (("scores", "score."), ("floors", "floor.")):
+        stored = {key.removeprefix(prefix): value for key, value in row.items() if key.startswith(prefix)}
+        assert stored and found[kind] == {key: pytest.approx(value, rel=1e-9) for key, value in stored.items()}
+    assert found["better"] == json.loads(row["directions"])
+
+
+def test_check_scores_as_run_does(plugin):
+    """With the floors: a metric that cannot score the perfect output would fail in every run."""
+    with Isolation((), (str(plugin),)) as isolation:
+        done = _Trials(registry().find("metric", "choosy"), isolation, {}, LIMIT).run("metric")
+    assert done["message"] == "RuntimeError: not the perfect one (while scoring choosy)"
+
+
+def test_what_a_metric_raises_names_it(plugin):
+    case = Case("toy", {}, toy_shape())
+    with pytest.raises(RuntimeError, match="not the perfect one") as caught:
+        score([Choice("metric", "choosy")], case.perfect(toy_cloud("toy")), case)
+    assert caught.value.__notes__ == ["while scoring choosy"]
+    found = score([Choice("metric", "choosy")], toy_cloud("toy"), case, floors=False)
+    assert found == ({"choosy": 1.0}, {}, {"choosy": "lower"}) and found.columns == {"score.choosy": 1.0}
