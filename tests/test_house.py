@@ -145,3 +145,14 @@ def test_the_name_of_a_plugin_is_its_file():
     shipped = [plugin for kind in KINDS for plugin in registry().all(kind) if plugin.file.is_relative_to(ROOT)]
     assert len(shipped) > 100
     assert [(plugin.kind, plugin.name, plugin.file.name) for plugin in shipped if plugin.name != plugin.file.stem] == []
+
+
+def test_the_tests_mirror_the_packages():
+    """A folder of tests is named after the room, or the plugin folder, whose modules it tests; two are of no room."""
+    of_no_room = {"faults", "benchmarks"}
+    rooms = {room.removeprefix("bench.").replace(".", "/") for room in PLAN.arrows}
+    rooms |= {parent for room in rooms for parent in (room.rpartition("/")[0],) if parent}
+    folders = {file.parent.relative_to(ROOT / "tests").as_posix() for file in (ROOT / "tests").rglob("test_*.py")}
+    assert {folder for folder in folders if folder != "."} - rooms - of_no_room == set()
+    lying = {file.name for file in (ROOT / "tests").glob("test_*.py")}
+    assert lying == {"test_house.py", "test_packaging.py", "test_safe_path.py"}

@@ -10,7 +10,7 @@ count the units as independent would make intervals too narrow (Field and Welsh,
   most of it, and a sample without them looks both better and surer than it is, so that Student's interval, and the
   bootstrap's, miss the true mean on one side. The transformed statistic is nearly normal; it is compared with
   Student's quantile rather than the normal one, for few clusters. Without skewness the interval is Student's.
-  ``tests/test_statistics.py`` and ``tests/test_leaderboard_clusters.py`` measure the coverage.
+  ``tests/ranking/test_statistics.py`` and ``tests/ranking/test_leaderboard_clusters.py`` measure the coverage.
 * Ranks: each two methods are compared on the units (shape, seed and sensor) that both were run on, by the paired
   relative difference (a - b) / (|a| + |b|) and Student's t over the clusters. Relative, because the error on a hard
   case is a multiple of that on an easy one, and so is the difference of two methods: the plain difference would mostly

@@ -1,0 +1,256 @@
+"""Families put together from parts: fractals, furniture, humanoids and scenes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from bench.datasets import fractals, furniture, humanoids, scenes
+from bench.datasets.figures import poses, skeleton, skinning
+from bench.datasets.figures.bodies import body, template
+from bench.datasets.figures.builds import Build, shaped
+from bench.datasets.solids import furniture_parts
+from bench.geometry.self_intersections import self_intersecting_faces
+from bench.geometry.topology import count_topology
+
+FAMILIES = {
+    "fractals": fractals.Fractals(),
+    "furniture": furniture.Furniture(),
+    "humanoids": humanoids.Humanoids(),
+    "scenes": scenes.Scenes(),
+}
+SHAPES = [shape for family in FAMILIES.values() for shape in islice(family.shapes("test"), 8)]
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.id)
+def test_a_shape_is_what_it_says(shape):
+    mesh, info = shape.mesh, shape.info
+    counts = count_topology(mesh.vertices, mesh.faces)
+    assert counts.watertight and counts.boundary_edges == 0
+    assert (counts.components, counts.genus) == (info.get("components", 1), info["genus"])
+    assert mesh.is_winding_consistent and mesh.volume > 0
+    assert len(np.unique(mesh.vertices, axis=0)) == len(mesh.vertices)
+    assert mesh.area_faces.min() > 1e-12
+    assert ("high_genus" in shape.tags) == (info["genus"] >= 10)
+    if "thickness" in info:
+        assert ("thin" in shape.tags) == (info["thickness"] < 0.03)
+    if "gap" in info:
+        assert ("near_contact" in shape.tags) == (info["gap"] < 0.03)
+    if "sharp" in shape.tags:
+        assert (mesh.face_adjacency_angles > np.radians(60)).sum() > 10
+        assert "smooth" not in shape.tags
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_twice_the_same_and_the_splits_differ(name):
+    family = FAMILIES[name]
+    first, again = (next(family.shapes("test")).mesh for _ in range(2))
+    assert first.vertices.tobytes() == again.vertices.tobytes() and first.faces.tobytes() == again.faces.tobytes()
+    assert first.vertices.tobytes() != next(family.shapes("train")).mesh.vertices.tobytes()
+
+
+def test_listing_builds_nothing():
+    script = (
+        "import sys\nfrom itertools import islice\n"
+        "from bench.datasets import fractals, furniture, humanoids, scenes\n"
+        "for family in (fractals.Fractals, furniture.Furniture, humanoids.Humanoids, scenes.Scenes):\n"
+        "    list(islice(family().shapes('test'), 8))\n"
+        "list(islice(humanoids.Humanoids().pairs('test'), 4)), list(islice(furniture.Furniture().pairs('test'), 4))\n"
+        "list(islice(humanoids.Humanoids().transfers('test'), 4))\n"
+        "assert not {'manifold3d', 'trimesh', 'scipy', 'open3d', 'skimage'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: fractals.Fractals(kind="snail"),
+        lambda: furniture.Furniture(category="sofa"),
+        lambda: humanoids.Humanoids(jitter=-1),
+        lambda: humanoids.Humanoids(variety=2),
+        lambda: scenes.Scenes(gap_low=0.5),
+        lambda: scenes.Scenes(gap_high=0.5),
+        lambda: scenes.Scenes(kind="room"),
+    ],
+)
+def test_wrong_parameters_are_named(make):
+    with pytest.raises(ValueError, match=r"^(kind|category|jitter|variety|gap_low|gap_high): expected"):
+        make()
+
+
+# -- fractals ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_genus_of_the_menger_sponge():
+    """The closed formula against a naive count of blocks, sides, edges and corners (Euler)."""
+    for level in (1, 2):
+        n = 3**level
+        digits = [[i // 3**k % 3 for k in range(level)] for i in range(n)]
+        cells = [
+            (i, j, k)
+            for i in range(n)
+            for j in range(n)
+            for k in range(n)
+            if all((a == 1) + (b == 1) + (c == 1) < 2 for a, b, c in zip(digits[i], digits[j], digits[k], strict=True))
+        ]
+        # A block of the doubled grid has 27 cells; the Euler characteristic is an alternating sum over them.
+        solid = {
+            (2 * i + a, 2 * j + b, 2 * k + c) for i, j, k in cells for a in range(3) for b in range(3) for c in range(3)
+        }
+        euler = sum((-1) ** (x % 2 + y % 2 + z % 2) for x, y, z in solid)
+        assert len(cells) == 20**level and fractals.menger_genus(level) == 1 - euler
+    assert fractals.menger_genus(3) == 1409
+
+
+def test_a_twisted_koch_prism_does_not_cross_itself():
+    """The others are made by booleans or of whole blocks, which cannot."""
+    small = (s for s in fractals.Fractals(kind="koch").shapes("test") if s.info["level"] == 2)
+    for shape in islice(small, 2):
+        assert not self_intersecting_faces(shape.mesh.vertices, shape.mesh.faces).any()
+
+
+def test_fractals_come_in_turn_and_are_turned():
+    shapes = SHAPES[:4]
+    assert [shape.info["kind"] for shape in shapes] == list(fractals.KINDS)
+    assert all(np.abs(shape.mesh.face_normals).max(axis=1).mean() < 0.99 for shape in shapes)
+
+
+# -- furniture ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("category", furniture_parts.CATEGORIES)
+def test_the_stated_genus_of_furniture_and_its_labels(category):
+    for shape in islice(furniture.Furniture(category=category).shapes("train"), 6):
+        counts = count_topology(shape.mesh.vertices, shape.mesh.faces)
+        assert (counts.components, counts.genus) == (1, shape.info["genus"]), shape.id
+        labels = shape.attributes["part"]
+        assert labels.shape == (len(shape.mesh.faces),)
+        assert set(labels) == set(range(len(shape.info["parts"])))
+
+
+@pytest.mark.parametrize("category", furniture_parts.CATEGORIES)
+def test_a_category_has_one_topology(category):
+    pairs = [*islice(furniture.Furniture(category=category).pairs("test"), 3)]
+    faces = pairs[0].source.mesh.faces
+    for pair in pairs:
+        assert pair.landmarks == pairs[0].landmarks and len(pair.landmarks) >= 8
+        for shape in (pair.source, pair.target):
+            assert (shape.mesh.faces == faces).all()
+            counts = count_topology(shape.mesh.vertices, shape.mesh.faces)
+            assert counts == (len(shape.info["parts"]), 0, 0, True)
+            assert shape.mesh.volume > 0
+            feet = [shape.mesh.vertices[v] for name, v in pair.landmarks.items() if name.endswith("foot")]
+            assert len(feet) == 4 and np.allclose(np.array(feet)[:, 2], 0, atol=0.01)
+            lefts = [shape.mesh.vertices[v, 0] for name, v in pair.landmarks.items() if "left" in name]
+            assert min(lefts) > 0
+        assert not np.allclose(pair.source.mesh.vertices, pair.target.mesh.vertices)
+
+
+# -- humanoids ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_template_is_on_the_implicit_body():
+    V, F = template()
+    assert 6_800 < len(V) < 7_200 and np.abs(body()(V)).max() < 2e-4
+    assert count_topology(V, F) == (1, 0, 0, True)
+    assert not self_intersecting_faces(V, F).any()
+
+
+def test_weights_are_a_smooth_partition():
+    V, F = template()
+    W = humanoids.skin()
+    assert W.min() >= 0 and np.allclose(W.sum(axis=1), 1)
+    assert W.max(axis=0).min() > 0.25  # the pelvis shares all it has with spine and thighs
+    edges = np.concatenate([F[:, [0, 1]], F[:, [1, 2]], F[:, [2, 0]]])
+    assert np.abs(W[edges[:, 0]] - W[edges[:, 1]]).max() < 0.9
+    hand = humanoids.Landmarks()["left_hand"]
+    assert W[hand, [n.startswith("right") for n in skeleton.NAMES]].sum() < 1e-3
+
+
+def test_skinning_one_rigid_motion_is_that_motion():
+    rng = np.random.default_rng(0)
+    V, W = rng.normal(size=(50, 3)), rng.dirichlet(np.ones(4), size=50)
+    R, t = skeleton.rotation_about(rng.normal(size=3), 2.5), rng.normal(size=3)
+    posed = skinning.dual_quaternion_skinning(V, W, np.tile(R, (4, 1, 1)), np.tile(t, (4, 1)))
+    assert np.allclose(posed, V @ R.T + t)
+
+
+def test_skinning_of_a_vertex_of_one_bone_follows_that_bone():
+    rotations = poses.joint_rotations(poses.KEYS["run"])
+    turns, shifts = skeleton.forward(skeleton.REST, rotations)
+    V, W = skeleton.ENDS, np.eye(len(skeleton.NAMES))
+    expected = np.array([R @ x + t for R, x, t in zip(turns, V, shifts, strict=True)])
+    assert np.allclose(skinning.dual_quaternion_skinning(V, W, turns, shifts), expected)
+
+
+def test_the_skeleton_keeps_together_and_rest_is_rest():
+    V, _ = template()
+    still, joints = shaped(V, humanoids.skin(), Build())
+    assert np.allclose(still, V) and np.allclose(joints, skeleton.REST)
+    turns, shifts = skeleton.forward(joints, poses.joint_rotations(poses.KEYS["kick"]))
+    for child, parent in enumerate(skeleton.PARENTS):
+        if parent >= 0:  # a joint is where both its bones say
+            assert np.allclose(*(turns[j] @ joints[child] + shifts[j] for j in (child, parent)))
+
+
+def test_knees_bend_backwards_and_elbows_forwards():
+    for freedom, joint, bend in (("left_knee", "left_ankle", 1), ("right_elbow", "right_wrist", -1)):
+        turns, shifts = skeleton.forward(skeleton.REST, poses.joint_rotations({freedom: 60}))
+        j = skeleton.NAMES.index(joint)
+        moved = turns[j] @ skeleton.REST[j] + shifts[j] - skeleton.REST[j]
+        assert bend * moved[1] > 0.15
+
+
+def test_key_poses_keep_to_the_limits_and_bones_apart():
+    for name, angles in poses.KEYS.items():
+        for freedom, angle in angles.items():
+            low, high = poses.FREEDOMS[freedom][2:]
+            assert low <= angle <= high, (name, freedom)
+        for seed in range(3):
+            assert poses.clearance(poses.draw_pose(name, np.random.default_rng(seed))) > 0
+
+
+def test_no_body_crosses_itself_grossly():
+    bodies = [shape for shape in SHAPES if shape.id.startswith("humanoids")]
+    for shape in bodies:
+        crossing = self_intersecting_faces(shape.mesh.vertices, shape.mesh.faces)
+        assert shape.mesh.area_faces[crossing].sum() < 0.03 * shape.mesh.area, shape.id
+
+
+def test_pairs_and_transfers_share_faces_and_landmarks():
+    faces = template()[1]
+    for pair in islice(FAMILIES["humanoids"].pairs("test"), 2):
+        assert (pair.source.mesh.faces == faces).all() and (pair.target.mesh.faces == faces).all()
+        assert not np.allclose(pair.source.mesh.vertices, pair.target.mesh.vertices)
+    transfer = next(FAMILIES["humanoids"].transfers("test"))
+    marks = transfer.landmarks
+    assert len(marks) > 15 and len(set(marks.values())) == len(marks)
+    rest = transfer.template.mesh.vertices
+    assert rest[marks["head_top"], 2] > 1.7 and rest[marks["left_toe"], 1] < -0.15
+    assert rest[marks["left_hand"], 0] > 0.6 > -0.6 > rest[marks["right_hand"], 0]
+    for one in (transfer.template_posed, transfer.character, transfer.character_posed):
+        assert (one.mesh.faces == faces).all()
+    assert transfer.character.attributes["weights"].shape == (len(rest), len(skeleton.NAMES))
+
+
+# -- scenes ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", scenes.KINDS)
+def test_the_stated_gap_is_the_nearest_distance_between_solids(kind):
+    import igl
+
+    for shape in islice(scenes.Scenes(kind=kind).shapes("test"), 2):
+        pieces = shape.mesh.split(only_watertight=False)
+        nearest = np.inf
+        for one in pieces:
+            for other in pieces:
+                if one is not other:
+                    V, F = np.array(other.vertices), np.array(other.faces, dtype=np.int64)
+                    nearest = min(nearest, igl.point_mesh_squared_distance(np.array(one.vertices), V, F)[0].min())
+        assert np.sqrt(nearest) == pytest.approx(shape.info["gap"] * shape.info["size"], rel=0.01)
