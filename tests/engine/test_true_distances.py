@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from test_leaderboard_board import line, row, rows
-from test_store import record
+from boards import line, row, rows
+from records import record
 
 from bench import Run, UsageError
 from bench.ranking.leaderboard import leaderboard

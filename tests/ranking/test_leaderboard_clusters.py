@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from test_leaderboard_board import ranks, row, rows
+from boards import ranks, row, rows
 
 from bench.ranking.leaderboard import leaderboard
 from bench.ranking.overview import overview

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from test_leaderboard_board import line, ranks, row, rows, units
+from boards import line, ranks, row, rows, units
 
 from bench.ranking.leaderboard import leaderboard, penalise
 from bench.ranking.overview import overview

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from test_leaderboard_board import row, rows
+from boards import row, rows
 
 from bench.cli import main
 from bench.errors import UsageError

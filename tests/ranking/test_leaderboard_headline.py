@@ -2,7 +2,7 @@
 
 import pandas as pd
 import pytest
-from test_leaderboard_board import row, rows
+from boards import row, rows
 
 from bench.contract.task import Task
 from bench.plugins.registry import registry

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
-from test_leaderboard_board import row, rows
-from test_store import record
+from boards import row, rows
+from records import record
 
 from bench.commands.leaderboard import read_rows
 from bench.ranking.leaderboard import failures, leaderboard

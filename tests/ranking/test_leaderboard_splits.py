@@ -4,8 +4,8 @@ import json
 
 import pandas as pd
 import pytest
-from test_leaderboard_board import row, rows
-from test_store import record
+from boards import row, rows
+from records import record
 
 from bench.commands.leaderboard import read_rows
 from bench.errors import UsageError

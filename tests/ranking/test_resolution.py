@@ -5,8 +5,8 @@ import re
 
 import numpy as np
 import pytest
+from boards import line, ranks, row, rows, table, units
 from scipy import stats
-from test_leaderboard_board import line, ranks, row, rows, table, units
 
 from bench.cli import main
 from bench.errors import UsageError

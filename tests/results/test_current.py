@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from test_store import record
+from records import record
 
 from bench.plan.cell import Cell, Choice
 from bench.results.current import Today, timestamp

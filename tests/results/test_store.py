@@ -9,27 +9,11 @@ import sys
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from records import record, row
 
 from bench.errors import StoreError, UsageError
 from bench.results.files import COLUMNS, META_KEY, write_atomically
-from bench.results.store import Record, Results
-
-
-def row(index=0, cell="ab0000000001", mark="f" * 16, **values):
-    defaults = dict.fromkeys(COLUMNS)
-    defaults |= {
-        "schema_version": 1, "cell": cell, "fingerprint": mark, "task": "denoise", "dataset": "balls", "sensor": "few",
-        "method": "jet", "variant": "", "seed": 0, "threads": 1, "device": "cpu", "host": "h", "tags": "",
-        "status": "ok", "seconds": 1.0, "case": f"case-{index}", "case_index": index,
-        "finished": "2026-01-01T00:00:00+00:00", "score.p2f_mean": 0.1, "floor.p2f_mean": 0.0,
-    }  # fmt: skip
-    return defaults | values
-
-
-def record(cell="ab0000000001", mark="f" * 16, finished="2026-01-01T00:00:00+00:00", cases=3, **values):
-    rows = [row(i, cell, mark, finished=finished, **values) for i in range(cases)]
-    meta = {"cell_id": cell, "fingerprint": mark, "planned": cases, "finished": finished}
-    return Record(cell, mark, meta, rows)
+from bench.results.store import Results
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from test_leaderboard_board import DOCUMENTED, row, rows
+from boards import DOCUMENTED, row, rows
 
 from bench.errors import UsageError
 from bench.ranking.leaderboard import leaderboard
