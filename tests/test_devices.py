@@ -14,6 +14,7 @@ from conftest import WORDS
 from bench.engine import affinity, devices
 from bench.engine.meter import Meter
 from bench.errors import UsageError
+from bench.plan.devices import check_name
 
 
 class Cuda:
@@ -62,12 +63,12 @@ def torch(monkeypatch, tmp_path):
 @pytest.mark.parametrize("device", ["gpu", "cuda:", "cuda:x", "cuda:-1", "cuda:1:2", "CUDA", "", "cpu:0"])
 def test_what_is_no_name_of_a_device(device):
     with pytest.raises(UsageError, match="expected cpu, cuda or cuda:N"):
-        devices.check_name(device)
+        check_name(device)
 
 
 def test_a_device_must_be_there(torch):
     for device in ("cpu", "cuda", "cuda:0", "cuda:12"):
-        devices.check_name(device)
+        check_name(device)
     torch(2)
     for device in ("cpu", "cuda", "cuda:0", "cuda:1"):
         devices.check_device(device)
@@ -87,7 +88,7 @@ def test_without_torch_it_says_what_to_install(monkeypatch):
 
 def test_torch_is_not_imported_for_the_processor():
     code = (
-        "import sys; from bench import devices\ndevices.check_device('cpu'); devices.make_context('cpu')\n"
+        "import sys; from bench.engine import devices\ndevices.check_device('cpu'); devices.make_context('cpu')\n"
         "with devices.claim_device('cpu') as device: assert device == 'cpu'\nassert 'torch' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -15,7 +15,7 @@ from bench.methods.implicit.idf import Idf
 from bench.methods.implicit.losses.oriented import STEEPNESS, OrientedLoss
 from bench.methods.implicit.siren import Siren
 from bench.methods.learned.networks.sine_network import SineNetwork
-from bench.methods.learned.training import field as files
+from bench.methods.learned.training import files
 from bench.methods.learned.training.batches import Batch, DistanceSampler, Sampler
 from bench.methods.learned.training.field import Field
 from bench.methods.learned.training.loop import Diverged, Progress, fit

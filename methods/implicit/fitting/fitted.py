@@ -111,7 +111,7 @@ class Fitted:
         """The fitted field, and the frame that it lives in."""
         import torch
 
-        from ...learned.training import field as files
+        from ...learned.training import files
         from ...learned.training.loop import fit
         from ...learned.training.settings import Training
         from ...learned.training.stages import note_shortage, reserve
