@@ -16,9 +16,10 @@ import argparse
 import matplotlib
 import numpy as np
 import torch
-from bench.methods.implicit.fields.displaced_field import DisplacedField
-from bench.methods.learned.training import field as files
 
+from bench.methods.implicit.fields.displaced_field import DisplacedField
+from bench.methods.learned.training import files
+from bench.methods.learned.training.field import PART, Field
 from bench.plugins.registry import registry
 
 matplotlib.use("Agg")
@@ -33,12 +34,12 @@ def slice_points(axis: str, at: float, side: int) -> np.ndarray:
     return np.stack(np.broadcast_arrays(*planes[axis]), axis=-1).reshape(-1, 3)
 
 
-def pictures(field: files.Field, points: np.ndarray) -> dict[str, np.ndarray]:
+def pictures(field: Field, points: np.ndarray) -> dict[str, np.ndarray]:
     """The values to draw, by title."""
     if not isinstance(field, DisplacedField):
         return {"field f": field.values(points)}
     x = torch.as_tensor(points, dtype=torch.float32)
-    base, displacement = (torch.cat(part).numpy() for part in zip(*map(field.parts, x.split(files.PART)), strict=True))
+    base, displacement = (torch.cat(part).numpy() for part in zip(*map(field.parts, x.split(PART)), strict=True))
     return {"base f": base, "displacement d": displacement, "composition f^": field.values(points)}
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
+WRITTEN_OUT = "bench/authoring/templates"  # files that `detailbench new` writes: data, and no part of the package
 FOLDERS = {"bench": "bench", "methods": "bench.methods", "datasets": "bench.datasets", "metrics": "bench.metrics"}
 
 
@@ -45,6 +46,8 @@ def modules(root: Path = ROOT) -> dict[str, Path]:
     found = {}
     for top, package in FOLDERS.items():
         for file in sorted((root / top).rglob("*.py")):
+            if file.is_relative_to(root / WRITTEN_OUT):
+                continue
             parts = file.relative_to(root / top).with_suffix("").parts
             if top == "bench" and parts[0] in {*FOLDERS, "conf"}:
                 continue  # a link to a plugin folder, which has an entry of its own

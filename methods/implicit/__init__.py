@@ -1,1 +1,1 @@
-"""Neural implicit surfaces: networks that are fitted to one shape, and everything that they share."""
+"""Neural implicit surfaces: networks that are fitted to one shape."""

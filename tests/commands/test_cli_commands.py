@@ -412,6 +412,21 @@ def test_a_new_plugin_s_own_test_passes(shell):
     assert "1 passed" in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "words"),
+    [
+        ("task", "lambda", "word of the Python language"),
+        ("sensor", "shape", "class Shape"),
+        ("method", "2d", "letter first"),
+    ],
+)
+def test_a_name_that_a_new_file_cannot_have_is_refused(shell, kind, name, words):
+    done = shell.call("new", kind, name)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ") and words in done.stderr
+    assert not list(shell.work.iterdir())
+
+
 def test_check_judges_by_name_and_as_json(shell):
     done = shell.call("check", "identity", "--json")
     assert done.returncode == 0, done.stdout
