@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 from ..cli import add_plugin_argument
 from ..errors import DetailbenchError, MissingLibrary, UsageError, did_you_mean
 from ..plan.cell import Choice
+from ..plugins.metric_sets import metric_set
 from ..plugins.registry import load_plugins, registry
 from ..ranking.conventions import Convention, load_convention
 from ..ranking.report.score_table import Score, score_table, words
@@ -84,7 +85,7 @@ def _of_names(names: str) -> list[Choice]:
     """The metrics of a list of names; ``standard`` and ``full`` stand for those that they hold."""
     wanted: list[str] = []
     for name in filter(None, map(str.strip, names.split(","))):
-        wanted.extend(_presets().get(name, [name]))
+        wanted.extend(metric_set(name) or [name])
     if not wanted:
         raise UsageError(f"--metric {names!r}: expected a name. {did_you_mean('', registry().names('metric'))}")
     return [Choice.of("metric", {"_name_": name}) for name in dict.fromkeys(wanted)]
@@ -92,17 +93,6 @@ def _of_names(names: str) -> list[Choice]:
 
 def _of_convention(convention: Convention) -> list[Choice]:
     return [Choice.of("metric", {"_name_": name}) for name in convention.metrics]
-
-
-def _presets() -> dict[str, list[str]]:
-    """The sets of metrics in the config group ``metric``."""
-    from importlib.resources import files
-
-    import yaml
-
-    folder = files("bench.conf") / "metric"
-    sets = {f.name: yaml.safe_load(f.read_text(encoding="utf-8")) for f in folder.iterdir() if f.name.endswith(".yaml")}
-    return {name.removesuffix(".yaml"): content["defaults"] for name, content in sets.items()}
 
 
 # -- files -------------------------------------------------------------------------------------------------------------

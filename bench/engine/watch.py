@@ -66,7 +66,7 @@ class Worker:
         self._buffer = b""
         self._finished = False
         self._below: list[psutil.Process] = []
-        self._below_at = 0.0
+        self._below_at = time.monotonic()  # it has just been forked: there is nothing below it yet
         messages, messages_w = os.pipe()
         output, output_w = os.pipe()
         self._fds = [messages, output]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import inspect
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from ..errors import UsageError, did_you_mean
@@ -24,34 +25,46 @@ class NotSolved(UsageError):
     """
 
 
+class _Resolved:
+    """A frozen dataclass whose cached properties stay with the object: a copy, pickled or not, resolves anew."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
+
+
 @dataclass(frozen=True)
-class Choice:
+class Choice(_Resolved):
     """One plugin with all its parameters, as JSON values."""
 
     kind: str
     name: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
-    @property
+    @functools.cached_property
     def plugin(self) -> Plugin:
         """The registered plugin."""
         return registry().find(self.kind, self.name)
 
     def build(self) -> Any:
-        """The plugin object."""
+        """A new plugin object: for each case its own, since a plugin may keep state."""
         return build(self.plugin, self.parameters)
 
-    @property
+    @functools.cached_property
+    def made(self) -> Any:
+        """One plugin object, for questions that do not change it: what it takes, gives, reads and consists of."""
+        return self.build()
+
+    @functools.cached_property
     def parts(self) -> tuple[Plugin, ...]:
         """The plugin, and those that it is made of where its parameters name others: the steps of a chain."""
-        return (self.plugin, *getattr(self.build(), "plugins", ()))
+        return (self.plugin, *getattr(self.made, "plugins", ()))
 
-    @property
+    @functools.cached_property
     def variant(self) -> str:
         """Parameters that differ from the defaults."""
         return variant(self.plugin, self.parameters) if self.parameters else ""
 
-    @property
+    @functools.cached_property
     def label(self) -> str:
         """``bumps``, ``bumps[degree=20]`` where parameters differ from the defaults, or the name of their preset."""
         from ..plugins.presets import name_of
@@ -70,6 +83,7 @@ class Choice:
 
         plugin = registry().find(kind, node[NAME_KEY])
         choice = cls(kind, plugin.name, parameters(plugin, build(plugin, node)))
+        vars(choice)["plugin"] = plugin  # found just now
         check_files(choice)
         return choice
 
@@ -96,7 +110,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Cell:
+class Cell(_Resolved):
     """One unit of a sweep: a method with its parameters on the cases of one dataset, sensor and seed."""
 
     task: Choice
@@ -110,13 +124,13 @@ class Cell:
     threads: int = 1
     device: str = "cpu"
 
-    @property
+    @functools.cached_property
     def choices(self) -> tuple[Choice, ...]:
         """Every plugin that takes part."""
         sensor = () if self.sensor == NO_SENSOR else (self.sensor,)
         return (self.task, self.dataset, *sensor, self.method, *self.metrics)
 
-    @property
+    @functools.cached_property
     def id(self) -> str:
         """Twelve hexadecimal digits: equal wherever the same cell is planned."""
         return digest(self.to_json())[:12]
@@ -198,8 +212,6 @@ def settings_of(config: Mapping[str, Any]) -> Settings:
 
 def check_root(config: Mapping[str, Any]) -> None:
     """Refuse keys that nothing reads: Hydra lets ``+typo=3`` in."""
-    from dataclasses import fields
-
     from .keys import GROUPS
 
     known = {f.name for f in fields(Base)} | set(GROUPS)
@@ -221,11 +233,11 @@ def _sensor(node: Mapping[str, Any], task: Choice) -> Choice:
     """The chosen sensor, which must give what the task takes; none for a task without one."""
     from ..contract.sensors import given_by, needs_a_source, taken_by
 
-    takes = taken_by(task.build())
+    takes = taken_by(task.made)
     if takes == "none":
         return NO_SENSOR
     sensor = Choice.of("sensor", node)
-    plugin, built = sensor.plugin, sensor.build()
+    plugin, built = sensor.plugin, sensor.made
     gives = given_by(plugin, built)
     if gives != takes:
         fitting = [s.name for s in registry().all("sensor") if given_by(s, s.cls()) == takes]

@@ -15,6 +15,7 @@ import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from .metric_sets import FULL
 from .registry import Plugin, registry
 from .schema import build, parameters
 
@@ -29,13 +30,14 @@ class Preset(NamedTuple):
 
 
 def names(group: str) -> list[str]:
-    """The YAML files of a config group, without the suffix."""
+    """The YAML files of a config group, without the suffix; of metrics also the set that is made of the plugins."""
     from importlib.resources import files
 
     folder = files("bench.conf") / group
-    if not folder.is_dir():
-        return []
-    return sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml"))
+    found = {FULL} if group == "metric" else set()
+    if folder.is_dir():
+        found |= {f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml")}
+    return sorted(found)
 
 
 def presets(kind: str, of: str = "") -> dict[str, Preset]:

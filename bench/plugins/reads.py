@@ -44,7 +44,7 @@ def contents(choices: Iterable[Choice]) -> dict[str, str]:
 
 def files_of(choice: Choice) -> Iterator[tuple[str, Path]]:
     """The files that a plugin with its parameters reads, each with a text that names it."""
-    made = choice.build()
+    made = choice.made
     for name, value, _ in [] if hasattr(made, "state") else _named(choice, made):  # state() is the plugin's own word
         if (path := Path(value).expanduser()).is_file():
             yield f"{value} ({choice.kind}.{name})", path
@@ -56,7 +56,7 @@ def files_of(choice: Choice) -> Iterator[tuple[str, Path]]:
 
 def check_files(choice: Choice) -> None:
     """Raise :class:`UsageError` for a parameter of type ``Path`` that names no file or folder."""
-    made = choice.build()
+    made = choice.made
     for name, value, is_path in _named(choice, made):
         if is_path and not Path(value).expanduser().exists():
             raise UsageError(

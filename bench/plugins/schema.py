@@ -8,12 +8,14 @@ nor tuples of a fixed length, and it takes 3 for true and "3" for 3.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import typing
 from collections.abc import Mapping
 from typing import Any
 
 from ..errors import PluginError, UsageError, did_you_mean
 from .conversion import ALLOWED, check_type, convert, is_text, plain
+from .metric_sets import FULL, metric_set
 from .registry import Plugin, registry
 
 NAME_KEY = "_name_"  # which plugin a config node is for
@@ -62,11 +64,16 @@ def field_types(plugin: Plugin) -> dict[str, Any]:
         If an annotation names what is not there.
     """
     try:
-        return typing.get_type_hints(plugin.cls)
+        return _type_hints(plugin.cls)
     except (NameError, AttributeError, TypeError, SyntaxError) as error:
         raise PluginError(
             f"{plugin.kind} {plugin.name}: the type of a parameter cannot be resolved ({error}); use {ALLOWED}"
         ) from error
+
+
+@functools.lru_cache(maxsize=1024)  # every object that is built asks; what cannot be resolved is not kept
+def _type_hints(cls: type) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
 
 
 def build(plugin: Plugin, values: Mapping[str, Any]) -> Any:
@@ -77,13 +84,12 @@ def build(plugin: Plugin, values: Mapping[str, Any]) -> Any:
     UsageError
         For an unknown parameter (with the nearest right one) or a value that is refused.
     """
-    hints = field_types(plugin)
+    hints, names = field_types(plugin), [f.name for f in plugin.fields]
     arguments = {}
     for key, value in values.items():
         if key == NAME_KEY:
             continue
-        if key not in hints or key not in {f.name for f in plugin.fields}:
-            names = [f.name for f in plugin.fields]
+        if key not in hints or key not in names:
             raise UsageError(f"{plugin.kind} {plugin.name} has no parameter {key!r}. {did_you_mean(key, names)}")
         arguments[key] = convert(value, hints[key], _key(plugin, key))
     try:
@@ -152,14 +158,20 @@ class _Group(dict):
     """
 
     def __init__(self, kind: str):
-        super().__init__({f"{name}.yaml": None for name in registry().names(kind)})
+        sets = [FULL] if kind == "metric" else []
+        super().__init__({f"{name}.yaml": None for name in [*registry().names(kind), *sets]})
         self._kind = kind
 
     def __getitem__(self, name: str) -> Any:
         node = super().__getitem__(name)
         if node is None:
-            node = self[name] = _config_node(registry().find(self._kind, name.removesuffix(".yaml")))
+            node = self[name] = self._made(name.removesuffix(".yaml"))
         return node
+
+    def _made(self, name: str) -> Any:
+        if self._kind == "metric" and name == FULL:
+            return _config_set(name)
+        return _config_node(registry().find(self._kind, name))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _Group:
         return self  # Hydra copies the store with itself, and every node again when it loads it
@@ -178,6 +190,14 @@ def _config_node(plugin: Plugin) -> Any:
         if isinstance(node[name], DictConfig):
             OmegaConf.set_struct(node[name], False)  # the keys of a mapping are the user's
     return ConfigNode(f"{plugin.name}.yaml", node, plugin.kind, package, plugin.origin)
+
+
+def _config_set(name: str) -> Any:
+    """What a file ``conf/metric/NAME.yaml`` with a list of defaults would be."""
+    from hydra.core.config_store import ConfigNode
+    from omegaconf import OmegaConf
+
+    return ConfigNode(f"{name}.yaml", OmegaConf.create({"defaults": metric_set(name)}), "metric", None, "detailbench")
 
 
 def store_configs() -> None:

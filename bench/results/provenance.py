@@ -12,18 +12,19 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
 from ..plan.cell import NO_SENSOR, Cell, Choice, digest
 from ..plugins.reads import contents
-from ..plugins.registry import Plugin
 
 # Packages that take part in every cell; a plugin's `requires` come on top.
 ALWAYS = ("numpy", "scipy", "trimesh")
 BENCH = Path(__file__).parents[1]
+Stamps = tuple[tuple[int, int, int, int], ...]  # size, time of edit, time of change and number, of each file
 
 
 def ingredients(cell: Cell) -> dict[str, Any]:
@@ -81,17 +82,25 @@ def memory_keys(cell: Cell) -> dict[str, str]:
 
 def _own_digest() -> str:
     """A digest over the sources of shapes, tasks, effects and geometry: what a case is and how it is measured."""
-    folder = BENCH
+    rooms = (_python_files(str(BENCH / room)) for room in ("contract", "geometry", "tasks"))
     files = [
-        folder / "seeds.py",
-        *(file for room in ("contract", "geometry", "tasks") for file in sorted((folder / room).rglob("*.py"))),
+        str(BENCH / "seeds.py"),
+        *(file for room in rooms for file in sorted(room, key=lambda file: file.split(os.sep))),
     ]
-    return digest([_sha256(file, file.stat().st_mtime_ns, file.stat().st_size) for file in files])
+    return _digest_of(tuple(files), stamps(files))
 
 
-@functools.lru_cache(maxsize=1024)
-def _sha256(path: Path, mtime_ns: int, size: int) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+def _python_files(folder: str) -> Iterator[str]:
+    for entry in os.scandir(folder):
+        if entry.is_dir():
+            yield from _python_files(entry.path)
+        elif entry.name.endswith(".py"):
+            yield entry.path
+
+
+@functools.lru_cache(maxsize=4)
+def _digest_of(files: tuple[str, ...], _: Stamps | None) -> str:
+    return digest([hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in files])
 
 
 def fingerprint(parts: dict[str, Any]) -> str:
@@ -123,11 +132,42 @@ def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
 
 
 def source_digest(file: Path) -> str:
-    """SHA-256 over a plugin's file and the sources it imports from beside it or from ``bench.geometry``."""
+    """SHA-256 over a plugin's file and the sources it imports from beside it or from ``bench.geometry``.
+
+    Every cell asks for those of all its plugins, several times: the sources are read again when one has changed.
+    """
+    known = _digests.get(str(file))
+    if known is not None and stamps(known[0]) == known[1]:
+        return known[2]
+    paths = sorted(source_closure(file), key=str)
+    files = [str(path) for path in paths]
+    before = stamps(files)
     total = hashlib.sha256()
-    for path in sorted(source_closure(file), key=str):
+    for path in paths:
         total.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return total.hexdigest()[:16]
+    found = total.hexdigest()[:16]
+    if _settled(before):
+        _digests[str(file)] = (files, before, found)
+    return found
+
+
+_digests: dict[str, tuple[list[str], Stamps | None, str]] = {}  # the sources of a file, how they were, their digest
+TICK_NS = 1_000_000_000  # two edits within one tick of a file system's clock leave the same times
+
+
+def stamps(files: Iterable[str]) -> Stamps | None:
+    """Size, times and number of each file: what changes when it is edited or exchanged. None where one is gone."""
+    try:
+        found = map(os.stat, files)
+        return tuple((s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino) for s in found)
+    except OSError:
+        return None
+
+
+def _settled(found: Stamps | None) -> bool:
+    """Whether the last change of each file is so long ago that one more would show in its times."""
+    now = time.time_ns()
+    return found is not None and all(now - max(stamp[1], stamp[2]) > TICK_NS for stamp in found)
 
 
 def source_closure(file: Path) -> set[Path]:
@@ -260,21 +300,16 @@ def plugin_sources(cell: Cell) -> dict[str, dict[str, str | None]]:
         By path: ``sha256`` of the file, and its ``text``, or None where it is longer than :data:`LONGEST_SOURCE`, or
         where the files before it fill :data:`LONGEST_SOURCES`.
     """
-    plugins = [part for choice in cell.choices for part in choice.parts if is_from_file(part)]
-    files = {path for plugin in plugins for path in source_closure(plugin.file)}
-    own, left, kept = BENCH.resolve(), LONGEST_SOURCES, {}
-    for path in sorted(file for file in files if not file.is_relative_to(own)):
+    brought = {part.file for choice in cell.choices for part in choice.parts if part.is_from_file}
+    files = {path for file in brought for path in source_closure(file)}
+    left, kept = LONGEST_SOURCES, {}
+    for path in sorted(file for file in files if not file.is_relative_to(BENCH.resolve())):
         content = path.read_bytes()
         fits = len(content) <= min(LONGEST_SOURCE, left)
         left -= len(content) if fits else 0
         text = content.decode("utf-8", "backslashreplace") if fits else None
         kept[str(path)] = {"sha256": hashlib.sha256(content).hexdigest(), "text": text}
     return kept
-
-
-def is_from_file(plugin: Plugin) -> bool:
-    """Whether ``--plugin`` brought it; what is installed has the name of its package as its origin."""
-    return Path(plugin.origin).is_absolute()
 
 
 def _processor() -> str:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 from ..engine.forkserver import CannotStart
 from ..errors import DetailbenchError, StoreError, UsageError
 from ..plan.cell import Cell, NotSolved, check_root, settings_of
+from ..plan.keys import GROUPS
 from ..plugins.registry import load_plugins
 from ..safe_path import isolate_imports, safe_children
 from .session import Session
@@ -136,21 +137,41 @@ def _ignore_interrupts() -> None:
 def representatives(batch: Sequence[Sequence[str]]) -> list[Sequence[str]]:
     """So many of a sweep's jobs that each combination of overrides of one group is in at least one of them.
 
-    Whether ``method=jet method.k=24`` can be composed does not depend on the dataset, so of thousands of jobs a few
-    tell whether all can.
+    Whether ``method=jet method.k=24`` can be composed does not depend on the dataset, and ``seed=7`` is composed like
+    ``seed=8``, so of thousands of jobs a few tell whether all can.
     """
     seen: set[tuple[str, ...]] = set()
     chosen = []
     for job in batch:
         groups: dict[str, list[str]] = {}
         for override in job:
-            head = re.split(r"[./=@]", override.lstrip("+~"), maxsplit=1)[0]
-            groups.setdefault(head, []).append(override)
+            groups.setdefault(_head(override), []).append(_kind_of_number(override))
         fresh = {tuple(group) for group in groups.values()} - seen
         if fresh:
             chosen.append(job)
             seen |= fresh
     return chosen
+
+
+def _kind_of_number(override: str) -> str:
+    """``seed=<int>`` for ``seed=7``: of a key of the run, one number is composed like another of its type."""
+    key, _, value = override.partition("=")
+    if is_hydras(key) or _head(key) in GROUPS:
+        return override
+    kind = next((kind for kind, form in NUMBERS.items() if form.fullmatch(value)), None)
+    return f"{key}=<{kind}>" if kind else override
+
+
+def _head(override: str) -> str:
+    """The group, or the key of the run, that an override is about."""
+    return re.split(r"[./=@]", override.lstrip("+~"), maxsplit=1)[0]
+
+
+# As Hydra's grammar has them; what is not surely a number there is composed as it stands.
+NUMBERS = {
+    "int": re.compile(r"[+-]?(0|[1-9](_?[0-9])*)"),
+    "float": re.compile(r"[+-]?([0-9]+\.[0-9]*|[0-9]*\.[0-9]+|[0-9]+(?=[eE]))([eE][+-]?[0-9]+)?"),
+}
 
 
 def is_hydras(override: str) -> bool:

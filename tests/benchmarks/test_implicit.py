@@ -5,6 +5,9 @@ import time
 
 import numpy as np
 import torch
+from turns import medians_by_turns
+
+from bench import PointCloud, Run
 from bench.methods.implicit.fields.displaced_field import DisplacedField, attenuation
 from bench.methods.implicit.hash_sdf import HashSdf
 from bench.methods.implicit.idf import Idf
@@ -12,9 +15,6 @@ from bench.methods.implicit.losses.oriented import OrientedLoss
 from bench.methods.implicit.siren import Siren
 from bench.methods.learned.networks.sphere import begin_as_sphere
 from bench.methods.learned.training.batches import Sampler
-from turns import medians_by_turns
-
-from bench import PointCloud, Run
 from bench.plugins.registry import registry
 
 SHORT = "DETAILBENCH_SHORT" in os.environ

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+
 from bench.methods.learned.meshing.marching import extract
 
 SHORT = "DETAILBENCH_SHORT" in os.environ

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from bench.datasets.sensors.rig import Rig
 
 from bench import Case, Effect, Run, Shape, Task, Views, register, validate_mesh
+from bench.datasets.sensors.rig import Rig
 
 
 @register("task")

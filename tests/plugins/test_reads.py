@@ -15,6 +15,8 @@ from bench.plugins.registry import registry
 from bench.results.provenance import explain, fingerprint, ingredients, memory_keys
 
 SHIPPED = Path(__file__).with_name("shipped.bin")
+INSTALLED = [registry().find("method", name) for name in registry().installed("method")]
+READERS = [plugin.name for plugin in INSTALLED if getattr(plugin.cls(), "reads", tuple)()]
 
 
 @register("method", name="reads_method")
@@ -147,7 +149,7 @@ def test_every_shipped_sphere_is_found_by_its_form():
     assert spheres_read(*FORMS[0], 0.0) == () == spheres_read(17.0, 3, 256, RADIUS)
 
 
-@pytest.mark.parametrize("name", ["idf", "siren", "hotspot", "direct_residual", "idf_transfer"])
+@pytest.mark.parametrize("name", READERS)
 def test_methods_say_which_sphere_they_read(name, monkeypatch):
     """The file that they say is the one that is opened when they are prepared, and there is none without a sphere."""
     import safetensors.torch

@@ -1,7 +1,12 @@
 """What a result depends on: every ingredient changes the fingerprint, nothing else does."""
 
-from dataclasses import dataclass, replace
+import copy
+import os
+import pickle
+import time
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +15,7 @@ from bench.errors import UsageError
 from bench.plan.cell import Cell, Choice, Settings, settings_of
 from bench.plan.limits import Limits
 from bench.plugins.registry import registry
+from bench.results import provenance as provenance_module
 from bench.results.provenance import (
     explain,
     fingerprint,
@@ -173,6 +179,37 @@ def test_tasks_share_the_memory_of_shapes_and_of_clouds_and_not_that_of_cases():
     assert ratio[2]["task"] != ratio[4]["task"]
 
 
+def anew(cell):
+    """The same cell, whose choices find their plugins again."""
+    return Cell.from_json(cell.to_json())
+
+
+def test_what_a_choice_has_found_is_no_part_of_it():
+    """Of equality, JSON, copies and pickles."""
+    choice = Choice("method", "provenance_method", {"depth": 9})
+    cell = replace(CELL, method=choice)
+    plain = Choice("method", "provenance_method", {"depth": 9}), cell.to_json(), pickle.dumps((choice, cell))
+    facts = choice.plugin, choice.made, choice.parts, choice.variant, choice.label, cell.id, cell.choices
+    assert facts[0].cls is Method and facts[1] == Method(9) and facts[3:5] == ("depth=9", "provenance_method[depth=9]")
+    assert (choice, cell.to_json(), pickle.dumps((choice, cell))) == plain
+    assert asdict(choice) == {"kind": "method", "name": "provenance_method", "parameters": {"depth": 9}}
+    for other in (pickle.loads(pickle.dumps(cell)), copy.copy(cell), copy.deepcopy(cell), anew(cell)):
+        assert other == cell and "id" not in vars(other) and other.id == cell.id
+    assert replace(cell, seed=5).id != cell.id and replace(choice, parameters={}).label == "provenance_method"
+
+
+def test_a_choice_finds_its_plugin_once_and_builds_a_new_object_for_each_case(monkeypatch):
+    lookups = []
+    find = registry().find
+    monkeypatch.setattr(
+        type(registry()), "find", lambda self, *names, **also: lookups.append(names) or find(*names, **also)
+    )
+    choice = Choice("method", "provenance_method", {"depth": 9})
+    assert choice.build() is not choice.build() and choice.made is choice.made
+    assert choice.build() == choice.made == Method(9)
+    assert [choice.parts, choice.variant, choice.label, choice.plugin] and lookups == [("method", "provenance_method")]
+
+
 def test_only_plugins_from_files_have_their_sources_in_the_record(tmp_path, monkeypatch):
     assert plugin_sources(CELL) == {}
     file, neighbour = tmp_path / "mine.py", tmp_path / "helper.py"
@@ -182,20 +219,20 @@ def test_only_plugins_from_files_have_their_sources_in_the_record(tmp_path, monk
     known = registry().find("method", "provenance_method")
     mine = replace(known, file=file, origin=str(file))
     monkeypatch.setitem(registry()._plugins["method"], "provenance_method", mine)
-    kept = plugin_sources(CELL)
+    kept = plugin_sources(anew(CELL))
     assert kept == {
         str(file): {"sha256": sha256(file.read_bytes()).hexdigest(), "text": file.read_text()},
         str(neighbour): {"sha256": sha256(b"# caf\xe9\n").hexdigest(), "text": "# caf\\xe9\n"},
     }
     neighbour.write_text("#" * (1 << 17))
-    assert plugin_sources(CELL)[str(neighbour)]["text"] is None
+    assert plugin_sources(anew(CELL))[str(neighbour)]["text"] is None
 
 
 def test_a_raised_metric_version_is_an_other_result(monkeypatch):
     before = fingerprint(ingredients(CELL))
     known = registry().find("metric", "provenance_metric")
     monkeypatch.setitem(registry()._plugins["metric"], "provenance_metric", replace(known, options={"version": 2}))
-    assert fingerprint(ingredients(CELL)) != before
+    assert fingerprint(ingredients(anew(CELL))) != before
 
 
 def test_explain_says_what_differs():
@@ -247,3 +284,27 @@ def test_choices_are_checked_and_completed():
     choice = Choice.of("method", node("method", "provenance_method"))
     assert choice.parameters == {"depth": 8}
     assert choice.build() == Method()
+
+
+def test_a_source_is_read_again_when_it_was_edited_and_only_then(tmp_path, monkeypatch):
+    """Also an edit that keeps its size, that puts its time back, or that comes within one tick of the clock."""
+    plugin, block = tmp_path / "plugin.py", tmp_path / "block.py"
+    plugin.write_text("import block\n")
+    block.write_text("a = 1\n")
+    seen = [source_digest(plugin)]
+    block.write_text("a = 2\n")  # at once
+    seen.append(source_digest(plugin))
+    monkeypatch.setattr(provenance_module, "TICK_NS", -1)  # as if all were long ago
+    assert source_digest(plugin) == seen[-1]
+    reads = []
+    read_bytes = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: reads.append(path.name) or read_bytes(path))
+    assert source_digest(plugin) == seen[-1] and reads == []
+    time.sleep(0.05)  # more than a tick
+    before = block.stat()
+    block.write_text("a = 3\n")
+    os.utime(block, ns=(before.st_atime_ns, before.st_mtime_ns))
+    seen.append(source_digest(plugin))
+    block.unlink()
+    seen.append(source_digest(plugin))
+    assert len(set(seen)) == len(seen) and "block.py" in reads

@@ -4,13 +4,14 @@ from itertools import product
 
 import pytest
 from conftest import TOYS
+from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from bench.sweep.composition import enumerate_jobs, settled_by_job
-from bench.sweep.launch import representatives
+from bench.sweep.launch import NUMBERS, representatives
 
 
 def test_each_choice_of_a_group_is_in_one_job_and_few_jobs_are_needed():
-    groups = [[f"method={m}" for m in "abcdef"], [f"dataset={d}" for d in "uvwxyz"], ["seed=0", "seed=1"]]
+    groups = [[f"method={m}" for m in "abcdef"], [f"dataset={d}" for d in "uvwxyz"], ["split=test", "split=train"]]
     batch = [list(job) for job in product(*groups)]
     chosen = representatives(batch)
     assert {o for job in chosen for o in job} == {o for group in groups for o in group}
@@ -21,6 +22,55 @@ def test_a_parameter_is_tried_with_every_plugin_of_its_group():
     batch = [[f"method={m}", f"method.k={k}", f"seed={s}"] for m, k, s in product("ab", "12", "34")]
     chosen = {tuple(job[:2]) for job in representatives(batch)}
     assert chosen == {(f"method={m}", f"method.k={k}") for m, k in product("ab", "12")}
+
+
+@pytest.mark.parametrize(
+    ("values", "composed"),
+    [
+        (["seed=0", "seed=7", "seed=-1", "seed=1_000"], ["seed=0"]),
+        (["seed=0", "seed=1.5", "seed=2.5", "seed=1e3"], ["seed=0", "seed=1.5"]),
+        (["limit.seconds=60", "limit.seconds=90", "limit.seconds=0.5"], ["limit.seconds=60", "limit.seconds=0.5"]),
+        (
+            ["seed=1", "seed=one", "seed=true", "seed=null", "seed=1-2"],
+            ["seed=1", "seed=one", "seed=true", "seed=null", "seed=1-2"],
+        ),
+        (["device=cpu", "device=cuda"], ["device=cpu", "device=cuda"]),
+        (["method=1", "method=2"], ["method=1", "method=2"]),
+        (["method.k=1", "method.k=2"], ["method.k=1", "method.k=2"]),
+        (["hydra.x=1", "hydra.x=2"], ["hydra.x=1", "hydra.x=2"]),
+    ],
+)
+def test_one_number_of_a_key_of_the_run_stands_for_all_of_its_type(values, composed):
+    assert representatives([["dataset=bumps", value] for value in values]) == [["dataset=bumps", v] for v in composed]
+
+
+def test_a_number_is_one_where_hydra_reads_one():
+    """As far as one stands for others: Hydra gives both the same type."""
+    parser = OverridesParser.create()
+    for text in [
+        "0",
+        "7",
+        "-7",
+        "+7",
+        "1_000",
+        "1.5",
+        "-.5",
+        "2.",
+        "1e3",
+        "1.5e-3",
+        "-2E+5",
+        "007",
+        "1__0",
+        "1e",
+        "0x1",
+        "inf",
+        "nan",
+        "one",
+        "1-2",
+        "''",
+    ]:
+        found = next((kind for kind, form in NUMBERS.items() if form.fullmatch(text)), None)
+        assert found in (None, type(parser.parse_override(f"seed={text}").value()).__name__), text
 
 
 def test_one_job_stands_for_itself():

@@ -26,6 +26,7 @@ from bench.methods.classical.jet import Jet
 from bench.methods.classical.poisson import Poisson
 from bench.methods.classical.rimls import Rimls
 from bench.methods.classical.wlop import Wlop
+from bench.plugins.registry import registry
 from bench.tasks.denoise import Denoise
 from bench.tasks.reconstruct import Reconstruct
 
@@ -254,17 +255,18 @@ for name, parameters in json.loads(sys.argv[1]).items():
             digest = hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
             print("HASH", name, what, digest, flush=True)
 """
-OPEN3D_AND_SCIPY = {
-    "poisson": {"depth": 5},
-    "ball_pivoting": {},
-    "alpha_shape": {},
-    "statistical_outlier": {},
-    "radius_outlier": {},
-    "midpoint_jet": {},
-}
-MESHLAB = {"apss": {"resolution": 30}, "rimls": {"resolution": 30}}
+QUICK = {"poisson": {"depth": 5}, "apss": {"resolution": 30}, "rimls": {"resolution": 30}}
 TIMEOUT = 300  # seconds
-BY_CGAL = {name: {} for name in ("jet", "bilateral", "wlop", "ear", "advancing_front", "alpha_wrap")}
+
+
+def classical(library):
+    """The methods of the folder that need a library, or, for None, none of those that are not always there."""
+    mine = [p for p in registry().all("method") if p.file.parent.name == "classical"]
+    needs = {p.name: next((r for r in p.requires if r in ("CGAL", "pymeshlab")), None) for p in mine}
+    return {name: QUICK.get(name, {}) for name in needs if needs[name] == library}
+
+
+OPEN3D_AND_SCIPY, MESHLAB, BY_CGAL = map(classical, (None, "pymeshlab", "CGAL"))
 
 
 def in_own_process(methods, *options, **environment):
