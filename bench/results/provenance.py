@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import contextlib
 import functools
 import hashlib
@@ -12,7 +11,6 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +18,10 @@ from .. import __version__
 from ..plan.cell import NO_SENSOR, Cell, Choice, digest
 from ..plugins.reads import contents
 from ..plugins.registry import Plugin
+from .sources import BENCH, source_closure, source_digest
 
 # Packages that take part in every cell; a plugin's `requires` come on top.
 ALWAYS = ("numpy", "scipy", "trimesh")
-BENCH = Path(__file__).parents[1]
 
 
 def ingredients(cell: Cell) -> dict[str, Any]:
@@ -119,72 +117,6 @@ def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
     return lines
 
 
-# -- source ------------------------------------------------------------------------------------------------------------
-
-
-def source_digest(file: Path) -> str:
-    """SHA-256 over a plugin's file and the sources it imports from beside it or from ``bench.geometry``."""
-    total = hashlib.sha256()
-    for path in sorted(source_closure(file), key=str):
-        total.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return total.hexdigest()[:16]
-
-
-def source_closure(file: Path) -> set[Path]:
-    """``file`` and, transitively, what it imports from its own folder or package, or from ``bench.geometry``."""
-    known: set[Path] = set()
-    todo = [file.resolve()]
-    while todo:
-        path = todo.pop()
-        if path in known or not path.is_file():
-            continue
-        known.add(path)
-        stat = path.stat()
-        todo.extend(_local_imports(path, stat.st_mtime_ns, stat.st_size))
-    return known
-
-
-@functools.lru_cache(maxsize=4096)
-def _local_imports(path: Path, mtime_ns: int, size: int) -> tuple[Path, ...]:
-    try:
-        tree = ast.parse(path.read_bytes())
-    except SyntaxError:
-        return ()
-    return tuple(found for name in _imported_names(tree) if (found := _resolve(name, path)))
-
-
-def _imported_names(tree: ast.AST) -> Iterator[str]:
-    """Dotted names; relative ones keep their leading dots."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            base = "." * node.level + (node.module or "")
-            yield base
-            dot = "" if base.endswith(".") else "."
-            yield from (f"{base}{dot}{alias.name}" for alias in node.names if alias.name != "*")
-
-
-def _resolve(name: str, importer: Path) -> Path | None:
-    """The file of an import that counts as the plugin's own, or None."""
-    level = len(name) - len(name.lstrip("."))
-    if level:
-        folder = importer.parent
-        for _ in range(level - 1):
-            folder = folder.parent
-    elif name.startswith("bench.geometry."):
-        folder, name = BENCH, name.removeprefix("bench.")
-    elif not (importer.parent / "__init__.py").exists():
-        folder = importer.parent  # a plain script finds its neighbours by name
-    else:
-        return None
-    stem = folder.joinpath(*name.strip(".").split("."))
-    for candidate in (stem.with_suffix(".py"), stem / "__init__.py"):
-        if candidate.is_file() and candidate.resolve() != importer:
-            return candidate.resolve()
-    return None
-
-
 # -- packages ----------------------------------------------------------------------------------------------------------
 
 
@@ -262,8 +194,8 @@ def plugin_sources(cell: Cell) -> dict[str, dict[str, str | None]]:
     """
     plugins = [part for choice in cell.choices for part in choice.parts if is_from_file(part)]
     files = {path for plugin in plugins for path in source_closure(plugin.file)}
-    own, left, kept = Path(__file__).resolve().parent, LONGEST_SOURCES, {}
-    for path in sorted(file for file in files if not file.is_relative_to(own)):
+    left, kept = LONGEST_SOURCES, {}
+    for path in sorted(file for file in files if not file.is_relative_to(BENCH)):
         content = path.read_bytes()
         fits = len(content) <= min(LONGEST_SOURCE, left)
         left -= len(content) if fits else 0
