@@ -140,7 +140,7 @@ def test_weights_exchanged_under_one_name_are_run_again_and_why_names_the_file(s
 
 
 def test_every_shipped_sphere_is_found_by_its_form():
-    from bench.methods.implicit.shipped import FOLDER, sphere_file, spheres_read
+    from bench.methods.learned.networks.shipped import FOLDER, sphere_file, spheres_read
     from bench.methods.learned.networks.sphere import FORMS, RADIUS
 
     assert {sphere_file(*form, RADIUS) for form in FORMS} == set(FOLDER.glob("*.safetensors"))

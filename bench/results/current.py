@@ -13,14 +13,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from ..errors import DetailbenchError
 from ..plan.cell import Cell
 from ..plugins.registry import registry
-from .earlier import differences, earlier_digest
+from .earlier import differences, earlier_digest, seconds_of
 from .provenance import ingredients, package_version, source_digest
 
 # What the metadata of any folder, and the plugins that they name, may raise.
@@ -76,15 +75,6 @@ def _without_plugins(then: Mapping[str, Any], meta: Mapping[str, Any]) -> dict[s
             same = then[key] == earlier_digest(file)  # as versions before 0.2 recorded it
             now[key] = then[key] if same else source_digest(file)
     return now
-
-
-def seconds_of(finished: Any) -> float:
-    """A time in ISO 8601 as seconds since the epoch, NaN where it is none."""
-    try:
-        moment = datetime.fromisoformat(finished)
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-    except (TypeError, ValueError, OverflowError):
-        return math.nan
 
 
 def timestamp(finished: Any, written: float, now: float) -> float:

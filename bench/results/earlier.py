@@ -18,10 +18,12 @@ import ast
 import functools
 import hashlib
 import json
+import math
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -59,8 +61,6 @@ class Standing(NamedTuple):
 
 def standing(results: Results, cell: Cell, parts: Mapping[str, Any]) -> Standing:
     """Which record of a cell counts, for today's ingredients ``parts``."""
-    from .current import seconds_of
-
     mark = fingerprint(dict(parts))
     if results.path(cell.id, mark).exists():
         return Standing(mark, mark)
@@ -138,6 +138,15 @@ def told(stale: Iterable[Iterable[str]]) -> str:
     known = any(not reason.endswith(UNSCORED) for reason, _ in reasons)
     hint = ". `detailbench why CELL` says more" if known else ""
     return f"{cells} not current: {'; '.join([*shown, *more])}{hint}"
+
+
+def seconds_of(finished: Any) -> float:
+    """A time in ISO 8601 as seconds since the epoch, NaN where it is none."""
+    try:
+        moment = datetime.fromisoformat(finished)
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
 
 
 # -- the digest of earlier versions ------------------------------------------------------------------------------------
