@@ -27,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compose every job, look each cell up, print the table."""
     from ..engine.devices import check_device
+    from ..results.earlier import told
     from ..results.store import Results
     from ..sweep.composition import enumerate_jobs, is_sweep
     from ..sweep.destination import destination, settled
@@ -44,16 +45,17 @@ def run(args: argparse.Namespace) -> int:
     check_overrides(overrides, multirun=multirun)
     results = Results(folder)
     pace = Pace.of(results)
-    lines, seconds, refused = [], [], []
+    lines, seconds, refused, stale = [], [], [], []
     planned = finished = unknown = 0
     devices = set()
     jobs = [job for request in by_experiment(overrides) for job in enumerate_jobs(request, multirun)]
     for cell, settings in cells_of(jobs, refused):
-        there, state = look_up(results, cell, settings)
+        there, state, reasons = look_up(results, cell, settings)
         rest = seconds_to_do(cell, there, pace)
         guess = "" if there == cell.cases else "?" if rest is None else duration(rest)
         lines.append((cell.id, cell.title, f"{there}/{cell.cases}", state, guess))
         seconds.append(rest)
+        stale.append(reasons)
         devices |= {cell.device} if there < cell.cases and runs_here(overrides) else set()
         planned, finished = planned + cell.cases, finished + there
         unknown += cell.cases - there if rest is None else 0
@@ -66,6 +68,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("nothing to run: no combination of these words is a cell")
     workers = workers_of(overrides, threads_of(overrides))
     print(f"{len(lines)} cells, {summary(planned, finished, seconds, unknown, workers)}")
+    if line := told(stale):
+        print(line)
     if plugins:
         print(f"with the plugins of {', '.join(plugins)}")
     for device in sorted(devices):
@@ -94,21 +98,22 @@ def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
                 refused.append(str(error))
 
 
-def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str]:
-    """How many cases of a cell need not be run again, and in a word how it stands."""
-    from ..engine.runner import finished_rows, lacks_output
-    from ..results.provenance import fingerprint, ingredients
+def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str, tuple[str, ...]]:
+    """How many cases of a cell need not be run again, in a word how it stands, and why its records are not current."""
+    from ..engine.runner import lacks_output, standing_rows
+    from ..results.earlier import standing
+    from ..results.provenance import ingredients
 
-    mark = fingerprint(ingredients(cell))
-    rows, stored = finished_rows(results, cell, mark, settings)
+    stands = standing(results, cell, ingredients(cell))
+    rows, stored = standing_rows(results, cell, stands, settings)
     count = min(len(rows), cell.cases)
     if stored and count == len(stored.rows):
         failed = sum(row["status"] != "ok" for row in stored.rows)
-        return cell.cases, f"{failed} failed" if failed else "finished"
+        return cell.cases, f"{failed} failed" if failed else "finished", ()
     if stored and settings.rerun != "always" and any(lacks_output(results, row, settings) for row in stored.rows):
-        return count, "no outputs"
+        return count, "no outputs", ()
     if count:
-        return count, "begun"
+        return count, "begun", stands.stale
     if stored:
-        return 0, "failed"
-    return 0, "changed" if results.records(cell.id) else "new"
+        return 0, "failed", ()
+    return 0, "changed" if results.records(cell.id) else "new", stands.stale

@@ -31,6 +31,7 @@ from ..engine.devices import check_device
 from ..errors import UsageError
 from ..plugins.listing import listing
 from ..plugins.registry import load_plugins
+from ..results.earlier import told
 from ..results.store import Results
 from ..sweep import launch as sweep
 from ..sweep.destination import destination, settled
@@ -161,6 +162,8 @@ def _report(
         code = code or 1
     if not cells:
         return code or 1
+    if line := told(entry["stale"] for entry in cells):
+        print(f"run again: {line}", file=sys.stderr)
     if not args.no_leaderboard:
         from .leaderboard import show
 

@@ -13,10 +13,11 @@ from typing import Any, Protocol
 
 from ..errors import UsageError
 from ..plan.cell import Cell, Settings
+from ..results.earlier import Standing, standing
 from ..results.files import COLUMNS, SCHEMA_VERSION
 from ..results.imputation import lacks_worst
 from ..results.kept_outputs import found
-from ..results.provenance import fingerprint, ingredients, memory_keys, plugin_sources, provenance, source_digest
+from ..results.provenance import ingredients, memory_keys, plugin_sources, provenance, source_digest
 from ..results.store import Record, Results
 from ..text import encodable
 from .affinity import claim
@@ -57,6 +58,7 @@ class Outcome:
     cached: int  # how many of its cases were there already
     notes: list[str]  # damaged files that were found
     for_outputs: int = 0  # how many solved cases were run again because their outputs are to be kept
+    stale: tuple[str, ...] = ()  # what kept the cell's newest record from being current
 
 
 def run_cell(
@@ -82,15 +84,16 @@ def run_cell(
     """
     results = Results(settings.results)
     parts = ingredients(cell)
-    mark = fingerprint(parts)
     with results.lock(cell.id):
-        rows, stored = finished_rows(results, cell, mark, settings)
+        stands = standing(results, cell, parts)
+        mark = stands.mark
+        rows, stored = standing_rows(results, cell, stands, settings)
         if settings.rerun == "always":
             results.forget_partial(cell.id, mark)
         if stored and all(rows.get(row["case_index"]) is row for row in stored.rows):
             return Outcome(stored, len(rows), results.damaged)
         check_device(cell.device)
-        for_outputs = len(_without_output(results, cell, mark, settings) - rows.keys())
+        for_outputs = len(_without_output(results, cell, stands.record, settings) - rows.keys())
         job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive)
         cached = len(rows)
         with claim_device(cell.device, alive) as job.device, claim(cell.threads) as cpus:
@@ -101,7 +104,7 @@ def run_cell(
         meta["references"] = _references(stored, job.ordered_rows())
         record = Record(cell.id, mark, meta, job.ordered_rows())
         results.write(record)
-    return Outcome(record, cached, results.damaged, for_outputs)
+    return Outcome(record, cached, results.damaged, for_outputs, stands.stale)
 
 
 def finished_rows(
@@ -116,6 +119,20 @@ def finished_rows(
     before = stored.meta["settings"]["limit"] if stored else {}
     kept = {row["case_index"]: row for row in rows if not _must_rerun(row, settings, before)}
     return {index: row for index, row in kept.items() if not lacks_output(results, row, settings)}, stored
+
+
+def standing_rows(
+    results: Results, cell: Cell, stands: Standing, settings: Settings
+) -> tuple[dict[int, dict[str, Any]], Record | None]:
+    """:func:`finished_rows` of the record that counts, which an earlier version may have stored.
+
+    Where that record lacks cases, what a run adds to it is stored under today's fingerprint, with its rows.
+    """
+    rows, stored = finished_rows(results, cell, stands.record, settings)
+    if stands.record == stands.mark or (stored and len(rows) == len(stored.rows)):
+        return rows, stored
+    begun, _ = finished_rows(results, cell, stands.mark, settings)
+    return {index: row | {"fingerprint": stands.mark} for index, row in rows.items()} | begun, stored
 
 
 def lacks_output(results: Results, row: Mapping[str, Any], settings: Settings) -> bool:

@@ -13,14 +13,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from ..errors import DetailbenchError
 from ..plan.cell import Cell
 from ..plugins.registry import registry
-from .provenance import explain, ingredients, package_version, source_digest
+from .earlier import differences, earlier_digest, seconds_of
+from .provenance import ingredients, package_version, source_digest
 
 # What the metadata of any folder, and the plugins that they name, may raise.
 UNTOLD = (DetailbenchError, KeyError, TypeError, ValueError, AttributeError, OSError)
@@ -46,7 +46,7 @@ class Today:
             now = self._of(cell) | {"cell": cell.id}
         except UNTOLD:
             now = _without_plugins(then, meta)
-        return None if now is None else explain(then, now)
+        return None if now is None else differences(then, now)
 
     def _of(self, cell: Cell) -> dict[str, Any]:
         # Cells of one sweep differ in these alone, which take part in the fingerprint by the cell's id.
@@ -72,17 +72,9 @@ def _without_plugins(then: Mapping[str, Any], meta: Mapping[str, Any]) -> dict[s
                 file = Path((recorded.get(f"{kind} {name}") or {}).get("file") or "")
             if not file.is_file():
                 return None
-            now[key] = source_digest(file)
+            same = then[key] == earlier_digest(file)  # as versions before 0.2 recorded it
+            now[key] = then[key] if same else source_digest(file)
     return now
-
-
-def seconds_of(finished: Any) -> float:
-    """A time in ISO 8601 as seconds since the epoch, NaN where it is none."""
-    try:
-        moment = datetime.fromisoformat(finished)
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-    except (TypeError, ValueError, OverflowError):
-        return math.nan
 
 
 def timestamp(finished: Any, written: float, now: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import contextlib
 import functools
 import hashlib
@@ -12,19 +11,17 @@ import os
 import platform
 import subprocess
 import sys
-import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
 from ..plan.cell import NO_SENSOR, Cell, Choice, digest
 from ..plugins.reads import contents
+from .sources import BENCH, Stamps, source_closure, source_digest, stamps
 
 # Packages that take part in every cell; a plugin's `requires` come on top.
 ALWAYS = ("numpy", "scipy", "trimesh")
-BENCH = Path(__file__).parents[1]
-Stamps = tuple[tuple[int, int, int, int], ...]  # size, time of edit, time of change and number, of each file
 
 
 def ingredients(cell: Cell) -> dict[str, Any]:
@@ -128,103 +125,6 @@ def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
     return lines
 
 
-# -- source ------------------------------------------------------------------------------------------------------------
-
-
-def source_digest(file: Path) -> str:
-    """SHA-256 over a plugin's file and the sources it imports from beside it or from ``bench.geometry``.
-
-    Every cell asks for those of all its plugins, several times: the sources are read again when one has changed.
-    """
-    known = _digests.get(str(file))
-    if known is not None and stamps(known[0]) == known[1]:
-        return known[2]
-    paths = sorted(source_closure(file), key=str)
-    files = [str(path) for path in paths]
-    before = stamps(files)
-    total = hashlib.sha256()
-    for path in paths:
-        total.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    found = total.hexdigest()[:16]
-    if _settled(before):
-        _digests[str(file)] = (files, before, found)
-    return found
-
-
-_digests: dict[str, tuple[list[str], Stamps | None, str]] = {}  # the sources of a file, how they were, their digest
-TICK_NS = 1_000_000_000  # two edits within one tick of a file system's clock leave the same times
-
-
-def stamps(files: Iterable[str]) -> Stamps | None:
-    """Size, times and number of each file: what changes when it is edited or exchanged. None where one is gone."""
-    try:
-        found = map(os.stat, files)
-        return tuple((s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino) for s in found)
-    except OSError:
-        return None
-
-
-def _settled(found: Stamps | None) -> bool:
-    """Whether the last change of each file is so long ago that one more would show in its times."""
-    now = time.time_ns()
-    return found is not None and all(now - max(stamp[1], stamp[2]) > TICK_NS for stamp in found)
-
-
-def source_closure(file: Path) -> set[Path]:
-    """``file`` and, transitively, what it imports from its own folder or package, or from ``bench.geometry``."""
-    known: set[Path] = set()
-    todo = [file.resolve()]
-    while todo:
-        path = todo.pop()
-        if path in known or not path.is_file():
-            continue
-        known.add(path)
-        stat = path.stat()
-        todo.extend(_local_imports(path, stat.st_mtime_ns, stat.st_size))
-    return known
-
-
-@functools.lru_cache(maxsize=4096)
-def _local_imports(path: Path, mtime_ns: int, size: int) -> tuple[Path, ...]:
-    try:
-        tree = ast.parse(path.read_bytes())
-    except SyntaxError:
-        return ()
-    return tuple(found for name in _imported_names(tree) if (found := _resolve(name, path)))
-
-
-def _imported_names(tree: ast.AST) -> Iterator[str]:
-    """Dotted names; relative ones keep their leading dots."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            base = "." * node.level + (node.module or "")
-            yield base
-            dot = "" if base.endswith(".") else "."
-            yield from (f"{base}{dot}{alias.name}" for alias in node.names if alias.name != "*")
-
-
-def _resolve(name: str, importer: Path) -> Path | None:
-    """The file of an import that counts as the plugin's own, or None."""
-    level = len(name) - len(name.lstrip("."))
-    if level:
-        folder = importer.parent
-        for _ in range(level - 1):
-            folder = folder.parent
-    elif name.startswith("bench.geometry."):
-        folder, name = BENCH, name.removeprefix("bench.")
-    elif not (importer.parent / "__init__.py").exists():
-        folder = importer.parent  # a plain script finds its neighbours by name
-    else:
-        return None
-    stem = folder.joinpath(*name.strip(".").split("."))
-    for candidate in (stem.with_suffix(".py"), stem / "__init__.py"):
-        if candidate.is_file() and candidate.resolve() != importer:
-            return candidate.resolve()
-    return None
-
-
 # -- packages ----------------------------------------------------------------------------------------------------------
 
 
@@ -303,7 +203,7 @@ def plugin_sources(cell: Cell) -> dict[str, dict[str, str | None]]:
     brought = {part.file for choice in cell.choices for part in choice.parts if part.is_from_file}
     files = {path for file in brought for path in source_closure(file)}
     left, kept = LONGEST_SOURCES, {}
-    for path in sorted(file for file in files if not file.is_relative_to(BENCH.resolve())):
+    for path in sorted(file for file in files if not file.is_relative_to(BENCH)):
         content = path.read_bytes()
         fits = len(content) <= min(LONGEST_SOURCE, left)
         left -= len(content) if fits else 0

@@ -17,7 +17,8 @@ from ..plan.cell import Cell, Choice, Settings
 from ..plan.limits import Limits
 from ..plugins.registry import load_plugins, registry
 from .current import Today
-from .provenance import explain, ingredients
+from .earlier import differences
+from .provenance import ingredients
 from .store import Record, Results
 
 
@@ -133,7 +134,7 @@ class Stored:
     def differences(self, cell: Cell) -> list[str]:
         """What differs between the day of the record and today, one line each; the paths given anew do not count."""
         then = self.shown.meta["ingredients"]
-        return explain(then, ingredients(cell) | ({"cell": then["cell"]} if self.paths else {}))
+        return differences(then, ingredients(cell) | ({"cell": then["cell"]} if self.paths else {}))
 
 
 def _split(words: Sequence[str]) -> tuple[str, dict[str, str]]:

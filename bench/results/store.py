@@ -135,6 +135,12 @@ class Results:
                     found.append((timestamp(record.meta.get("finished"), written, now), record))
         return [record for _, record in sorted(found, key=lambda pair: pair[0], reverse=True)]
 
+    def fingerprints(self, cell: str) -> list[str]:
+        """Those of a cell's records, without reading them."""
+        return sorted(
+            path.stem.partition("-")[2] for path in (self.folder / "cells" / cell[:2]).glob(f"{cell}-*.parquet")
+        )
+
     def find_cell(self, prefix: str) -> str:
         """The one cell id that begins with ``prefix``.
 

@@ -98,6 +98,7 @@ def _run(values: Mapping[str, Any], reporter: Progress | None, alive: Callable[[
         "planned": len(record.rows),
         "cached": outcome.cached,
         "for_outputs": outcome.for_outputs,
+        "stale": outcome.stale,
         "notes": outcome.notes,
         "line": line_of(cell, outcome),
         "took": time.monotonic() - begin if outcome.cached < len(record.rows) else 0.0,

@@ -8,14 +8,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..engine.runner import finished_rows
+from ..engine.runner import standing_rows
 from ..errors import UsageError
 from ..plan.cell import Cell, NotSolved, Settings, settings_of
 from ..plan.keys import GROUPS
 from ..plugins import presets
 from ..plugins.registry import KINDS
 from ..plugins.schema import NAME_KEY
-from ..results.provenance import fingerprint, ingredients
+from ..results.earlier import standing
+from ..results.provenance import ingredients
 from ..results.store import Results
 from .composition import compose
 from .forecast import Forecast, Pace, seconds_to_do, summary, workers_of
@@ -63,7 +64,7 @@ def look_ahead(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results:
 
 
 def _finished(results: Results, cell: Cell, settings: Settings) -> int:
-    rows, _ = finished_rows(results, cell, fingerprint(ingredients(cell)), settings)
+    rows, _ = standing_rows(results, cell, standing(results, cell, ingredients(cell)), settings)
     return min(len(rows), cell.cases)
 
 
