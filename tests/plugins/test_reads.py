@@ -6,7 +6,7 @@ from typing import Literal
 
 import pytest
 from conftest import TOYS
-from test_provenance import config, node
+from toy_cells import config, node
 
 from bench import register
 from bench.errors import UsageError

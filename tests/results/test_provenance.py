@@ -4,13 +4,13 @@ import copy
 import os
 import pickle
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
 
 import pytest
+from toy_cells import Method, config, node
 
-from bench import PointCloud, Shape, register
 from bench.errors import UsageError
 from bench.plan.cell import Cell, Choice, Settings, settings_of
 from bench.plan.limits import Limits
@@ -26,70 +26,6 @@ from bench.results.provenance import (
     source_closure,
     source_digest,
 )
-
-
-@register("method", name="provenance_method")
-@dataclass(frozen=True)
-class Method:
-    """Keeps the cloud."""
-
-    depth: int = 8
-
-    def denoise(self, cloud, run):
-        return cloud
-
-
-@register("dataset", name="provenance_dataset")
-@dataclass(frozen=True)
-class Dataset:
-    """Has a state."""
-
-    content: str = "one"
-
-    def shapes(self, split):
-        yield Shape("x", None)
-
-    def state(self):
-        return {"x.ply": self.content}
-
-
-@register("sensor", name="provenance_sensor")
-@dataclass(frozen=True)
-class Sensor:
-    """Sees nothing."""
-
-    def sense(self, shape, rng):
-        return PointCloud([])
-
-
-@register("metric", name="provenance_metric", version=1)
-@dataclass(frozen=True)
-class Metric:
-    """Scores nothing."""
-
-    def score(self, output, case):
-        return {}
-
-
-def node(kind, name, **values):
-    return {"_name_": name, **values}
-
-
-def config(**changes):
-    values = {
-        "task": node("task", "denoise"),
-        "dataset": node("dataset", "provenance_dataset"),
-        "sensor": node("sensor", "provenance_sensor"),
-        "method": node("method", "provenance_method"),
-        "metric": {"provenance_metric": node("metric", "provenance_metric")},
-        "seed": 0,
-        "split": "test",
-        "cases": 4,
-        "threads": 1,
-        "device": "cpu",
-    }
-    return values | changes
-
 
 CELL = Cell.from_config(config())
 

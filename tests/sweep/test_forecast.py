@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 from conftest import TOYS, WORDS
-from test_provenance import config, node
+from toy_cells import config, node
 
 from bench import register
 from bench.plan.cell import Cell
