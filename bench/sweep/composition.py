@@ -67,7 +67,7 @@ def compose(overrides: Sequence[str]) -> DictConfig:
 
 
 def hydra_message(error: BaseException) -> str:
-    """What Hydra said, with the cause under it when the cause says more, without hints to add keys and names of types."""
+    """What Hydra said, with the cause under it when the cause says more, without hints to add keys, without types."""
     parts = [str(error)]
     if error.__cause__ is not None and str(error.__cause__) not in parts[0]:
         parts.append(str(error.__cause__))
