@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.plugins.registry import KINDS, registry
+from bench.plugins.origins import installed
+from bench.plugins.registry import KINDS
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Where each kind is described; one of the files is enough.
@@ -29,5 +30,5 @@ def words(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_docs_name_every_plugin(kind):
     known = words(kind)
-    missing = [name for name in registry().installed(kind) if name not in known]
+    missing = [name for name in installed(kind) if name not in known]
     assert missing == [], f"say what they are in docs/{' or docs/'.join(PAGES[kind])}"

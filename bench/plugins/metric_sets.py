@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import functools
 
-from .registry import registry
+from .origins import installed
 
 FULL = "full"
 
 
 def metric_set(name: str) -> list[str] | None:
     """The names of the metrics in a set; None where no set has that name."""
-    return registry().installed("metric") if name == FULL else _of_file(name)
+    return installed("metric") if name == FULL else _of_file(name)
 
 
 @functools.cache

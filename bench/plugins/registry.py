@@ -37,7 +37,6 @@ from ..errors import DetailbenchError, MissingLibrary, PluginError, UsageError, 
 from .kept import ENTRY_POINTS, kept_modules
 
 KINDS = ("task", "dataset", "sensor", "method", "metric")
-IMPORTED = "imported"  # the origin of what neither an entry point nor --plugin brought
 DIRECTIONS = ("lower", "higher", "reference")
 
 # Import names whose distribution is called otherwise, or that come with one of our extras.
@@ -94,16 +93,6 @@ class Plugin:
     def fields(self) -> tuple[dataclasses.Field[Any], ...]:
         """The parameters."""
         return dataclasses.fields(self.cls)
-
-    @property
-    def is_from_file(self) -> bool:
-        """Whether ``--plugin`` brought it: the file is its origin."""
-        return Path(self.origin).is_absolute()
-
-    @property
-    def is_installed(self) -> bool:
-        """Whether an installed distribution brought it, which is then its origin."""
-        return not self.is_from_file and self.origin != IMPORTED
 
     def better(self, key: str) -> str:
         """Which way a score of this metric is better: ``lower``, ``higher`` or ``reference`` (nearest the truth's)."""
@@ -185,17 +174,13 @@ class Registry:
     @property
     def origin(self) -> str:
         """Where the module that is being imported comes from."""
-        return self._origin or IMPORTED
+        return self._origin or "imported"
 
     # -- asking ----------------------------------------------------------------------------------------------------
 
     def names(self, kind: str) -> list[str]:
         """The names of one kind, sorted."""
         return sorted({*self._plugins[kind], *self._known[kind]})
-
-    def installed(self, kind: str) -> list[str]:
-        """The names of one kind that installed distributions bring, sorted; none of their modules is imported."""
-        return sorted({*self._known[kind], *(p.name for p in self._plugins[kind].values() if p.is_installed)})
 
     def all(self, kind: str) -> list[Plugin]:
         """The plugins of one kind, by name."""

@@ -17,6 +17,7 @@ from typing import Any
 
 from .. import __version__
 from ..plan.cell import NO_SENSOR, Cell, Choice, digest
+from ..plugins.origins import is_from_file
 from ..plugins.reads import contents
 from .sources import BENCH, Stamps, source_closure, source_digest, stamps
 
@@ -200,7 +201,7 @@ def plugin_sources(cell: Cell) -> dict[str, dict[str, str | None]]:
         By path: ``sha256`` of the file, and its ``text``, or None where it is longer than :data:`LONGEST_SOURCE`, or
         where the files before it fill :data:`LONGEST_SOURCES`.
     """
-    brought = {part.file for choice in cell.choices for part in choice.parts if part.is_from_file}
+    brought = {part.file for choice in cell.choices for part in choice.parts if is_from_file(part)}
     files = {path for file in brought for path in source_closure(file)}
     left, kept = LONGEST_SOURCES, {}
     for path in sorted(file for file in files if not file.is_relative_to(BENCH)):

@@ -67,7 +67,7 @@ def compose(overrides: Sequence[str]) -> DictConfig:
 
 
 def hydra_message(error: BaseException) -> str:
-    """What Hydra said, with the cause under it when the cause says more, and without hints to add unknown keys."""
+    """What Hydra said, with the cause under it when the cause says more, without hints to add keys, without types."""
     parts = [str(error)]
     if error.__cause__ is not None and str(error.__cause__) not in parts[0]:
         parts.append(str(error.__cause__))
@@ -75,7 +75,8 @@ def hydra_message(error: BaseException) -> str:
     for launcher, extra in (("joblib", "joblib"), ("submitit", "slurm"), ("ray", "ray")):
         if f"hydra/launcher/{launcher}" in parts[0]:
             lines.append(f'This launcher is an extra: pip install "detailbench[{extra}]"')
-    return "\n".join(line for line in lines if line.strip() and "append" not in line and "prepend" not in line)
+    noise = ("append", "prepend", "full_key:", "object_type=", "reference_type=")
+    return "\n".join(line for line in lines if line.strip() and not any(word in line for word in noise))
 
 
 def is_sweep(overrides: Sequence[str]) -> bool:

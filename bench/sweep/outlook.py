@@ -135,8 +135,15 @@ def _change(values: dict[str, Any], key: str, value: Any) -> None:
         node = values[group]
         for name in inner:
             node = node.setdefault(name, {})
-        node[last] = value
+        node[last] = value if group in KINDS else _as_before(node.get(last), value, key)
     elif key in values and key not in GROUPS and not isinstance(values[key], dict):
-        values[key] = value
+        values[key] = _as_before(values[key], value, key)
     else:
         raise UsageError(f"{key}={value}: jobs that differ in this are composed one by one")
+
+
+def _as_before(now: Any, value: Any, key: str) -> Any:
+    """A value for a key of the run, of which Hydra has taken another one: of its type, or left to Hydra."""
+    if type(value) is type(now) or (type(now), type(value)) == (float, int):
+        return value
+    raise UsageError(f"{key}={value}: a value of another type is composed")

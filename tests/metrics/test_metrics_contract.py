@@ -12,11 +12,12 @@ import trimesh
 from bench import Case, PointCloud, Shape, generator
 from bench.geometry.comparison import set_samples
 from bench.plugins.metric_sets import FULL, metric_set
+from bench.plugins.origins import installed
 from bench.plugins.registry import registry
 from bench.sweep.composition import compose
 
 ROOT = Path(__file__).resolve().parents[2]
-METRICS = registry().installed("metric")
+METRICS = installed("metric")
 
 BOTH, MESH, CLOUD = {"mesh", "cloud"}, {"mesh"}, {"cloud"}
 # What stored results call these scores. Nothing need be added for a new metric: all else here asks the plugins.
@@ -126,7 +127,7 @@ def test_standard_is_small_and_full_is_all():
 
 @pytest.mark.parametrize(
     ("name", "origin", "in_full"),
-    [("of_a_package", "other 1.0", True), ("of_a_file", "/home/me/new.py", False), ("of_a_test", "imported", False)],
+    [("of_a_package", "other 1.0", True), ("of_a_file", "/elsewhere/new.py", False), ("of_a_test", "imported", False)],
 )
 def test_full_has_what_is_installed_and_no_list_is_edited(name, origin, in_full, monkeypatch):
     known = registry().find("metric", "p2f_mean")

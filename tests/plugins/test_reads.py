@@ -11,11 +11,12 @@ from toy_cells import config, node
 from bench import register
 from bench.errors import UsageError
 from bench.plan.cell import Cell
+from bench.plugins.origins import installed
 from bench.plugins.registry import registry
 from bench.results.provenance import explain, fingerprint, ingredients, memory_keys
 
 SHIPPED = Path(__file__).with_name("shipped.bin")
-INSTALLED = [registry().find("method", name) for name in registry().installed("method")]
+INSTALLED = [registry().find("method", name) for name in installed("method")]
 READERS = [plugin.name for plugin in INSTALLED if getattr(plugin.cls(), "reads", tuple)()]
 
 
