@@ -97,11 +97,11 @@ for kind in registry.KINDS:
     if kind == "metric":
         continue  # their versions count
     for plugin in registry.registry().all(kind):
-        closure = [sources._source(*key) for key in sources._keys(plugin.file)]
+        closure = [sources._source(key) for key in sources._keys(plugin.file)]
         told[f"{kind} {plugin.name}"] = {
             "recorded": provenance.source_digest(plugin.file),
             "digest": sources.source_digest(plugin.file),
-            "files": {str(path): sources._source(*key).bare for key in sources._keys(plugin.file) for path in key[:1]},
+            "files": {str(path): sources._source(key).bare for key in sources._keys(plugin.file) for path in key[:1]},
         }
 json.dump(told, sys.stdout)
 """

@@ -34,8 +34,9 @@ HOLE = re.compile(rb"\0(\d+)\0")  # where a run of import statements stood; no s
 
 TICK_NS = 1_000_000_000  # two edits within one tick of a file system's clock leave the same times
 
-Key = tuple[str, int, int]  # path, time of change, size
-Stamps = tuple[tuple[int, int, int, int], ...]  # size, time of edit, time of change and number, of each file
+Stamp = tuple[int, int, int, int]  # size, time of edit, time of change and number of a file
+Stamps = tuple[Stamp, ...]
+Key = tuple[str, Stamp]  # a path, and how its file is
 
 
 class Import(NamedTuple):
@@ -88,10 +89,9 @@ def source_digest(file: Path) -> str:
     if known is not None and stamps(known[0]) == known[1]:
         return known[2]
     keys = tuple(_keys(file))
-    files = [path for path, _, _ in keys]
-    before = stamps(files)
+    files, before = [path for path, _ in keys], tuple(stamp for _, stamp in keys)
     found = _digest(keys)
-    if _settled(before):
+    if all(map(_is_settled, before)):
         _digests[str(file)] = (files, before, found)
     return found
 
@@ -102,21 +102,24 @@ _digests: dict[str, tuple[list[str], Stamps | None, str]] = {}  # the sources of
 def stamps(files: Iterable[str]) -> Stamps | None:
     """Size, times and number of each file: what changes when it is edited or exchanged. None where one is gone."""
     try:
-        found = map(os.stat, files)
-        return tuple((s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino) for s in found)
+        return tuple(map(_stamp, files))
     except OSError:
         return None
 
 
-def _settled(found: Stamps | None) -> bool:
-    """Whether the last change of each file is so long ago that one more would show in its times."""
-    now = time.time_ns()
-    return found is not None and all(now - max(stamp[1], stamp[2]) > TICK_NS for stamp in found)
+def _stamp(file: str) -> Stamp:
+    stat = os.stat(file)
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
+
+
+def _is_settled(stamp: Stamp) -> bool:
+    """Whether the last change of a file is so long ago that one more would show in its times."""
+    return time.time_ns() - max(stamp[1], stamp[2]) > TICK_NS
 
 
 def source_closure(file: Path) -> set[Path]:
     """``file`` and, transitively, what it imports from its own folder or package, or from what counts of ``bench``."""
-    return {Path(path) for path, _, _ in _keys(file)}
+    return {Path(path) for path, _ in _keys(file)}
 
 
 def _keys(file: Path) -> list[Key]:
@@ -128,17 +131,15 @@ def _keys(file: Path) -> list[Key]:
         if path in known:
             continue
         try:
-            stat = os.stat(path)
+            known[path] = (path, _stamp(path))
         except OSError:
             continue  # it went since it was found
-        known[path] = (path, stat.st_mtime_ns, stat.st_size)
-        todo.extend(read for run in _source(*known[path]).runs for found in run for read in found.files)
+        todo.extend(read for run in _source(known[path]).runs for found in run for read in found.files)
     return sorted(known.values())
 
 
-@functools.lru_cache(maxsize=1024)
 def _digest(keys: tuple[Key, ...]) -> str:
-    sources = {key[0]: _source(*key) for key in keys}
+    sources = {key[0]: _source(key) for key in keys}
     texts = {_rendered(source, sources) for source in sources.values()} - {b""}
     total = hashlib.sha256()
     for one in sorted(hashlib.sha256(text).digest() for text in texts):
@@ -167,8 +168,13 @@ def _brought(one: Import, others: dict[str, Source]) -> str:
 # -- one file ----------------------------------------------------------------------------------------------------------
 
 
+def _source(key: Key) -> Source:
+    """A file, taken apart; read again where it changed just now, since one more change may not show in its times."""
+    return _known_source(*key) if _is_settled(key[1]) else _known_source.__wrapped__(*key)
+
+
 @functools.lru_cache(maxsize=4096)
-def _source(path: str, mtime_ns: int, size: int) -> Source:
+def _known_source(path: str, _: Stamp) -> Source:
     try:
         raw = Path(path).read_bytes()
     except OSError:

@@ -15,7 +15,7 @@ from bench.errors import UsageError
 from bench.plan.cell import Cell, Choice, Settings, settings_of
 from bench.plan.limits import Limits
 from bench.plugins.registry import registry
-from bench.results import provenance as provenance_module
+from bench.results import sources
 from bench.results.provenance import (
     explain,
     fingerprint,
@@ -230,7 +230,7 @@ def test_a_source_is_read_again_when_it_was_edited_and_only_then(tmp_path, monke
     seen = [source_digest(plugin)]
     block.write_text("a = 2\n")  # at once
     seen.append(source_digest(plugin))
-    monkeypatch.setattr(provenance_module, "TICK_NS", -1)  # as if all were long ago
+    monkeypatch.setattr(sources, "TICK_NS", -1)  # as if all were long ago
     assert source_digest(plugin) == seen[-1]
     reads = []
     read_bytes = Path.read_bytes
