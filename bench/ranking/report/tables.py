@@ -223,7 +223,8 @@ def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int
     better = next(iter(scored.values()))["better"]
     if better == "reference":
         better, floor = ("difference", f"ref {floor}" if floor else "") if digits is None else ("reference", floor)
-    ranked = standing.is_ranked(list(scored.values()))
+    # Nobody is first among one: a score that only one of several methods has marks no winner.
+    ranked = (len(scored) > 1 or len(methods) == 1) and standing.is_ranked(list(scored.values()))
     cells = (_cell(scored.get(m["label"]), m, exponent, digits, ranked) for m in methods)
     return Metric(name, better, exponent, tuple(cells), floor)
 

@@ -195,3 +195,12 @@ def test_units_of_columns():
     assert unit_exponent([5e6]) == 6
     assert decimals(2.0, np.nan, np.nan) == 0
     assert [count(n) for n in (12, 1300, 1_250_000, np.nan)] == ["12", "1.3k", "1.25M", "-"]
+
+
+def test_a_score_that_only_one_of_several_methods_has_marks_no_winner():
+    two = [row("oriented", case, 0, {"d": 1.0, "angle": 3.0}) for case in "abcdef"]
+    two += [row("bare", case, 0, {"d": 2.0}) for case in "abcdef"]
+    frame = rows(*two)
+    text = render(leaderboard(frame), "markdown", rows=frame)
+    line = next(line for line in text.splitlines() if line.startswith("| oriented"))
+    assert "**1" in line and "**3" not in line and "3" in line
