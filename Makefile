@@ -23,9 +23,8 @@ demo: setup ## a small sweep over procedural shapes, and its leaderboard
 	$(BIN)/detailbench run experiment=demo results=results/demo hydra/launcher=joblib hydra.launcher.n_jobs=2
 
 test: setup ## all tests; a skipped test counts as a failure
-	@# three at a time on two cores: a third of the tests' time is waiting for limits to pass; in the order of the folders,
-	@# which begins with the slowest files
-	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder --ignore=tests/benchmarks
+	@# three at a time on two cores: a third of the tests' time is waiting for limits to pass; the slowest files come first
+	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder tests/faults tests/commands tests --ignore=tests/benchmarks
 	@# alone, because they compare times; `make bench` has them in full
 	DETAILBENCH_SHORT=1 $(PYTEST) tests/benchmarks --benchmark-disable-gc --benchmark-min-rounds=1 --benchmark-max-time=0.1
 

@@ -13,7 +13,6 @@ import pyarrow.parquet as pq
 import pytest
 from conftest import TOYS
 
-from bench.cli import main
 from bench.errors import UsageError
 from bench.geometry.io.files import load_mesh, save
 from bench.results.files import META_KEY
@@ -48,10 +47,11 @@ def test_a_task_whose_cases_are_called_like_shapes_scores_as_in_a_folder_of_its_
 # -- versions ----------------------------------------------------------------------------------------------------------
 
 
-def leaderboard(capsys, *words) -> str:
-    """What `detailbench leaderboard` prints, on both channels, in this process: it knows none of the toys."""
-    assert main(["leaderboard", *map(str, words)]) == 0
-    return "".join(capsys.readouterr())
+def leaderboard(shell, *words) -> str:
+    """What `detailbench leaderboard` prints, on both channels, in a process that knows none of the toys."""
+    done = shell.call("leaderboard", *words)
+    assert done.returncode == 0, done.stderr
+    return done.stdout + done.stderr
 
 
 def edited_toys(text: str) -> str:
@@ -67,7 +67,7 @@ def board(text: str) -> float:
     return float(line.split()[2])
 
 
-def test_the_table_of_a_run_is_of_that_run_after_an_edit_is_taken_back(shell, capsys):
+def test_the_table_of_a_run_is_of_that_run_after_an_edit_is_taken_back(shell):
     toys = Path(shutil.copy(TOYS, shell.folder / "toys.py"))
     words = {"sweep": False, "plugins": (toys,)}
     text = toys.read_text()
@@ -80,7 +80,7 @@ def test_the_table_of_a_run_is_of_that_run_after_an_edit_is_taken_back(shell, ca
     assert "0 run now, 2 there already" in reverted.stderr
     assert board(reverted.stdout) == first
     # The plugin is no plugin of this installation, and its file is there to be compared with.
-    assert board(leaderboard(capsys, shell.results)) == first
+    assert board(leaderboard(shell, shell.results)) == first
     why = shell.call("why", shell.rows()["cell"].iloc[0], f"results={shell.results}").stdout
     assert "it would not be run again" in why
     assert "2 records of this cell" in why
@@ -88,7 +88,7 @@ def test_the_table_of_a_run_is_of_that_run_after_an_edit_is_taken_back(shell, ca
     assert len(shown) == 1 and "current" in shown[0]
     assert sum("source of method fine was edited" in line for line in why.splitlines()) == 1
     toys.unlink()  # now nothing says which is current: the newest counts
-    assert board(leaderboard(capsys, shell.results)) == edited
+    assert board(leaderboard(shell, shell.results)) == edited
 
 
 def dated(file: Path, finished: str) -> None:
@@ -100,7 +100,7 @@ def dated(file: Path, finished: str) -> None:
     pq.write_table(table.replace_schema_metadata({META_KEY: json.dumps(meta).encode()}), file)
 
 
-def test_a_record_from_the_future_shadows_nothing(shell, capsys):
+def test_a_record_from_the_future_shadows_nothing(shell):
     toys = Path(shutil.copy(TOYS, shell.folder / "toys.py"))
     words = {"sweep": False, "plugins": (toys,)}
     text = toys.read_text()
@@ -112,11 +112,11 @@ def test_a_record_from_the_future_shadows_nothing(shell, capsys):
     done = shell.run("method=fine", **words)
     assert "2 run now" in done.stderr
     toys.unlink()  # what is newest counts, and that is told by the time of the file
-    ranked = leaderboard(capsys, shell.results)
+    ranked = leaderboard(shell, shell.results)
     assert board(ranked) == board(done.stdout)
     assert f"{file.name}: is dated 2999-01-01T00:00:00+00:00, in the future" in ranked
     os.utime(file, (4e9, 4e9))  # a file of the year 2096 is older than all
-    assert board(leaderboard(capsys, shell.results)) == board(done.stdout)
+    assert board(leaderboard(shell, shell.results)) == board(done.stdout)
     cell = shell.rows()["cell"].iloc[0]
     assert [record.fingerprint in file.name for record in Results(shell.results).records(cell)] == [False, True]
 
@@ -349,7 +349,7 @@ def test_a_folder_from_the_environment_is_one_folder(shell, monkeypatch):
 # -- nothing solved ----------------------------------------------------------------------------------------------------
 
 
-def test_a_run_in_which_nothing_was_solved_ends_with_its_table(shell, capsys):
+def test_a_run_in_which_nothing_was_solved_ends_with_its_table(shell):
     """Also under a convention, and where the folder has scores of other cells."""
     plugin = shell.folder / "fails.py"
     plugin.write_text(
@@ -366,5 +366,5 @@ def test_a_run_in_which_nothing_was_solved_ends_with_its_table(shell, capsys):
         assert done.returncode == 3, done.stderr
         assert "\nerror:" not in done.stderr and "0/4 cases solved" in done.stderr
         assert "fails (a=1)" in done.stdout and "0/2" in done.stdout
-        assert "fails (a=1)" in leaderboard(capsys, shell.results, "--method", "fails", *words[2:])
-        assert "fails (a=1)" in leaderboard(capsys, shell.results, "--method", "fails")
+        assert "fails (a=1)" in leaderboard(shell, shell.results, "--method", "fails", *words[2:])
+        assert "fails (a=1)" in leaderboard(shell, shell.results, "--method", "fails")
