@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     pass
 
 
-class FrontDoorGone(SystemExit):
-    """The process that started the sweep was killed: nobody waits for this job any more."""
-
-
 @dataclass(frozen=True)
 class Session:
     """One sweep's folder below the results, where its jobs leave what they did. Its name tells who waits for it."""
