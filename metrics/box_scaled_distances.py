@@ -21,12 +21,14 @@ class BoxScaledDistances:
     ``chamfer_l1_mean_by_diagonal`` and ``hausdorff_by_diagonal`` divide the metrics of these names by the diagonal of
     the reference's axis-aligned bounding box: dsr-benchmark (Sulzer et al. 2024) prints them in per cent.
     ``chamfer_l1_mean_by_edge`` divides by the box's longest edge, the unit of Occupancy Networks (Mescheder et al.
-    2019), which prints it in tenths. Dimensionless. The box turns with the axes, so a rotation of everything changes
+    2019), which prints it in tenths. ``chamfer_l2_sum_by_diagonal`` and ``hausdorff_sq_sum_by_diagonal`` are squared
+    distances and divided by the square of the diagonal, for papers whose shapes share a diagonal, as those of DSS
+    (Wang et al. 2019) do. Dimensionless. The box turns with the axes, so a rotation of everything changes
     them a little; else all that is said of the two metrics holds.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
-        """The three scores, dimensionless."""
+        """The five scores, dimensionless."""
         pair = case.compare(output)
         edges = np.ptp(case.reference.mesh.vertices, axis=0)
         forward, backward = pair.to_reference.distance, pair.to_output.distance
@@ -36,4 +38,6 @@ class BoxScaledDistances:
             "chamfer_l1_mean_by_diagonal": float(chamfer / diagonal),
             "hausdorff_by_diagonal": float(farthest / diagonal),
             "chamfer_l1_mean_by_edge": float(chamfer / edges.max()),
+            "chamfer_l2_sum_by_diagonal": float(((forward**2).mean() + (backward**2).mean()) / diagonal**2),
+            "hausdorff_sq_sum_by_diagonal": float((forward.max() ** 2 + backward.max() ** 2) / diagonal**2),
         }

@@ -10,12 +10,13 @@ import numpy as np
 from bench import Case, PointCloud, register
 from bench.geometry.comparison import compare
 from bench.geometry.neighbours import OrderedPoints
+from bench.geometry.reference_sample import POISSON_DISK, UNIFORM, evenly_perfect
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
+@register("metric", version=2, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree", "open3d"))
 @dataclass(frozen=True)
 class OwnSphereDistances:
     """Squared Chamfer and Hausdorff distances, both shapes normalised by their own centroid and farthest point.
@@ -23,20 +24,23 @@ class OwnSphereDistances:
     ``P' = (P - mean P) / max |p - mean P|``, ``Q'`` likewise from the reference samples, then
     ``own_sphere_chamfer_l2_sum = mean_p' min_q' |p' - q'|^2 + mean_q' min_p' |p' - q'|^2`` and
     ``own_sphere_hausdorff_sq_sum = max_p' min_q' |p' - q'|^2 + max_q' min_p' |p' - q'|^2``; dimensionless. The
-    evaluation script of MPU (Wang et al. 2019) and PU-GAN (Li et al. 2019), whose ground truth is a cloud as dense as
-    the output.
+    evaluation script of MPU (Wang et al. 2019) and PU-GAN (Li et al. 2019), whose ground truth is a Poisson-disk cloud
+    as large as the output: so are the reference samples, at most 200,000. Of a mesh, and of its reference, samples are
+    uniform. A reference that is a cloud is taken as it is.
 
     Fragile, and kept for comparison only: the output chooses its own frame. One outlier shrinks the whole output, and
-    a result of the wrong size or place is forgiven. ``chamfer_l2_sum`` is the same in the frame of the reference.
+    a result of the wrong size or place is forgiven. ``even_distances`` are the same in the frame of the reference.
     """
 
     samples: int = 0  # of the reference; 0: as many as the output has points
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
         """``own_sphere_chamfer_l2_sum`` and ``own_sphere_hausdorff_sq_sum``, dimensionless."""
-        pair = compare(output, case, self.samples or _count(output) or case.compare(output).samples)
-        if pair.is_empty:
+        if case.compare(output).is_empty:
             return dict.fromkeys(("own_sphere_chamfer_l2_sum", "own_sphere_hausdorff_sq_sum"), float("inf"))
+        is_cloud = isinstance(output, PointCloud)
+        samples = self.samples or (len(output) if is_cloud else 0)
+        pair = compare(output, case, samples, POISSON_DISK if is_cloud else UNIFORM)
         P, Q = (OrderedPoints(in_own_sphere(points)) for points in (pair.output_points, pair.reference_points))
         forward, backward = P.nearest_in(Q).distance ** 2, Q.nearest_in(P).distance ** 2
         return {
@@ -44,9 +48,9 @@ class OwnSphereDistances:
             "own_sphere_hausdorff_sq_sum": float(forward.max() + backward.max()),
         }
 
-
-def _count(output: PointCloud | Trimesh) -> int:
-    return len(output) if isinstance(output, PointCloud) else 0
+    def perfect(self, output: PointCloud | Trimesh, case: Case) -> PointCloud | Trimesh:
+        """Another Poisson-disk sample, as large as the output; for a mesh the reference mesh."""
+        return evenly_perfect(output, case)
 
 
 def in_own_sphere(points: np.ndarray) -> np.ndarray:

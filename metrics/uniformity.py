@@ -8,6 +8,7 @@ import numpy as np
 
 from bench import Case, PointCloud, generator, register
 
+SHARES = (0.004, 0.006, 0.008, 0.010, 0.012)  # of the tables of PU-GAN
 NEIGHBOURS = 8  # of a point, among which the nearest inside a disk mostly is
 
 
@@ -23,29 +24,39 @@ class Uniformity:
     (Li et al. 2019), there with geodesic disks of 0.4 to 1.2 %. Here disks are Euclidean balls, as in PU-GAN's own
     loss: on thin sheets and near contacts they collect both sides.
 
-    A disk with fewer than two points, which the original leaves out, has d = r and the d_hat of n_hat points: a hole
-    must not count as even. The floor is that of uniform random points; a lattice or blue noise scores below it.
-    It says nothing of the distance to the surface, and a little noise spreads random points and lowers it. A point far
-    away is in no disk and only takes part in N.
+    PU-GAN's script first projects the points to the mesh, and leaves out disks with fewer than five points: that is
+    ``projected_uniformity``. Here points count where they are, and so does every disk: one with fewer than two points
+    has d = r and the d_hat of n_hat points, for a hole must not count as even. The floor is that of uniform random
+    points; a lattice or blue noise scores below it. It says nothing of the distance to the surface, and a little noise
+    spreads random points and lowers it. A point far away is in no disk and only takes part in N.
     """
 
-    shares: tuple[float, ...] = (0.004, 0.006, 0.008, 0.010, 0.012)  # areas of the disks as shares of the surface
+    shares: tuple[float, ...] = SHARES  # areas of the disks as shares of the surface
     disks: int = 1000  # how many of each size
 
     def __post_init__(self) -> None:
-        if not self.shares or not all(0 < s < 1 for s in self.shares):
-            raise ValueError(f"shares: expected numbers between 0 and 1, got {self.shares}")
-        if self.disks < 1:
-            raise ValueError(f"disks: expected at least 1, got {self.disks}")
+        check_disks(self.shares, self.disks)
 
     def score(self, output: PointCloud, case: Case) -> dict[str, float]:
         """``uniformity@s`` for each share s: frame units."""
         if not len(output):
             return {f"uniformity@{share:g}": float("inf") for share in self.shares}
-        centers, _ = case.reference.surface.sample(self.disks, generator(case.seed, case.id, "disks"))
-        disks = Disks(output.points, centers)
+        disks = Disks(output.points, disk_centers(case, self.disks))
         area = case.compare(output).reference_area
-        return {f"uniformity@{share:g}": disks.unevenness(share, area) for share in self.shares}
+        return {f"uniformity@{share:g}": float(np.mean(disks.unevenness(share, area)[1])) for share in self.shares}
+
+
+def check_disks(shares: tuple[float, ...], disks: int) -> None:
+    """Raise ValueError for shares or a number of disks that make no sense."""
+    if not shares or not all(0 < s < 1 for s in shares):
+        raise ValueError(f"shares: expected numbers between 0 and 1, got {shares}")
+    if disks < 1:
+        raise ValueError(f"disks: expected at least 1, got {disks}")
+
+
+def disk_centers(case: Case, disks: int) -> np.ndarray:
+    """(disks, 3) uniform points of the reference, the same for every output of the case."""
+    return case.reference.surface.sample(disks, generator(case.seed, case.id, "disks"))[0]
 
 
 class Disks:
@@ -61,12 +72,13 @@ class Disks:
         self._distance, self._index = distance.reshape(-1, count), index.reshape(-1, count)
         self._is_inside = np.zeros(len(points), dtype=bool)
 
-    def unevenness(self, share: float, area: float) -> float:
-        """The mean over the disks of the deviation of count times the deviation of spacing."""
+    def unevenness(self, share: float, area: float) -> tuple[np.ndarray, np.ndarray]:
+        """Of each disk, how many points it holds, and the deviation of count times the deviation of spacing."""
         radius = np.sqrt(share * area / np.pi)
         expected = share * len(self.points)
-        members = self._tree.query_ball_point(self.centers, radius)
-        return float(np.mean([self._one(np.asarray(m, dtype=int), radius, expected) for m in members]))
+        members = [np.asarray(m, dtype=int) for m in self._tree.query_ball_point(self.centers, radius)]
+        counts = np.array([len(m) for m in members])
+        return counts, np.array([self._one(m, radius, expected) for m in members])
 
     def _one(self, members: np.ndarray, radius: float, expected: float) -> float:
         count = len(members)

@@ -221,12 +221,14 @@ def floor(
 ) -> dict[str, float]:
     """What a perfect output, in kind and count, would score: the same for all methods that return as many.
 
-    A metric may look at the input of the case, so each sensor has floors of its own.
+    A metric may look at the input of the case, so each sensor has floors of its own. One that takes another output for
+    perfect than the case does, as evenly spread points where its ground truth is such, has ``perfect(output, case)``.
     """
     kind = f"{len(output)} points" if isinstance(output, PointCloud) else "mesh"
 
     def scored() -> dict[str, np.ndarray]:
-        return {key: np.float64(value) for key, value in metric.score(case.perfect(output), case).items()}
+        perfect = metric.perfect(output, case) if hasattr(metric, "perfect") else case.perfect(output)
+        return {key: np.float64(value) for key, value in metric.score(perfect, case).items()}
 
     keys = keys or {}
     name = f"floor of {choice.name} {keys.get(f'metric {choice.name}')} for {kind} from {keys.get('sensor')}"

@@ -28,6 +28,7 @@ from .closest import Closest
 from .cloud import PointCloud
 from .mesh_surface import MeshSurface
 from .neighbours import Nearest, OrderedPoints
+from .reference_sample import UNIFORM, sample_reference
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -50,16 +51,11 @@ class Reference:
     what the tessellation adds.
     """
 
-    def __init__(self, case: Case, samples: int):
-        self._case, self._shape, self._samples = case, case.reference, samples
-        drawn = case.remember(f"reference {samples}", self._draw)
+    def __init__(self, case: Case, samples: int, sampling: str = UNIFORM):
+        self._case, self._shape = case, case.reference
+        drawn = sample_reference(case, samples, sampling, "reference")
         self.normals = drawn["normals"]
         self.points = OrderedPoints(drawn["points"])
-
-    def _draw(self) -> dict[str, np.ndarray]:
-        rng = generator(self._case.seed, self._case.id, "reference")
-        points, normals = self._shape.surface.sample(self._samples, rng)
-        return {"points": points, "normals": normals}
 
     @cached_property
     def mesh(self) -> MeshSurface:
@@ -102,10 +98,12 @@ class Comparison:
     samples : int, optional
         How many points are drawn from the reference, and from an output that is a mesh: :data:`SAMPLES`, or what
         :func:`set_samples` said of the case.
+    sampling : str
+        How the points of the reference are spread, see :mod:`reference_sample`.
     """
 
-    def __init__(self, output: PointCloud | Trimesh, case: Case, samples: int | None = None):
-        self.output, self.case = output, case
+    def __init__(self, output: PointCloud | Trimesh, case: Case, samples: int | None = None, sampling: str = UNIFORM):
+        self.output, self.case, self.sampling = output, case, sampling
         self.samples = case._cache.get("samples", SAMPLES) if samples is None else samples
 
     @property
@@ -125,7 +123,7 @@ class Comparison:
 
     @property
     def reference_points(self) -> np.ndarray:
-        """(samples, 3) array: uniform samples of the reference surface, the same for every output of the case."""
+        """(samples, 3) array: samples of the reference surface, the same for every output of the case."""
         return self._reference.points.points
 
     @property
@@ -173,9 +171,9 @@ class Comparison:
 
     @cached_property
     def _reference(self) -> Reference:
-        key = f"reference {self.samples}"
+        key = f"{self.sampling} reference {self.samples}"
         if key not in self.case._cache:
-            self.case._cache[key] = Reference(self.case, self.samples)
+            self.case._cache[key] = Reference(self.case, self.samples, self.sampling)
         return self.case._cache[key]
 
     @cached_property
@@ -195,18 +193,19 @@ class Comparison:
         return surface.sample(self.samples, generator(self.case.seed, self.case.id, "output"))
 
 
-def compare(output: PointCloud | Trimesh, case: Case, samples: int) -> Comparison:
-    """A comparison with another number of samples, for the conventions that fix one; shared like the usual one.
+def compare(output: PointCloud | Trimesh, case: Case, samples: int, sampling: str = UNIFORM) -> Comparison:
+    """A comparison with other samples, for the conventions that fix their number or spread; shared like the usual one.
 
     0 samples are the usual number.
     """
-    if not samples or samples == case.compare(output).samples:
+    samples = samples or case.compare(output).samples
+    if sampling == UNIFORM and samples == case.compare(output).samples:
         return case.compare(output)
-    known = case._cache.setdefault(f"comparisons of {samples}", [])
+    known = case._cache.setdefault(f"comparisons with {samples} {sampling}", [])
     for comparison in known:
         if comparison.output is output:
             return comparison
-    known.append(Comparison(output, case, samples))
+    known.append(Comparison(output, case, samples, sampling))
     del known[:-2]
     return known[-1]
 

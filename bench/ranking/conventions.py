@@ -36,6 +36,7 @@ class Convention:
     """A paper's table: which scores, in which units."""
 
     name: str
+    prints: str  # what the columns are, in one sentence
     paper: str  # whom to cite
     code: str  # the file that computes the numbers
     differs: str  # where ours cannot follow it, in words
@@ -48,15 +49,21 @@ class Convention:
         return {column.title: column.digits for column in self.columns}
 
     def notes(self, shown: Collection[str]) -> tuple[str, ...]:
-        """What stands below a table with these titles: whom it follows, the formulas, and what it does not show."""
+        """What stands below a table with these titles: what it prints, formulas, whom it follows, what is missing."""
         formulas = [f"{c.title} = {c.factor:g} x {c.score}" for c in self.columns if c.title in shown]
         missing = [f"{c.title} ({c.score})" for c in self.columns if c.title not in shown]
         if not formulas:  # nothing was solved
             return ()
-        notes = [f"convention {self.name}: {self.paper}; {self.code}.", f"{'; '.join(formulas)}.", self.differs]
+        notes = [
+            f"convention {self.name}: {self.prints}",
+            f"{'; '.join(formulas)}.",
+            f"After {self.paper}; {self.code}.",
+        ]
+        if self.differs:
+            notes.append(f"What differs: {self.differs}")
         if missing:
             notes.append(f"These results have no {' and no '.join(missing)}.")
-        return tuple(note for note in notes if note)
+        return tuple(notes)
 
     def of(self, known: Collection[str]) -> Convention:
         """The same with the scores that results have: with N samples, ``score@N`` stands where they have no ``score``.
@@ -143,6 +150,7 @@ def load_convention(name: str) -> Convention:
     described = content["convention"]
     return Convention(
         name=described["name"],
+        prints=described["prints"],
         paper=described["paper"],
         code=described["code"],
         differs=described.get("differs", ""),

@@ -61,7 +61,13 @@ def test_seed_and_samples(files, capsys):
 def test_everything_there_is(files, capsys):
     mesh = scored(capsys, files / "output.obj", files / "reference.ply", "--metric", "full", "--samples", 500)
     assert mesh["scores"]["iou"] == pytest.approx(1.02**-3, abs=0.01)
-    assert set(mesh["left_out"]) == {"cot_laplacian", "spacing_variation", "uniformity"}
+    assert set(mesh["left_out"]) == {
+        "cot_laplacian",
+        "even_distances",
+        "projected_uniformity",
+        "spacing_variation",
+        "uniformity",
+    }
     cloud = scored(capsys, files / "cloud.ply", files / "reference.ply", "--metric", "full", "--samples", 500)
     assert cloud["scores"]["normal_cosine_oriented"] > 0.98
     assert {"iou", "topology", "s2f"} <= set(cloud["left_out"])
@@ -79,11 +85,13 @@ def test_a_cloud_as_reference(files, capsys):
 def test_a_convention(files, capsys):
     words = (files / "cloud.ply", files / "reference.ply")
     found = scored(capsys, *words, "--convention", "dss", *FEW)
-    plain = scored(capsys, *words, "--metric", "chamfer_l2_sum,hausdorff_sq_sum", *FEW)
-    assert found["scores"]["CD (1e-4)"] == pytest.approx(1e4 * plain["scores"]["chamfer_l2_sum"])
-    assert found["floors"]["HD (1e-3)"] == pytest.approx(1e3 * plain["floors"]["hausdorff_sq_sum"])
+    plain = scored(capsys, *words, "--metric", "box_scaled_distances", *FEW)
+    assert found["scores"]["CD (1e-4)"] == pytest.approx(176400 * plain["scores"]["chamfer_l2_sum_by_diagonal"])
+    assert found["floors"]["HD (1e-3)"] == pytest.approx(17640 * plain["floors"]["hausdorff_sq_sum_by_diagonal"])
     assert main(["score", *map(str, words), "--convention", "dss", *FEW]) == 0
-    assert "CD (1e-4) = 10000 x chamfer_l2_sum" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "CD (1e-4) = 176400 x chamfer_l2_sum_by_diagonal" in shown
+    assert max(map(len, shown.split("convention dss")[1].splitlines())) <= 100
 
 
 def test_the_source_of_a_deformation(files, capsys):

@@ -6,13 +6,18 @@ import pytest
 import trimesh
 
 from bench import Case, PointCloud, Shape, generator
+from bench.engine.call import floor
+from bench.geometry import reference_sample
 from bench.geometry.cloud_surface import CloudSurface
-from bench.geometry.comparison import set_samples
+from bench.geometry.comparison import compare, set_samples
+from bench.geometry.poisson_disk import sample_poisson_disk
+from bench.geometry.reference_sample import POISSON_DISK
 from bench.geometry.triangles import point_triangle_distance, triangles_to_points
 from bench.metrics.box_scaled_distances import BoxScaledDistances
 from bench.metrics.chamfer_l1_point_sum import ChamferL1PointSum
 from bench.metrics.chamfer_l1_sum import ChamferL1Sum
 from bench.metrics.directed import Directed
+from bench.metrics.even_distances import EvenDistances
 from bench.metrics.hausdorff_sq_sum import HausdorffSqSum
 from bench.metrics.own_sphere_distances import OwnSphereDistances, in_own_sphere
 from bench.metrics.p2f_spread import P2fSpread
@@ -20,6 +25,9 @@ from bench.metrics.p2m_sq_sum import P2mSqSum
 from bench.metrics.recentred_chamfer_l2_sum import RecentredChamferL2Sum
 from bench.metrics.s2f import S2f
 from bench.metrics.sampled_distances import SampledDistances
+from bench.metrics.spacing_variation import neighbour_distances
+from bench.plan.cell import Choice
+from bench.plugins.registry import snake_case
 
 
 def two_points_against_three():
@@ -75,6 +83,8 @@ def test_shares_of_the_box_by_hand():
         "chamfer_l1_mean_by_diagonal": chamfer / 3,
         "hausdorff_by_diagonal": np.sqrt(5) / 3,
         "chamfer_l1_mean_by_edge": chamfer / 2,
+        "chamfer_l2_sum_by_diagonal": (1 + 7 / 3) / 9,
+        "hausdorff_sq_sum_by_diagonal": (1 + 5) / 9,
     }
     assert BoxScaledDistances().score(output, case) == pytest.approx(expected)
 
@@ -101,11 +111,61 @@ def test_own_spheres_forgive_place_and_size_and_break_at_one_outlier():
     assert not in_own_sphere(np.ones((3, 3))).any()
 
 
-def test_own_spheres_take_as_many_reference_samples_as_the_output_has():
+@pytest.mark.parametrize("metric", [OwnSphereDistances(), EvenDistances()], ids=lambda metric: type(metric).__name__)
+def test_the_ground_truth_is_a_poisson_disk_sample_as_large_as_the_output(metric):
+    case, output = mesh_case(trimesh.creation.icosphere(3)), PointCloud(np.zeros((500, 3)))
+    truth = compare(output, case, 500, POISSON_DISK).reference_points
+    assert len(truth) == 500 and neighbour_distances(truth).min() > 0.5 * np.sqrt(4 * np.pi / 500)
+    perfect = metric.perfect(output, case)
+    assert len(perfect) == 500 and not np.isin(perfect.points, truth).any()
+    (even, _), (uniform, _) = metric.score(perfect, case).values(), metric.score(case.perfect(output), case).values()
+    # Two uniform samples of N points on a sphere of area 4 pi: 2 A / (pi N); two even ones some 40 % less.
+    assert even == pytest.approx(0.58 * 8 / 500, rel=0.06)
+    assert even < 0.8 * uniform
+    assert floor(Choice("metric", snake_case(type(metric).__name__)), metric, output, case) == metric.score(
+        perfect, case
+    )
+
+
+def test_a_ground_truth_that_is_a_cloud_is_taken_whole():
+    case, output = two_points_against_three()
+    f, b = nearest(output.points, case.reference.mesh.vertices), nearest(case.reference.mesh.vertices, output.points)
+    expected = {
+        "even_chamfer_l2_sum": (f**2).mean() + (b**2).mean(),
+        "even_hausdorff_sq_sum": max(f) ** 2 + max(b) ** 2,
+    }
+    assert EvenDistances().score(output, case) == pytest.approx(expected)
+
+
+def test_poisson_disk_samples_are_made_once_for_all_metrics_and_no_larger_than_said(monkeypatch):
+    made = []
+
+    def counted(shape, count, rng):
+        made.append(count)
+        return sample_poisson_disk(shape, count, rng)
+
+    monkeypatch.setattr(reference_sample, "sample_poisson_disk", counted)
+    monkeypatch.setattr(reference_sample, "MOST", 300)
     case = mesh_case(trimesh.creation.icosphere(3))
-    few = OwnSphereDistances().score(case.perfect(PointCloud(np.zeros((500, 3)))), case)
-    # Two samples of N points on a sphere of area 4 pi: 2 A / (pi N).
-    assert few["own_sphere_chamfer_l2_sum"] == pytest.approx(8 / 500, rel=0.15)
+    clouds = [PointCloud(generator(i).normal(size=(n, 3))) for i, n in enumerate((200, 200, 500, 400))]
+    scores = [metric.score(cloud, case) for cloud in clouds for metric in (OwnSphereDistances(), EvenDistances())]
+    assert made == [200, 300, 300]  # of 500 and of 400 points; on disk the two would be one
+    assert len({score["even_chamfer_l2_sum"] for score in scores[1::2]}) == 4
+
+
+def test_points2surf_by_loops():
+    """In the frame where the longest edge, 2, is 1: what the paper's table has is the sum times 100 by the number."""
+    case, output = two_points_against_three()
+    found = ChamferL1PointSum().score(output, case)
+    mean = (1 + (2 + np.sqrt(5)) / 3) / 2
+    assert found["chamfer_l1_sum_by_edge@10000"] == pytest.approx(mean)
+    assert found["rejection_chamfer_l1_sum_by_edge@10000"] == pytest.approx(mean)
+
+
+def test_samples_by_rejection_have_no_close_pairs():
+    mesh = trimesh.creation.icosphere(3)
+    samples = ChamferL1PointSum(samples=1000)._sample(mesh, mesh_case(mesh), "output")
+    assert len(samples) == 1000 and neighbour_distances(samples).min() >= np.sqrt(mesh.area / 3000)
 
 
 def test_recentred_chamfer_by_loops():

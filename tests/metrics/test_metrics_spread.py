@@ -8,6 +8,7 @@ from scipy.spatial.distance import cdist
 from bench import Case, PointCloud, Shape, generator
 from bench.geometry.comparison import set_samples
 from bench.metrics.coverage import Coverage
+from bench.metrics.projected_uniformity import ProjectedUniformity
 from bench.metrics.spacing_variation import SpacingVariation, neighbour_distances
 from bench.metrics.uniformity import Uniformity
 
@@ -75,6 +76,38 @@ def test_uniformity_by_loops():
     assert found == pytest.approx({"uniformity@0.02": np.mean(parts)}, rel=1e-9)
 
 
+def test_projected_uniformity_by_loops():
+    """Of points above the plane, over the disks that hold five of their feet."""
+    case, share = plane_case(), 0.004
+    cloud = PointCloud(random_cloud(900).points + np.c_[np.zeros((900, 2)), generator(3).normal(size=900)])
+    feet = cloud.points * [1, 1, 0]
+    centers, _ = case.reference.surface.sample(200, generator(0, "plane", "disks"))
+    radius, expected, parts = np.sqrt(share * 4 / np.pi), share * 900, []
+    for center in centers:
+        inside = feet[np.linalg.norm(feet - center, axis=1) <= radius]
+        n = len(inside)
+        if n >= 5:
+            spacing = (cdist(inside, inside) + np.diag([np.inf] * n)).min(axis=0)
+            hexagonal = np.sqrt(2 * np.pi * radius**2 / (n * np.sqrt(3)))
+            parts.append((n - expected) ** 2 / expected * np.mean((spacing - hexagonal) ** 2 / hexagonal))
+    assert 20 < len(parts) < 120
+    found = ProjectedUniformity(shares=(share,), disks=200).score(cloud, case)
+    assert found == pytest.approx({"projected_uniformity@0.004": np.mean(parts)}, rel=1e-9)
+    # On the surface, where every disk holds enough, it is the plain one.
+    dense = random_cloud(9000)
+    plain = Uniformity(shares=(0.01,), disks=50).score(dense, case)["uniformity@0.01"]
+    assert ProjectedUniformity(shares=(0.01,), disks=50).score(dense, case) == {
+        "projected_uniformity@0.01": pytest.approx(plain, rel=1e-9)
+    }
+
+
+def test_projected_uniformity_is_not_defined_where_no_disk_holds_five_points():
+    found = ProjectedUniformity(shares=(0.004, 0.5), disks=50).score(random_cloud(40), plane_case())
+    assert list(found) == ["projected_uniformity@0.5"]
+    empty = ProjectedUniformity(shares=(0.004,)).score(PointCloud(np.empty((0, 3))), plane_case())
+    assert empty == {"projected_uniformity@0.004": np.inf}
+
+
 def test_holes_and_clumps_are_seen():
     case, whole = plane_case(), random_cloud(6000)
     half = PointCloud(whole.points[whole.points[:, 0] < 0])
@@ -129,7 +162,13 @@ def test_one_outlier():
 
 
 @pytest.mark.parametrize(
-    "metric", [lambda: Coverage(reach=0), lambda: Uniformity(disks=0), lambda: Uniformity(shares=(2,))]
+    "metric",
+    [
+        lambda: Coverage(reach=0),
+        lambda: Uniformity(disks=0),
+        lambda: Uniformity(shares=(2,)),
+        lambda: ProjectedUniformity(least=1),
+    ],
 )
 def test_parameters_that_make_no_sense(metric):
     with pytest.raises(ValueError, match="expected"):

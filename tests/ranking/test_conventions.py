@@ -12,6 +12,7 @@ from bench.cli import main
 from bench.commands.leaderboard import show
 from bench.commands.score import _of_convention, in_convention, score
 from bench.geometry.comparison import compare, set_samples
+from bench.geometry.reference_sample import POISSON_DISK
 from bench.geometry.triangles import point_triangle_distance
 from bench.plan.cell import Cell, check_root
 from bench.plugins.registry import registry
@@ -33,6 +34,7 @@ NAMES = (
     "pu_gan",
     "score_denoise",
 )
+PERCENT = ("0.4", "0.6", "0.8", "1.0", "1.2")
 BOX = trimesh.creation.box(extents=(2, 1, 1))  # a longest edge of 2, a diagonal of sqrt 6
 
 
@@ -76,11 +78,12 @@ def test_there_are_these():
 @pytest.mark.parametrize("name", NAMES)
 def test_a_convention_is_whole(name):
     convention = load_convention(name)
-    assert convention.name == name and convention.paper and convention.code
+    assert convention.name == name and convention.paper and convention.code and convention.differs
+    assert convention.prints.endswith(".") and len(convention.prints) < 320
     assert len(set(convention.digits)) == len(convention.columns)
     assert all(registry().find("metric", metric) for metric in convention.metrics)
     shown, _ = printed(name, moved_box(), source=moved_box(0))
-    cloud, _ = printed(name, noisy_cloud())
+    cloud, _ = printed(name, noisy_cloud(2000))
     assert {*shown, *cloud} == {column.title for column in convention.columns}
     assert all(column.factor > 0 for column in convention.columns)
 
@@ -91,8 +94,10 @@ def test_a_convention_is_whole(name):
 def test_mpu_and_pu_gan():
     output = noisy_cloud()
     found, case = printed("mpu", output)
-    pair = compare(output, case, len(output))
-    f, b, _, _ = directed(own_sphere(output.points), own_sphere(pair.reference_points))
+    truth = compare(output, case, len(output), POISSON_DISK).reference_points
+    assert len(truth) == len(output)
+    f, b, _, _ = directed(own_sphere(output.points), own_sphere(truth))
+    in_frame = directed(output.points, truth)
     to_faces = np.sqrt(
         igl.point_mesh_squared_distance(output.points.copy(), np.array(BOX.vertices), np.array(BOX.faces))[0]
     )
@@ -101,19 +106,20 @@ def test_mpu_and_pu_gan():
         "HD (1e-3)": 1e3 * (f.max() ** 2 + b.max() ** 2),
         "P2F (1e-3)": 1e3 * to_faces.mean(),
         "P2F std (1e-3)": 1e3 * to_faces.std(),
+        "CD in the frame (1e-3)": 1e3 * sum((d**2).mean() for d in in_frame[:2]),
+        "HD in the frame (1e-3)": 1e3 * sum(d.max() ** 2 for d in in_frame[:2]),
     }
     assert found == pytest.approx(expected, rel=1e-9)
-    gan, _ = printed("pu_gan", output)
-    assert all(gan[key] == found[key] for key in ("CD (1e-3)", "HD (1e-3)", "P2F (1e-3)"))
-    assert list(gan)[3:] == [f"uniformity {p} % (1e-3)" for p in ("0.4", "0.6", "0.8", "1.0", "1.2")]
+    gan, _ = printed("pu_gan", noisy_cloud(2000))
+    assert [key for key in gan if key not in found] == [f"uniformity {p} % (1e-3)" for p in PERCENT]
 
 
 def test_dss():
     found, case = printed("dss", noisy_cloud())
     f, b, _, _ = directed(noisy_cloud().points, case.compare(BOX).reference_points)
     expected = {
-        "CD (1e-4)": 1e4 * ((f**2).mean() + (b**2).mean()),
-        "HD (1e-3)": 1e3 * (f.max() ** 2 + b.max() ** 2),
+        "CD (1e-4)": 1e4 * 4.2**2 / 6 * ((f**2).mean() + (b**2).mean()),
+        "HD (1e-3)": 1e3 * 4.2**2 / 6 * (f.max() ** 2 + b.max() ** 2),
     }
     assert found == pytest.approx(expected, rel=1e-9)
 
@@ -164,8 +170,8 @@ def test_cages():
 def test_score_denoise():
     output = noisy_cloud()
     found, case = printed("score_denoise", output)
-    f, b, _, _ = directed(output.points, case.compare(output).reference_points)
     n = len(output)
+    f, b, _, _ = directed(output.points, compare(output, case, n, POISSON_DISK).reference_points)
     table = [point_triangle_distance(output.points, np.broadcast_to(t, (n, 3, 3))) for t in BOX.triangles]
     expected = {
         "CD (1e-4)": 1e4 * ((f**2).mean() + (b**2).mean()),
@@ -202,7 +208,9 @@ def test_points2surf():
     pair = compare(output, case, 10_000)
     f, b, _, _ = directed(pair.output_points, pair.reference_points)
     assert len(f) == len(b) == 10_000
-    assert found == pytest.approx({"Chamfer": f.sum() + b.sum()}, rel=1e-9)
+    even, uniform = found["Chamfer (1e-2)"], found["Chamfer of uniform samples (1e-2)"]
+    assert uniform == pytest.approx(100 * (f.mean() + b.mean()) / 2, rel=1e-9)  # the longest edge is 2
+    assert 0.9 * uniform < even < uniform  # samples without close pairs
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------
@@ -278,9 +286,9 @@ def cell(*words):
 
 
 def test_a_convention_selects_its_metrics_and_is_no_part_of_the_cell():
-    by_convention = cell("convention=mpu")
-    assert [m.name for m in by_convention.metrics] == ["own_sphere_distances", "p2f_mean", "p2f_spread"]
-    assert by_convention == cell("metric=[own_sphere_distances,p2f_mean,p2f_spread]")
+    by_convention, names = cell("convention=mpu"), ["even_distances", "own_sphere_distances", "p2f_mean", "p2f_spread"]
+    assert [m.name for m in by_convention.metrics] == names
+    assert by_convention == cell(f"metric=[{','.join(names)}]")
     assert "convention" not in str(by_convention.to_json())
     # What the command line chooses besides goes first.
     assert [m.name for m in cell("convention=mpu", "metric=[p2f_mean]").metrics] == ["p2f_mean"]
@@ -292,7 +300,8 @@ def test_run_and_leaderboard_print_a_convention(shell, capsys):
     words = ("task=denoise", "dataset=bumps", "dataset.subdivisions=4", "method=identity", "cases=1", "convention=dss")
     done = shell.call("run", *words, f"results={shell.results}")
     assert done.returncode == 0, done.stderr
-    assert "CD (1e-4)" in done.stdout and "convention dss" in done.stdout and "chamfer_l2_sum  " not in done.stdout
+    assert "CD (1e-4)" in done.stdout and "convention dss" in done.stdout
+    assert "chamfer_l2_sum_by_diagonal  " not in done.stdout
     assert main(["leaderboard", str(shell.results), "--convention", "dss", "--format", "csv"]) == 0
     by_option = capsys.readouterr().out
     assert "CD (1e-4)" in by_option and "HD (1e-3)" in by_option

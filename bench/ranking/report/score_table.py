@@ -6,7 +6,10 @@ import io
 import math
 import sys
 from collections.abc import Mapping
+from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple
+
+from .terminal import NOTES
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -64,9 +67,12 @@ def score_table(
     lines = [line.rstrip() for line in text.getvalue().splitlines()]
     lines += ["", f"Lengths are in radii of the reference: 1 is {case.frame.radius:.6g} in the files' coordinates."]
     lines += [f"Where a metric does not say how many, {samples:,} points are drawn from a surface; seed {case.seed}."]
-    if convention:
-        lines += convention.notes(scores)
-    lines += [f"no score: {name} {reason}" for name, reason in left_out.items()]
+    notes = [
+        *(convention.notes(scores) if convention else ()),
+        *(f"no score: {n} {why}" for n, why in left_out.items()),
+    ]
+    for note in notes:
+        lines += wrap(note, NOTES, subsequent_indent="  ", break_long_words=False)
     return "\n".join(lines)
 
 
