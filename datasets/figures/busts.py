@@ -75,12 +75,12 @@ def _carved_cloth(body: Dual, at: Point, it: Bust, carver: Carver, detail: float
         u = x * it.lean
         # Cloth lies over one shoulder and runs to the other side: its hem is lower in the middle.
         hem = z + 1.86 - u * 0.52 - ease((y + 0.1) * 1.4) * 0.30 + (x.square()) * 0.10
-        covers = ease((-hem) * (1 / 0.10))
+        covers = ease((-hem) * (1 / 0.13))
         across = z * 1.0 - u * 0.75 + x.square() * 0.30 + y * 0.2
         along = u * 1.0 + z * 0.55 + y * 0.3
         bend = carver.noise((x * 0.9, y * 0.9, z * 0.9), 5) * 0.35
         folds = carver.folds((across + bend) * 3.4, along * 1.4, 6)
-        rolled = ease(1 - soft_abs(hem + 0.12, 0.01) * (1 / 0.13)) * 0.05
+        rolled = ease(1 - soft_abs(hem + 0.15, 0.03) * (1 / 0.16)) * 0.05
         return covers * (folds * (0.17 * detail) + 0.05 + rolled)
 
     return raise_by(body, at, near(at, (0, 0.17, -2.3), 1.9), height)

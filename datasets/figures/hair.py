@@ -71,10 +71,10 @@ def carve(body: Dual, at: Point, hair: Hair, carver: Carver, detail: float) -> D
 def _scalp(p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
     x, y, z = p
     ragged = carver.noise((x * 5, y * 3, z * 3), 20) * 0.05
-    grows = ease((z + y * 0.95 - hair.line + 0.665 + ragged + _temple(x, y)) * (1 / 0.10))
+    grows = ease((z + y * 0.95 - hair.line + 0.665 + ragged + _temple(x, y)) * (1 / 0.20))
     sides = x.compose(np.abs(x.v), np.sign(x.v))
     ear = length(sides - 0.72, (y - 0.02) * 0.9, (z + 0.10) * 0.62)
-    grows = grows * ease((ear - 0.13) * (1 / 0.09)) * ease((z + 0.74) * (1 / 0.14))
+    grows = grows * ease((ear - 0.16) * (1 / 0.12)) * ease((z + 0.74) * (1 / 0.14))
     if hair.style == "bald":  # a wreath about the head
         grows = grows * ease((0.52 - z + y * 0.12) * (1 / 0.22))
     rows = np.flatnonzero(grows.v > 0)
@@ -125,6 +125,8 @@ def _beard(p: Point, carver: Carver, detail: float) -> Dual:
     lips = length(x * (1 / 0.27), (z + 0.61) * (1 / 0.115), (y + 0.80) * (1 / 0.22))
     philtrum = length(x * (1 / 0.10), (z + 0.36) * (1 / 0.09), (y + 0.85) * (1 / 0.2))
     grows = below * ease((lips - 0.9) * (1 / 0.3)) * ease((philtrum - 0.7) * (1 / 0.4))
+    jaw = length(x * 0.95, y + 0.35, (z + 0.78) * 0.85)
+    below = below * ease((0.76 - jaw) * (1 / 0.16))
     swing = sin(z * 7.0 + sides * 3.0) * 0.35
     locks = carver.locks(x * 4.6 + swing, y * 3.0, z * 1.3, 34, 3)
     return (locks * (0.11 * detail) + 0.03) * grows
