@@ -8,9 +8,9 @@ import numpy as np
 
 from ..details.strands import Carver
 from ..surfaces.duals import Dual, Point, ease, length, smooth_max, smooth_min, soft_abs
-from ..surfaces.sculpting import add, ball, box, disc, ellipsoid, limb, moved, near, raise_by, ring, turn_x, turn_y, turn_z
-from .hair import Hair, carve, draw_hair, volumes
-from .heads import Face, draw_face, head
+from ..surfaces.sculpting import add, box, disc, ellipsoid, limb, moved, near, raise_by, ring, turn_x, turn_y, turn_z
+from .hair import Hair, add_head, draw_hair
+from .heads import Face, draw_face
 
 SIZE = 2.45  # the radius of a bust in units of a head
 PIVOT = (0.0, 0.2, -0.75)  # of the head on the neck
@@ -44,15 +44,8 @@ def bust(at: Point, it: Bust, carver: Carver, detail: float) -> Dual:
     body = _carved_cloth(body, at, it, carver, detail) if it.draped else body
     body = _trimmed(body, at)
     inner = tuple(a + c for a, c in zip(moved(at, PIVOT, it.turn), PIVOT, strict=True))
-    skull = near(at, (0, 0.1, 0), 2.2)
-    body = raise_to(body, inner, skull, it)
-    body = carve(body, inner, it.hair, carver, detail)
+    body = add_head(body, inner, it.face, it.hair, carver, detail)
     return _foot(body, at, it)
-
-
-def raise_to(body: Dual, inner: Point, rows: np.ndarray, it: Bust) -> Dual:
-    """The body with the head on it."""
-    return add(body, inner, (0, 0.1, 0.05), 1.3, 0.12, lambda p: volumes(head(p, it.face), p, it.hair))
 
 
 def _torso(at: Point, it: Bust) -> Dual:

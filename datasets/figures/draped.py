@@ -10,11 +10,11 @@ from ..details.strands import Carver
 from ..surfaces.duals import Dual, Point, ease, length, sin, smooth_max, smooth_min, soft_abs
 from ..surfaces.sculpting import (
     add,
-    ball,
     box,
     disc,
     ellipsoid,
     limb,
+    masked,
     moved,
     near,
     raise_by,
@@ -24,8 +24,8 @@ from ..surfaces.sculpting import (
     turn_y,
     turn_z,
 )
-from .hair import Hair, carve, draw_hair, volumes
-from .heads import Face, draw_face, head
+from .hair import Hair, add_head, draw_hair
+from .heads import Face, draw_face
 from .poses import joint_rotations
 from .skeleton import ENDS, NAMES, REST, forward
 
@@ -85,9 +85,7 @@ def draped(at: Point, it: Draped, carver: Carver, detail: float) -> Dual:
     inner = scaled(moved(p, (0, -0.012, 1.662)), 1 / HEAD)
     pivot = (0.0, 0.2, -0.75)
     inner = tuple(a + c for a, c in zip(moved(inner, pivot, it.look), pivot, strict=True))
-    scale = 1 / HEAD
-    body = add(body * scale, inner, (0, 0.1, 0.05), 1.3, 0.12, lambda q: volumes(head(q, it.face), q, it.hair))
-    body = carve(body, inner, it.hair, carver, detail) * HEAD
+    body = add_head(body * (1 / HEAD), inner, it.face, it.hair, carver, detail) * HEAD
     return _plinth(body, at, it)
 
 
@@ -126,33 +124,56 @@ def _cloth(p: Point, it: Draped, carver: Carver, detail: float) -> Dual:
     s = it.side
     knee = length(x + s * 0.11, y + 0.15, (z - 0.55) * 0.45)
     loose = ease((knee - 0.05) * (1 / 0.10)) * 0.85 + 0.15  # cloth is tight over the knee
-    falls = ease((1.0 - z) * (1 / 0.8)) * 0.030 + 0.012
-    spread = 1.15 - ease((1.1 - z) * (1 / 1.0)) * 0.3
     drift = carver.noise((x * 4, y * 4, z * 2.2), 3) * 0.5
-    u, v = x * spread * 15 + drift, y * spread * 15 + drift
-    hanging = soft_abs(carver.noise((u, v, z * 1.1), 4), 0.05) * 1.6
-    fine = soft_abs(carver.noise((u * 2.3, v * 2.3, z * 2.6), 5), 0.06) * 0.5
-    skirt = (hanging + fine) * falls * loose * detail
-    # The dress is belted and falls over the belt; above, folds hang from the shoulders like chains.
-    above = ease((z - 1.03) * (1 / 0.05))
-    across = (z - 1.2) * 17 + x.square() * -150 + drift
-    chains = carver.folds(across, x * 7 + y * 4, 7) * 0.016
-    pleats = soft_abs(carver.noise((x * 30, y * 12, z * 3), 9), 0.06) * 0.014
-    blouse = chains * ease((0.09 - soft_abs(x, 0.02)) * (1 / 0.08)) + pleats
-    belt = ease(1 - soft_abs(z - 1.075, 0.004) * (1 / 0.03)) * -0.012
-    hem = z - 0.93 - carver.noise((x * 9, y * 9, z), 10) * 0.03
-    over = ease(hem * (1 / 0.035)) * ease((1.09 - z) * (1 / 0.06)) * 0.018
-    dress = skirt * (1 - above) + blouse * above * detail + belt + over
+    ends = ease((1.49 - z) * (1 / 0.06))
     if not it.mantle:
-        return dress * ease((1.47 - z) * (1 / 0.06))
+        return ends * _dress(p, loose, drift, carver, detail)
     top = z - 1.20 - x * (s * -1.35) - ease(-y * 4) * 0.05
     bottom = z - 0.40 + x * (s * 0.55)
-    covers = ease(-top * (1 / 0.035)) * ease(bottom * (1 / 0.035))
-    across = z * 15 + x * (s * 11) + x.square() * 60 + y * 5 + drift
-    wraps = carver.folds(across * 0.85, x * (s * -7) + z * 5 + y * 4, 11)
-    rolled = ease(1 - soft_abs(top + 0.04, 0.008) * (1 / 0.05)) * 0.016
-    mantle = wraps * (0.034 * detail) * (loose * 0.6 + 0.4) + 0.020 + rolled
-    return (dress * (1 - covers * 0.9) + mantle * covers) * ease((1.50 - z) * (1 / 0.06))
+    covers = ease(-top * (1 / 0.05)) * ease(bottom * (1 / 0.05)) * ends
+
+    def mantle(q: Point) -> Dual:
+        u, v, w, rise, give, bend = q
+        across = w * 15 + u * (s * 11) + u.square() * 60 + v * 5 + bend
+        wraps = carver.folds(across * 0.85, u * (s * -7) + w * 5 + v * 4, 11)
+        rolled = ease(1 - soft_abs(rise + 0.05, 0.012) * (1 / 0.055)) * 0.014
+        return wraps * (0.034 * detail) * (give * 0.6 + 0.4) + 0.018 + rolled
+
+    def dress(q: Point) -> Dual:
+        return _dress(q[:3], q[3], q[4], carver, detail)
+
+    under = (1 - covers) * ends
+    return masked(under, (x, y, z, loose, drift), dress) + masked(covers, (x, y, z, top, loose, drift), mantle)
+
+
+def _dress(p: Point, loose: Dual, drift: Dual, carver: Carver, detail: float) -> Dual:
+    """A dress that is belted and falls over its belt; above, folds hang from the shoulders like chains."""
+    x, y, z = p
+
+    def skirt(q: Point) -> Dual:
+        x, y, z, give, bend = q
+        falls = ease((1.0 - z) * (1 / 0.8)) * 0.030 + 0.012
+        spread = 1.15 - ease((1.1 - z) * (1 / 1.0)) * 0.3
+        u, v = x * spread * 15 + bend, y * spread * 15 + bend
+        hanging = soft_abs(carver.noise((u, v, z * 1.1), 4), 0.05) * 1.6
+        fine = soft_abs(carver.noise((u * 2.3, v * 2.3, z * 2.6), 5), 0.06) * 0.5
+        return (hanging + fine) * falls * give * detail
+
+    def blouse(q: Point) -> Dual:
+        x, y, z, bend = q
+        across = (z - 1.2) * 17 + x.square() * -150 + bend
+        chains = carver.folds(across, x * 7 + y * 4, 7) * 0.016
+        pleats = soft_abs(carver.noise((x * 30, y * 12, z * 3), 9), 0.06) * 0.014
+        return (chains * ease((0.09 - soft_abs(x, 0.02)) * (1 / 0.08)) + pleats) * detail
+
+    def falling(q: Point) -> Dual:
+        x, y, z = q
+        return ease((z - 0.93 - carver.noise((x * 9, y * 9, z), 10) * 0.03) * (1 / 0.035)) * 0.018
+
+    above = ease((z - 1.03) * (1 / 0.05))
+    belt = ease(1 - soft_abs(z - 1.075, 0.004) * (1 / 0.03)) * -0.012
+    over = masked(ease((1.09 - z) * (1 / 0.06)) * ease((z - 0.86) * (1 / 0.03)), p, falling)
+    return masked(1 - above, (x, y, z, loose, drift), skirt) + masked(above, (x, y, z, drift), blouse) + belt + over
 
 
 def _bare(body: Dual, p: Point, it: Draped) -> Dual:

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..details.strands import Carver, Curls, about_axis
-from ..surfaces.duals import Dual, Point, ease, length, sin, smooth_min
-from ..surfaces.sculpting import add, ball, ellipsoid, limb, moved, near, raise_by
+from ..surfaces.duals import Dual, Point, ease, length, sin
+from ..surfaces.sculpting import add, ellipsoid, masked, moved, near, raise_by
+from .heads import Face, head
 
 SKULL = (0.0, 0.12, 0.22)  # the centre that strands are seen from
 STYLES = ("waves", "curls", "bun", "bald")
@@ -60,12 +61,17 @@ def volumes(body: Dual, at: Point, hair: Hair) -> Dual:
     return body
 
 
-def carve(body: Dual, at: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
-    """The body with hair on its skull and, where worn, a beard; ``detail`` scales the strands."""
-    body = raise_by(body, at, near(at, (0, 0.2, 0.1), 1.75), lambda p: _scalp(p, hair, carver, detail))
-    if hair.beard:
-        body = raise_by(body, at, near(at, (0, -0.4, -0.85), 0.95), lambda p: _beard(p, carver, detail))
-    return body
+def add_head(body: Dual, at: Point, face: Face, hair: Hair, carver: Carver, detail: float) -> Dual:
+    """The body with a head on it, its hair and beard carved; ``detail`` scales the strands. Units of the head."""
+
+    def part(p: Point) -> Dual:
+        skull = volumes(head(p, face), p, hair)
+        skull = raise_by(skull, p, near(p, (0, 0.2, 0.1), 1.75), lambda q: _scalp(q, hair, carver, detail))
+        if hair.beard:
+            skull = raise_by(skull, p, near(p, (0, -0.4, -0.85), 0.95), lambda q: _beard(q, carver, detail))
+        return skull
+
+    return add(body, at, (0, 0.1, -0.02), 1.55, 0.12, part)
 
 
 def _scalp(p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
@@ -77,19 +83,7 @@ def _scalp(p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
     grows = grows * ease((ear - 0.16) * (1 / 0.12)) * ease((z + 0.74) * (1 / 0.14))
     if hair.style == "bald":  # a wreath about the head
         grows = grows * ease((0.52 - z + y * 0.12) * (1 / 0.22))
-    rows = np.flatnonzero(grows.v > 0)
-    full = grows * 0.0
-    if not len(rows):
-        return full
-    some = tuple(c[rows] for c in p)
-    height = _locks(some, hair, carver, detail) * grows[rows]
-    value = np.zeros(len(grows.v))
-    value[rows] = height.v
-    if height.g is None:
-        return Dual(value)
-    gradient = np.zeros((3, len(value)))
-    gradient[:, rows] = height.g
-    return Dual(value, gradient)
+    return masked(grows, p, lambda q: _locks(q, hair, carver, detail))
 
 
 def _temple(x: Dual, y: Dual) -> Dual:
@@ -120,13 +114,19 @@ def _locks(p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
 
 def _beard(p: Point, carver: Carver, detail: float) -> Dual:
     x, y, z = p
-    sides = x.compose(np.abs(x.v), np.sign(x.v))
     below = ease((y * 0.42 - z - 0.20) * (1 / 0.12)) * ease((0.10 - y) * (1 / 0.15)) * ease((z + 1.62) * (1 / 0.2))
     lips = length(x * (1 / 0.27), (z + 0.61) * (1 / 0.115), (y + 0.80) * (1 / 0.22))
     philtrum = length(x * (1 / 0.10), (z + 0.36) * (1 / 0.09), (y + 0.85) * (1 / 0.2))
     grows = below * ease((lips - 0.9) * (1 / 0.3)) * ease((philtrum - 0.7) * (1 / 0.4))
     jaw = length(x * 0.95, y + 0.35, (z + 0.78) * 0.85)
     below = below * ease((0.76 - jaw) * (1 / 0.16))
+    grows = below * ease((lips - 0.9) * (1 / 0.3)) * ease((philtrum - 0.7) * (1 / 0.4))
+    return masked(grows, p, lambda q: _whiskers(q, carver, detail))
+
+
+def _whiskers(p: Point, carver: Carver, detail: float) -> Dual:
+    x, y, z = p
+    sides = x.compose(np.abs(x.v), np.sign(x.v))
     swing = sin(z * 7.0 + sides * 3.0) * 0.35
     locks = carver.locks(x * 4.6 + swing, y * 3.0, z * 1.3, 34, 3)
-    return (locks * (0.11 * detail) + 0.03) * grows
+    return locks * (0.11 * detail) + 0.03
