@@ -37,7 +37,7 @@ class Statues(Family):
 
     kind: Literal["all", "bust", "figure", "relief"] = "all"  # of sculpture
     detail: float = 1.0  # height of hair, folds, ornaments and pores, as a multiple of the usual one; 0 leaves forms
-    resolution: float = 120.0  # edges of the mesh along the radius; faces grow with its square
+    resolution: float = 100.0  # edges of the mesh along the radius; faces grow with its square
 
     def __post_init__(self) -> None:
         expect_kind("kind", self.kind, KINDS)

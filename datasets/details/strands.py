@@ -38,11 +38,11 @@ class Carver:
         """
         total, size = None, 1.0
         for level in range(levels):
-            f = 2.6**level
+            f = 2.2**level
             bundle = soft_abs(self.noise((a * f, b * f, along * (f**0.5)), layer + level), crease)
             bundle = bundle * (1.6 * size)
             total = bundle if total is None else total + bundle
-            size *= 0.36
+            size *= 0.34
         return total
 
     def folds(self, across: Dual, along: Dual, layer: int) -> Dual:
@@ -92,9 +92,9 @@ class Curls:
         v = sum((p * c for p, c in zip(away, self._other[which].T, strict=True)), start=0.0)
         r = length(*away)
         dome = ease(1 - r * (1 / reach)) * self._height[which]
-        turns = cos(atan2(v, u) + r * (2 * np.pi / (0.36 * self.spacing)))
+        turns = cos(atan2(v, u) + r * (2 * np.pi / (0.5 * self.spacing)))
         middle = (r * (1 / (0.1 * self.spacing))).square()
-        return dome * (1 + turns * (middle / (1 + middle)) * 0.32)
+        return dome * (1 + turns * (middle / (1 + middle)) * 0.24)
 
 
 def _added(total: Dual, rows: np.ndarray, part: Dual) -> Dual:

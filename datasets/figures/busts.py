@@ -12,7 +12,7 @@ from ..surfaces.sculpting import add, box, disc, ellipsoid, limb, moved, near, r
 from .hair import Hair, add_head, draw_hair
 from .heads import Face, draw_face
 
-SIZE = 2.45  # the radius of a bust in units of a head
+SIZE = 2.6  # the radius of a bust in units of a head
 PIVOT = (0.0, 0.2, -0.75)  # of the head on the neck
 
 
@@ -30,7 +30,7 @@ class Bust(NamedTuple):
 
 def draw_bust(rng: np.random.Generator, style: str) -> Bust:
     """A bust at random with hair of a style."""
-    face = draw_face(rng)
+    face = draw_face(rng, woman=style == "bun")
     beard = style != "bun" and bool(rng.random() < (0.8 if style == "bald" else 0.45))
     turn = turn_z(0.35 * rng.uniform(-1, 1)) @ turn_x(rng.uniform(-0.08, 0.12)) @ turn_y(0.1 * rng.uniform(-1, 1))
     broad = 1 + 0.07 * float(rng.uniform(-1, 1)) - (0.08 if style == "bun" else 0)
@@ -59,7 +59,7 @@ def _torso(at: Point, it: Bust) -> Dual:
     body = add(body, p, (1.18 * b, 0.17, -2.15), 0.60, 0.3, lambda q: ellipsoid(q, (1.18 * b, 0.17, -2.15), (0.38, 0.42, 0.55)))
     body = add(body, p, (0.5, -0.33, -2.32), 0.62, 0.3, lambda q: ellipsoid(q, (0.50, -0.26, -2.30), (0.50, 0.26, 0.36)))
     body = add(body, p, (0.6, -0.2, -1.75), 0.65, 0.12, lambda q: limb(q, (0.13, -0.26, -1.80), (1.02 * b, 0.05, -1.66), 0.075, 0.085))
-    return add(body, p, (0.3, 0.0, -1.1), 0.85, 0.14, lambda q: limb(q, (0.50, 0.20, -0.45), (0.10, -0.24, -1.77), 0.10, 0.075))
+    return add(body, p, (0.3, 0.0, -1.1), 0.85, 0.14, lambda q: limb(q, (0.34, 0.20, -0.66), (0.10, -0.24, -1.77), 0.11, 0.075))
 
 
 def _carved_cloth(body: Dual, at: Point, it: Bust, carver: Carver, detail: float) -> Dual:

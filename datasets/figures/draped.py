@@ -59,7 +59,7 @@ def draw_draped(rng: np.random.Generator, stance: str) -> Draped:
     """A figure in a stance at random."""
     woman = rng.random() < 0.5
     style = "bun" if woman else ("waves", "curls", "bald")[int(rng.integers(3))]
-    face = draw_face(rng)
+    face = draw_face(rng, woman=bool(woman))
     hair = draw_hair(rng, style, beard=not woman and bool(rng.random() < 0.6))
     look = turn_z(0.5 * rng.uniform(-1, 1)) @ turn_x(rng.uniform(-0.12, 0.1)) @ turn_y(0.12 * rng.uniform(-1, 1))
     side = float(rng.choice([-1, 1]))
@@ -115,14 +115,17 @@ def _skirt(p: Point, it: Draped) -> Dual:
     low = ease((1.06 - z) * (1 / 0.3))
     radius = 0.128 * it.stout + low * 0.06 + ease((0.75 - z) * (1 / 0.72)) * 0.055
     wall = (length(x, y * 1.16, z * 0.0 + 0.01) - radius) * 0.93
-    return smooth_max(wall, soft_abs(z - 0.58, 0.002) - 0.52, 0.05)
+    return smooth_max(wall, soft_abs(z - 0.55, 0.002) - 0.55, 0.05)
 
 
 def _cloth(p: Point, it: Draped, carver: Carver, detail: float) -> Dual:
-    """The height of dress and mantle over the body."""
-    x, y, z = p
-    s = it.side
-    knee = length(x + s * 0.11, y + 0.15, (z - 0.55) * 0.45)
+    """The height of dress and mantle over the body.
+
+    Folds depend on the direction from the body's axis and on the height alone: none overhangs another.
+    """
+    s, rho = it.side, length(p[0], p[1], p[2] * 0.0 + 0.02) * (1 / 0.2)
+    x, y, z = p[0] / rho, p[1] / rho, p[2]
+    knee = length(x + s * 0.11, y + 0.17, (z - 0.55) * 0.45)
     loose = ease((knee - 0.05) * (1 / 0.10)) * 0.85 + 0.15  # cloth is tight over the knee
     drift = carver.noise((x * 4, y * 4, z * 2.2), 3) * 0.5
     ends = ease((1.49 - z) * (1 / 0.06))
@@ -134,7 +137,7 @@ def _cloth(p: Point, it: Draped, carver: Carver, detail: float) -> Dual:
 
     def mantle(q: Point) -> Dual:
         u, v, w, rise, give, bend = q
-        across = w * 15 + u * (s * 11) + u.square() * 60 + v * 5 + bend
+        across = w * 15 + u * (s * 11) + u.square() * 55 + v * 5 + bend
         wraps = carver.folds(across * 0.85, u * (s * -7) + w * 5 + v * 4, 11)
         rolled = ease(1 - soft_abs(rise + 0.05, 0.012) * (1 / 0.055)) * 0.014
         return wraps * (0.034 * detail) * (give * 0.6 + 0.4) + 0.018 + rolled
@@ -153,8 +156,7 @@ def _dress(p: Point, loose: Dual, drift: Dual, carver: Carver, detail: float) ->
     def skirt(q: Point) -> Dual:
         x, y, z, give, bend = q
         falls = ease((1.0 - z) * (1 / 0.8)) * 0.030 + 0.012
-        spread = 1.15 - ease((1.1 - z) * (1 / 1.0)) * 0.3
-        u, v = x * spread * 15 + bend, y * spread * 15 + bend
+        u, v = x * 15 + bend, y * 15 + bend
         hanging = soft_abs(carver.noise((u, v, z * 1.1), 4), 0.05) * 1.6
         fine = soft_abs(carver.noise((u * 2.3, v * 2.3, z * 2.6), 5), 0.06) * 0.5
         return (hanging + fine) * falls * give * detail
@@ -163,7 +165,7 @@ def _dress(p: Point, loose: Dual, drift: Dual, carver: Carver, detail: float) ->
         x, y, z, bend = q
         across = (z - 1.2) * 17 + x.square() * -150 + bend
         chains = carver.folds(across, x * 7 + y * 4, 7) * 0.016
-        pleats = soft_abs(carver.noise((x * 30, y * 12, z * 3), 9), 0.06) * 0.014
+        pleats = soft_abs(carver.noise((x * 26, y * 14, z * 3), 9), 0.06) * 0.014
         return (chains * ease((0.09 - soft_abs(x, 0.02)) * (1 / 0.08)) + pleats) * detail
 
     def falling(q: Point) -> Dual:
@@ -204,20 +206,21 @@ def _hand(body: Dual, p: Point, it: Draped, name: str) -> Dual:
     along = (fingers - wrist) / np.linalg.norm(fingers - wrist)
     reach = (tips - fingers) / np.linalg.norm(tips - fingers)
     inner = np.cross(along, front) * (1 if name == "left" else -1)
-    spread, lengths = (1.5, 0.5, -0.5, -1.5), (0.073, 0.084, 0.077, 0.06)
+    spread, lengths = (1.5, 0.5, -0.5, -1.5), (0.068, 0.075, 0.070, 0.056)
 
     def part(q: Point) -> Dual:
         hand = smooth_min(limb(q, wrist + front * 0.008, fingers + front * 0.022, 0.024, 0.017),
                           limb(q, wrist - front * 0.008, fingers - front * 0.022, 0.024, 0.016), 0.025)  # fmt: skip
         for s, long in zip(spread, lengths, strict=True):
-            root = fingers + front * (0.0215 * s)
-            middle = root + 0.5 * long * (reach + front * 0.06 * s)
-            tip = middle + 0.5 * long * (reach + front * 0.06 * s + inner * -0.25)
-            finger = smooth_min(limb(q, root, middle, 0.0125, 0.011), limb(q, middle, tip, 0.011, 0.009), 0.004)
-            hand = smooth_min(hand, finger, 0.006)
+            # Fingers lie side by side, with grooves between them and no gaps.
+            root = fingers + front * (0.0195 * s)
+            middle = root + 0.5 * long * reach
+            tip = middle + 0.5 * long * (reach + inner * -0.25)
+            finger = smooth_min(limb(q, root, middle, 0.0125, 0.0115), limb(q, middle, tip, 0.0115, 0.0105), 0.006)
+            hand = smooth_min(hand, finger, 0.013)
         root = wrist + along * 0.025 + front * 0.022
-        bend = root + 0.042 * (0.72 * along + 0.66 * front)
-        thumb = smooth_min(limb(q, root, bend, 0.019, 0.013), limb(q, bend, bend + 0.038 * (0.9 * along + 0.35 * front), 0.013, 0.010), 0.005)
+        bend = root + 0.042 * (0.62 * along + 0.78 * front)
+        thumb = smooth_min(limb(q, root, bend, 0.019, 0.013), limb(q, bend, bend + 0.032 * (0.75 * along + 0.66 * front), 0.013, 0.011), 0.005)
         return smooth_min(hand, thumb, 0.012)
 
     return add(body, p, (wrist + tips) / 2, 0.14, 0.02, part)

@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..details.strands import Carver, Curls, about_axis
-from ..surfaces.duals import Dual, Point, ease, length, sin
+from ..surfaces.duals import Dual, Point, ease, length, sin, soft_abs
 from ..surfaces.sculpting import add, ellipsoid, masked, moved, near, raise_by
 from .heads import Face, head
 
-SKULL = (0.0, 0.12, 0.22)  # the centre that strands are seen from
+SKULL = (0.0, 0.12, 0.22)  # the centres that hair and beard are seen from
+JAW = (0.0, -0.30, -0.62)
 STYLES = ("waves", "curls", "bun", "bald")
 
 
@@ -44,10 +45,10 @@ def draw_hair(rng: np.random.Generator, style: str, *, beard: bool) -> Hair:
         wave=float(rng.uniform(0.10, 0.22)) if style != "bun" else 0.07,
         turns=float(rng.uniform(2.2, 3.2)),
         swirl=float(rng.choice([-1, 1]) * rng.uniform(0.3, 0.8)) if style != "bun" else 0.0,
-        lift=float(rng.uniform(0.07, 0.11)),
+        lift=float(rng.uniform(0.07, 0.11)) * (0.4 if style == "bald" else 1.0),
         line=0.70 + float(rng.uniform(-0.06, 0.05)),
         beard=beard,
-        curls=Curls(int(rng.integers(150, 230)), rng),
+        curls=Curls(int(rng.integers(110, 170)), rng),
     )  # fmt: skip
 
 
@@ -75,15 +76,15 @@ def add_head(body: Dual, at: Point, face: Face, hair: Hair, carver: Carver, deta
 
 
 def _scalp(p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
-    x, y, z = p
+    d, (x, y, z) = _projected(p, SKULL, (0.74, 0.88, 0.80))
     ragged = carver.noise((x * 5, y * 3, z * 3), 20) * 0.05
     grows = ease((z + y * 0.95 - hair.line + 0.665 + ragged + _temple(x, y)) * (1 / 0.20))
-    sides = x.compose(np.abs(x.v), np.sign(x.v))
+    sides = soft_abs(x, 0.03)
     ear = length(sides - 0.72, (y - 0.02) * 0.9, (z + 0.10) * 0.62)
     grows = grows * ease((ear - 0.16) * (1 / 0.12)) * ease((z + 0.74) * (1 / 0.14))
     if hair.style == "bald":  # a wreath about the head
-        grows = grows * ease((0.52 - z + y * 0.12) * (1 / 0.22))
-    return masked(grows, p, lambda q: _locks(q, hair, carver, detail))
+        grows = grows * ease((0.56 - z + y * 0.12) * (1 / 0.4))
+    return masked(grows, (*d, *p), lambda q: _locks(q[:3], q[3:], hair, carver, detail))
 
 
 def _temple(x: Dual, y: Dual) -> Dual:
@@ -91,17 +92,14 @@ def _temple(x: Dual, y: Dual) -> Dual:
     return (x.square() * 0.9 - 0.12) * ease((-0.1 - y) * 2.0)
 
 
-def _locks(p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
-    away = moved(p, SKULL)
-    r = length(*away)
-    d = tuple(a / r for a in away)
+def _locks(d: Point, p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
     if hair.style == "curls":
         fine = carver.noise(tuple(a * 22.0 for a in d), 30) * 0.010
-        return hair.curls.height(d) * (0.15 * detail) + 0.03 + fine * detail
+        return hair.curls.height(d) * (0.12 * detail) + 0.04 + fine * detail
     c, s, way = about_axis(d, hair.axes, hair.wave, hair.turns, hair.swirl)
     # At the axis strands would be infinitely thin: they fade out there.
     fade = ease(way * (1 / 0.5))
-    locks = carver.locks(c * 4.2, s * 4.2, way * 1.5, 21, 3) * fade
+    locks = carver.locks(c * 3.8, s * 3.8, way * 1.4, 21, 3) * fade
     height = locks * (0.125 * detail) + hair.lift
     if hair.style == "bun":
         b = moved(p, (0, 1.02, 0.05))
@@ -113,20 +111,30 @@ def _locks(p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
 
 
 def _beard(p: Point, carver: Carver, detail: float) -> Dual:
-    x, y, z = p
-    below = ease((y * 0.42 - z - 0.20) * (1 / 0.12)) * ease((0.10 - y) * (1 / 0.15)) * ease((z + 1.62) * (1 / 0.2))
-    lips = length(x * (1 / 0.27), (z + 0.61) * (1 / 0.115), (y + 0.80) * (1 / 0.22))
-    philtrum = length(x * (1 / 0.10), (z + 0.36) * (1 / 0.09), (y + 0.85) * (1 / 0.2))
-    grows = below * ease((lips - 0.9) * (1 / 0.3)) * ease((philtrum - 0.7) * (1 / 0.4))
+    d, (x, y, z) = _projected(p, JAW, (0.52, 0.52, 0.72))
     jaw = length(x * 0.95, y + 0.35, (z + 0.78) * 0.85)
-    below = below * ease((0.76 - jaw) * (1 / 0.16))
-    grows = below * ease((lips - 0.9) * (1 / 0.3)) * ease((philtrum - 0.7) * (1 / 0.4))
-    return masked(grows, p, lambda q: _whiskers(q, carver, detail))
+    below = ease((y * 0.42 - z - 0.20) * (1 / 0.14)) * ease((0.10 - y) * (1 / 0.2)) * ease((0.80 - jaw) * (1 / 0.2))
+    lips = length(x * (1 / 0.29), (z + 0.61) * (1 / 0.125), y * 0.0 + 0.05)
+    philtrum = length(x * (1 / 0.11), (z + 0.36) * (1 / 0.10), y * 0.0 + 0.05)
+    grows = below * ease((lips - 0.9) * (1 / 0.4)) * ease((philtrum - 0.7) * (1 / 0.5))
+    return masked(grows, (x, y, z), lambda q: _whiskers(q, carver, detail))
+
+
+def _projected(p: Point, centre: object, radii: object) -> tuple[Point, Point]:
+    """The directions of points from a centre, and where these meet an ellipsoid about it.
+
+    What depends on the direction alone is a height over a star-shaped form: no lock overhangs another.
+    """
+    away = moved(p, centre)
+    r = length(*away) + 1e-9
+    d = tuple(a / r for a in away)
+    smooth = 1 / length(*(a * (1 / radius) for a, radius in zip(d, radii, strict=True)))
+    return d, tuple(a * smooth + c for a, c in zip(d, centre, strict=True))
 
 
 def _whiskers(p: Point, carver: Carver, detail: float) -> Dual:
     x, y, z = p
-    sides = x.compose(np.abs(x.v), np.sign(x.v))
+    sides = soft_abs(x, 0.03)
     swing = sin(z * 7.0 + sides * 3.0) * 0.35
     locks = carver.locks(x * 4.6 + swing, y * 3.0, z * 1.3, 34, 3)
     return locks * (0.11 * detail) + 0.03

@@ -31,10 +31,13 @@ class Face(NamedTuple):
     pupils: bool = True  # drilled
 
 
-def draw_face(rng: np.random.Generator) -> Face:
-    """A face at random."""
+def draw_face(rng: np.random.Generator, *, woman: bool) -> Face:
+    """A face at random; a woman's has a narrower jaw, a flatter brow, a shorter nose and fuller lips."""
     values = [round(float(v), 6) for v in np.clip(rng.normal(0, 0.55, size=len(Face._fields) - 2), -1, 1)]
-    return Face(*values, age=round(float(rng.uniform(0, 1)), 6), pupils=bool(rng.random() < 0.6))
+    if woman:
+        lean = dict(width=-0.3, jaw=-0.9, chin=-0.5, brow=-1.1, nose=-0.5, hump=-0.5, wings=-0.5, lips=0.5, cheeks=0.3)
+        values = [v + lean.get(name, 0.0) for v, name in zip(values, Face._fields, strict=False)]
+    return Face(*values, age=round(float(rng.uniform(0, 0.35 if woman else 1)), 6), pupils=bool(rng.random() < 0.6))
 
 
 def head(at: Point, face: Face) -> Dual:
@@ -81,7 +84,7 @@ def _cheeks(body: Dual, p: Point, face: Face, wide: float) -> Dual:
                lambda q: ellipsoid(q, (0.345 * wide, -0.445, -0.19), (0.20 * full, 0.155 * full, 0.15)))  # fmt: skip
     hollow = 0.045 * face.age - 0.02
     return cut(body, p, (0.46, -0.60, -0.52), 0.3, 0.2,
-               lambda q: ellipsoid(q, (0.49 * wide, -0.60, -0.52), (0.10, 0.12 + hollow, 0.18)))  # fmt: skip
+               lambda q: ellipsoid(q, (0.49 * wide, -0.60, -0.52), (0.10, 0.105 + hollow, 0.18)))  # fmt: skip
 
 
 def _nose(body: Dual, p: Point, face: Face) -> Dual:

@@ -38,7 +38,7 @@ def draw_panel(rng: np.random.Generator) -> Panel:
     beard = style != "bun" and bool(rng.random() < 0.5)
     look = float(rng.choice([-1, 1])) * rng.uniform(0.15, 1.15)
     turn = turn_z(look) @ turn_x(0.06 * rng.uniform(-1, 1))
-    return Panel(draw_face(rng), draw_hair(rng, style, beard=beard), turn, float(rng.uniform(0.55, 0.8)),
+    return Panel(draw_face(rng, woman=style == "bun"), draw_hair(rng, style, beard=beard), turn, float(rng.uniform(0.55, 0.8)),
                  rng.integers(len(SEGMENTS), size=(2, 11)), bool(rng.random() < 0.7), int(rng.integers(5, 9)),
                  float(rng.choice([0.125, 0.14, 0.16])), float(rng.choice([-1, 1])))  # fmt: skip
 
