@@ -37,7 +37,7 @@ class Statues(Family):
 
     kind: Literal["all", "bust", "figure", "relief"] = "all"  # of sculpture
     detail: float = 1.0  # height of hair, folds, ornaments and pores, as a multiple of the usual one; 0 leaves forms
-    resolution: float = 100.0  # edges of the mesh along the radius; faces grow with its square
+    resolution: float = 110.0  # edges of the mesh along the radius; faces grow with its square
 
     def __post_init__(self) -> None:
         expect_kind("kind", self.kind, KINDS)
@@ -70,7 +70,7 @@ class Statues(Family):
         return Body(Sculpture(form, SLOPE, np.eye(3)), np.array(low), np.array(high), size / self.resolution)
 
 
-SLOPE = 1.8  # of the functions, at most
+SLOPE = 2.6  # of the functions, but for rare flanks of ornaments and locks
 
 
 def _bust(rng: np.random.Generator, variant: int, detail: float) -> tuple[Made, Carver]:

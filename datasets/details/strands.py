@@ -39,7 +39,7 @@ class Carver:
         total, size = None, 1.0
         for level in range(levels):
             f = 2.2**level
-            bundle = soft_abs(self.noise((a * f, b * f, along * (f**0.5)), layer + level), crease)
+            bundle = soft_abs(self.noise((a * f, b * f, along * (f**0.35)), layer + level), crease)
             bundle = bundle * (1.6 * size)
             total = bundle if total is None else total + bundle
             size *= 0.34

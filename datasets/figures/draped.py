@@ -30,7 +30,7 @@ from .poses import joint_rotations
 from .skeleton import ENDS, NAMES, REST, forward
 
 HEAD = 0.122  # the unit of the head in metres
-SIZE = 1.0  # the radius of a figure
+SIZE = 1.08  # the radius of a figure
 STANCES = {
     "orator": {"arm_raise": 22, "arm_swing": 35, "elbow": 55, "wrist": -10, "curl": 12},
     "offering": {"arm_raise": -34, "arm_swing": 18, "elbow": 88, "curl": 30},

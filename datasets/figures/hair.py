@@ -42,8 +42,8 @@ def draw_hair(rng: np.random.Generator, style: str, *, beard: bool) -> Hair:
     axes = np.stack([first, np.cross(axis, first), axis])
     return Hair(
         style, axes,
-        wave=float(rng.uniform(0.10, 0.22)) if style != "bun" else 0.07,
-        turns=float(rng.uniform(2.2, 3.2)),
+        wave=float(rng.uniform(0.07, 0.15)) if style != "bun" else 0.06,
+        turns=float(rng.uniform(1.8, 2.7)),
         swirl=float(rng.choice([-1, 1]) * rng.uniform(0.3, 0.8)) if style != "bun" else 0.0,
         lift=float(rng.uniform(0.07, 0.11)) * (0.4 if style == "bald" else 1.0),
         line=0.70 + float(rng.uniform(-0.06, 0.05)),
@@ -67,12 +67,12 @@ def add_head(body: Dual, at: Point, face: Face, hair: Hair, carver: Carver, deta
 
     def part(p: Point) -> Dual:
         skull = volumes(head(p, face), p, hair)
-        skull = raise_by(skull, p, near(p, (0, 0.2, 0.1), 1.75), lambda q: _scalp(q, hair, carver, detail))
+        skull = raise_by(skull, p, near(p, (0, 0.2, 0.1), 2.2), lambda q: _scalp(q, hair, carver, detail))
         if hair.beard:
-            skull = raise_by(skull, p, near(p, (0, -0.4, -0.85), 0.95), lambda q: _beard(q, carver, detail))
+            skull = raise_by(skull, p, near(p, (0, -0.3, -0.7), 1.6), lambda q: _beard(q, carver, detail))
         return skull
 
-    return add(body, at, (0, 0.1, -0.02), 1.55, 0.12, part)
+    return add(body, at, (0, 0.0, -0.15), 1.75, 0.12, part)
 
 
 def _scalp(p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:

@@ -87,7 +87,7 @@ def _ground(p: Point, it: Panel, carver: Carver, detail: float) -> Dual:
     edge = smooth_min(WIDE - ax, HIGH - az, 0.02)  # from the rim inwards
     frame = ease((0.30 - edge) * (1 / 0.07)) * 0.075 + ease((0.085 - edge) * (1 / 0.04)) * 0.035
     hollow = masked(ease((edge - 0.26) * 20), p, lambda q: _inside(q, it, carver, detail))
-    return frame + masked(ease((0.40 - edge) * 12), p, lambda q: _frame(q, it)) + hollow
+    return frame + masked(ease((0.40 - edge) * 12), p, lambda q: _frame(q, it)) * detail + hollow
 
 
 def _frame(p: Point, it: Panel) -> Dual:
@@ -112,13 +112,13 @@ def _frame(p: Point, it: Panel) -> Dual:
 def _inside(p: Point, it: Panel, carver: Carver, detail: float) -> Dual:
     x, _, z = p
     marks = chisel(x * 0.8 + z * 0.6, z * 0.8 - x * 0.6, carver, 40, 0.055) * (0.006 * detail)
-    tablet = masked(ease((-0.66 - z) * 30), p, lambda q: _tablet(q, it))
+    tablet = masked(ease((-0.66 - z) * 30), p, lambda q: _tablet(q, it)) * detail
     high = ease((z + 0.60) * 20)
     oval = length(x * (1 / 0.57), (z - 0.20) * (1 / 0.68)) if it.oval else length(x, z - 0.24) * (1 / 0.60)
     rim = masked(high, p, lambda q: ease(1 - soft_abs(
         (length(q[0] * (1 / 0.57), (q[2] - 0.20) * (1 / 0.68)) if it.oval else length(q[0], q[2] - 0.24) * (1 / 0.60)) - 1, 0.01)
         * (1 / 0.075)) * 0.05)  # fmt: skip
-    scrolls = masked(high * ease((oval - 1.06) * 12), p, lambda q: _scrolls(q, it))
+    scrolls = masked(high * ease((oval - 1.06) * 12), p, lambda q: _scrolls(q, it)) * detail
     return marks * ease((oval - 0.5) * 4) + tablet + rim + scrolls
 
 

