@@ -46,8 +46,7 @@ def rosette(u: Dual, v: Dual, radius: float, petals: int) -> Dual:
     angle = atan2(v, u)
     edge = soft_abs(cos(angle * (petals / 2)), 0.08) * 0.45 + 0.55
     leaf = ease((edge - r) * 3.5) * (0.55 + r * 0.45)
-    vein = ease(1 - soft_abs(sin(angle * petals / 2 + np.pi / 2 * (petals % 2)), 0.02) * 5) * 0.0
-    return leaf * ease((r - 0.22) * 8) + ease((0.26 - r) * 8) - vein
+    return leaf * ease((r - 0.22) * 8) + ease((0.26 - r) * 8)
 
 
 def inscription(u: Dual, v: Dual, text: np.ndarray, height: float) -> Dual:

@@ -56,10 +56,23 @@ def _torso(at: Point, it: Bust) -> Dual:
     chest = ellipsoid(p, (0, 0.17, -2.30), (1.10 * b, 0.66, 0.95))
     body = smooth_min(body, chest, 0.35)
     body = smooth_min(body, limb(p, (0.25, 0.25, -1.45), (1.05 * b, 0.22, -1.86), 0.22, 0.30), 0.30)
-    body = add(body, p, (1.18 * b, 0.17, -2.15), 0.60, 0.3, lambda q: ellipsoid(q, (1.18 * b, 0.17, -2.15), (0.38, 0.42, 0.55)))
-    body = add(body, p, (0.5, -0.33, -2.32), 0.62, 0.3, lambda q: ellipsoid(q, (0.50, -0.26, -2.30), (0.50, 0.26, 0.36)))
-    body = add(body, p, (0.6, -0.2, -1.75), 0.65, 0.12, lambda q: limb(q, (0.13, -0.26, -1.80), (1.02 * b, 0.05, -1.66), 0.075, 0.085))
-    return add(body, p, (0.3, 0.0, -1.1), 0.85, 0.14, lambda q: limb(q, (0.34, 0.20, -0.66), (0.10, -0.24, -1.77), 0.11, 0.075))
+    body = add(
+        body, p, (1.18 * b, 0.17, -2.15), 0.60, 0.3, lambda q: ellipsoid(q, (1.18 * b, 0.17, -2.15), (0.38, 0.42, 0.55))
+    )
+    body = add(
+        body, p, (0.5, -0.33, -2.32), 0.62, 0.3, lambda q: ellipsoid(q, (0.50, -0.26, -2.30), (0.50, 0.26, 0.36))
+    )
+    body = add(
+        body,
+        p,
+        (0.6, -0.2, -1.75),
+        0.65,
+        0.12,
+        lambda q: limb(q, (0.13, -0.26, -1.80), (1.02 * b, 0.05, -1.66), 0.075, 0.085),
+    )
+    return add(
+        body, p, (0.3, 0.0, -1.1), 0.85, 0.14, lambda q: limb(q, (0.34, 0.20, -0.66), (0.10, -0.24, -1.77), 0.11, 0.075)
+    )
 
 
 def _carved_cloth(body: Dual, at: Point, it: Bust, carver: Carver, detail: float) -> Dual:
@@ -85,9 +98,6 @@ def _trimmed(body: Dual, at: Point) -> Dual:
 
 
 def _foot(body: Dual, at: Point, it: Bust) -> Dual:
-    q = moved(at, (0, 0.2, 0))
-    rho, z = length(q[0], q[1]), q[2]
-
     def turned(p: Point) -> Dual:
         r, h = length(p[0], p[1] - 0.2), p[2]
         stem = disc(r, h + 3.0, 0.30, 0.42, 0.05)

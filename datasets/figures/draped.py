@@ -16,7 +16,6 @@ from ..surfaces.sculpting import (
     limb,
     masked,
     moved,
-    near,
     raise_by,
     ring,
     scaled,
@@ -180,7 +179,9 @@ def _dress(p: Point, loose: Dual, drift: Dual, carver: Carver, detail: float) ->
 
 def _bare(body: Dual, p: Point, it: Draped) -> Dual:
     """Neck, arms, hands and feet."""
-    body = add(body, p, (0, 0.01, 1.50), 0.16, 0.03, lambda q: limb(q, (0, 0.022, 1.42), (0, 0.008, 1.60), 0.060, 0.052))
+    body = add(
+        body, p, (0, 0.01, 1.50), 0.16, 0.03, lambda q: limb(q, (0, 0.022, 1.42), (0, 0.008, 1.60), 0.060, 0.052)
+    )
     m = (soft_abs(p[0], 0.004), p[1], p[2])
     body = add(body, m, (0.1, -0.2, 0.07), 0.2, 0.02, lambda q: smooth_min(
         ellipsoid(q, (0.095, -0.20, 0.085), (0.046, 0.105, 0.042)),
@@ -190,10 +191,16 @@ def _bare(body: Dual, p: Point, it: Draped) -> Dual:
         shoulder, elbow, wrist = (it.joints[NAMES.index(f"{name}_{part}")] for part in ("shoulder", "elbow", "wrist"))
         if free:
             width = 0.045
-            body = add(body, p, (shoulder + elbow) / 2, 0.3, width, lambda q, a=shoulder, b=elbow: limb(q, a, b, 0.058, 0.043))
+            body = add(
+                body, p, (shoulder + elbow) / 2, 0.3, width, lambda q, a=shoulder, b=elbow: limb(q, a, b, 0.058, 0.043)
+            )
             belly = elbow + 0.3 * (wrist - elbow)
-            body = add(body, p, (elbow + wrist) / 2, 0.25, 0.03, lambda q, a=elbow, b=belly: limb(q, a, b, 0.042, 0.044))
-            body = add(body, p, (belly + wrist) / 2, 0.25, 0.03, lambda q, a=belly, b=wrist: limb(q, a, b, 0.044, 0.028))
+            body = add(
+                body, p, (elbow + wrist) / 2, 0.25, 0.03, lambda q, a=elbow, b=belly: limb(q, a, b, 0.042, 0.044)
+            )
+            body = add(
+                body, p, (belly + wrist) / 2, 0.25, 0.03, lambda q, a=belly, b=wrist: limb(q, a, b, 0.044, 0.028)
+            )
         body = _hand(body, p, it, name)
     return body
 
@@ -220,7 +227,11 @@ def _hand(body: Dual, p: Point, it: Draped, name: str) -> Dual:
             hand = smooth_min(hand, finger, 0.013)
         root = wrist + along * 0.025 + front * 0.022
         bend = root + 0.042 * (0.62 * along + 0.78 * front)
-        thumb = smooth_min(limb(q, root, bend, 0.019, 0.013), limb(q, bend, bend + 0.032 * (0.75 * along + 0.66 * front), 0.013, 0.011), 0.005)
+        thumb = smooth_min(
+            limb(q, root, bend, 0.019, 0.013),
+            limb(q, bend, bend + 0.032 * (0.75 * along + 0.66 * front), 0.013, 0.011),
+            0.005,
+        )
         return smooth_min(hand, thumb, 0.012)
 
     return add(body, p, (wrist + tips) / 2, 0.14, 0.02, part)
@@ -232,10 +243,14 @@ def _plinth(body: Dual, at: Point, it: Draped) -> Dual:
     def part(p: Point) -> Dual:
         x, y, z = moved(p, (0, -0.02, 0.0))
         if it.square:
-            base = smooth_min(box((x, y, z - 0.0), (0.31, 0.31, 0.045), 0.012), box((x, y, z + 0.07), (0.35, 0.35, 0.05), 0.015), 0.02)
+            base = smooth_min(
+                box((x, y, z - 0.0), (0.31, 0.31, 0.045), 0.012), box((x, y, z + 0.07), (0.35, 0.35, 0.05), 0.015), 0.02
+            )
             return base
         rho = length(x, y)
         base = smooth_min(disc(rho, z, 0.33, 0.045, 0.012), ring(rho, z, 0.335, -0.03, 0.028), 0.015)
         return smooth_min(base, disc(rho, z + 0.075, 0.38, 0.04, 0.012), 0.015)
 
-    return add(body, q, (0, 0, 0), 0.55, 0.02, lambda p: part(tuple(a + c for a, c in zip(p, (0, -0.02, 0.0), strict=True))))
+    return add(
+        body, q, (0, 0, 0), 0.55, 0.02, lambda p: part(tuple(a + c for a, c in zip(p, (0, -0.02, 0.0), strict=True)))
+    )

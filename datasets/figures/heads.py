@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..surfaces.duals import Dual, Point, ease, length, smooth_max, smooth_min, soft_abs
+from ..surfaces.duals import Dual, Point, length, smooth_max, smooth_min, soft_abs
 from ..surfaces.sculpting import add, ball, cut, ellipsoid, limb, moved, turn_x, turn_z
 
 
@@ -31,12 +31,15 @@ class Face(NamedTuple):
     pupils: bool = True  # drilled
 
 
+WOMAN = {"width": -0.3, "jaw": -0.9, "chin": -0.5, "brow": -1.1, "nose": -0.5, "hump": -0.5, "wings": -0.5,
+         "lips": 0.5, "cheeks": 0.3}  # fmt: skip
+
+
 def draw_face(rng: np.random.Generator, *, woman: bool) -> Face:
     """A face at random; a woman's has a narrower jaw, a flatter brow, a shorter nose and fuller lips."""
     values = [round(float(v), 6) for v in np.clip(rng.normal(0, 0.55, size=len(Face._fields) - 2), -1, 1)]
     if woman:
-        lean = dict(width=-0.3, jaw=-0.9, chin=-0.5, brow=-1.1, nose=-0.5, hump=-0.5, wings=-0.5, lips=0.5, cheeks=0.3)
-        values = [v + lean.get(name, 0.0) for v, name in zip(values, Face._fields, strict=False)]
+        values = [v + WOMAN.get(name, 0.0) for v, name in zip(values, Face._fields, strict=False)]
     return Face(*values, age=round(float(rng.uniform(0, 0.35 if woman else 1)), 6), pupils=bool(rng.random() < 0.6))
 
 
@@ -120,10 +123,23 @@ def _mouth(body: Dual, p: Point, face: Face) -> Dual:
 
     body = add(body, p, (0, -0.55, -0.6), 0.46, 0.2, lambda q: ellipsoid(q, (0, -0.50, -0.60), (0.36, 0.250, 0.27)))
     # The groove from the nose to the lip, and the one below the lips.
-    body = cut(body, p, (0, -0.84, -0.46), 0.12, 0.06, lambda q: limb(q, (0, -0.845, -0.42), (0, -0.835, -0.52), 0.03, 0.03))
-    body = cut(body, p, (0, -0.80, -0.735), 0.2, 0.08, lambda q: limb(q, (0, -0.83, -0.735), (0.12, -0.79, -0.725), 0.05, 0.045))
+    body = cut(
+        body, p, (0, -0.84, -0.46), 0.12, 0.06, lambda q: limb(q, (0, -0.845, -0.42), (0, -0.835, -0.52), 0.03, 0.03)
+    )
+    body = cut(
+        body,
+        p,
+        (0, -0.80, -0.735),
+        0.2,
+        0.08,
+        lambda q: limb(q, (0, -0.83, -0.735), (0.12, -0.79, -0.725), 0.05, 0.045),
+    )
     body = add(body, p, (0, -0.75, level), 0.32, 0.035, lips)
-    line = [np.array([0, -0.842, level + 0.002]), np.array([0.13 * wide, -0.812, level - 0.004]), corner + (0.02, -0.02, 0)]
+    line = [
+        np.array([0, -0.842, level + 0.002]),
+        np.array([0.13 * wide, -0.812, level - 0.004]),
+        corner + (0.02, -0.02, 0),
+    ]
 
     def gap(q: Point) -> Dual:
         return smooth_min(limb(q, line[0], line[1], 0.022, 0.020), limb(q, line[1], line[2], 0.020, 0.018), 0.02)
@@ -132,7 +148,14 @@ def _mouth(body: Dual, p: Point, face: Face) -> Dual:
     if face.age > 0.25:  # the fold from the wing of the nose to the corner of the mouth
         start, end = np.array([0.185, -0.735, -0.34]), np.array([0.315, -0.60, -0.60])
         depth = 0.012 + 0.012 * face.age
-        body = cut(body, p, (start + end) / 2, 0.3, 0.09, lambda q: limb(q, start + (0, -0.055, 0), end + (0, -0.055, 0), depth, depth))
+        body = cut(
+            body,
+            p,
+            (start + end) / 2,
+            0.3,
+            0.09,
+            lambda q: limb(q, start + (0, -0.055, 0), end + (0, -0.055, 0), depth, depth),
+        )
     return body
 
 

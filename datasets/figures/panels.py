@@ -10,7 +10,7 @@ from ..details.ornaments import beads, chisel, eggs_and_darts, inscription, rose
 from ..details.patterns import SEGMENTS
 from ..details.strands import Carver
 from ..surfaces.duals import Dual, Point, ease, length, smooth_max, smooth_min, soft_abs
-from ..surfaces.sculpting import abs_of, add, box, ellipsoid, limb, masked, moved, scaled, turn_x, turn_z
+from ..surfaces.sculpting import abs_of, add, box, ellipsoid, limb, masked, moved, turn_x, turn_z
 from .hair import STYLES, Hair, add_head, draw_hair
 from .heads import Face, draw_face
 
@@ -28,8 +28,7 @@ class Panel(NamedTuple):
     text: np.ndarray
     oval: bool
     petals: int
-    period: float  # of the eggs, as a part of 2
-    sense: float
+    sense: float  # of the scrolls
 
 
 def draw_panel(rng: np.random.Generator) -> Panel:
@@ -38,9 +37,10 @@ def draw_panel(rng: np.random.Generator) -> Panel:
     beard = style != "bun" and bool(rng.random() < 0.5)
     look = float(rng.choice([-1, 1])) * rng.uniform(0.15, 1.15)
     turn = turn_z(look) @ turn_x(0.06 * rng.uniform(-1, 1))
-    return Panel(draw_face(rng, woman=style == "bun"), draw_hair(rng, style, beard=beard), turn, float(rng.uniform(0.55, 0.8)),
-                 rng.integers(len(SEGMENTS), size=(2, 11)), bool(rng.random() < 0.7), int(rng.integers(5, 9)),
-                 float(rng.choice([0.125, 0.14, 0.16])), float(rng.choice([-1, 1])))  # fmt: skip
+    face, hair = draw_face(rng, woman=style == "bun"), draw_hair(rng, style, beard=beard)
+    text = rng.integers(len(SEGMENTS), size=(2, 11))
+    return Panel(face, hair, turn, float(rng.uniform(0.55, 0.8)), text, bool(rng.random() < 0.7),
+                 int(rng.integers(5, 9)), float(rng.choice([-1, 1])))  # fmt: skip
 
 
 def panel(at: Point, it: Panel, carver: Carver, detail: float) -> Dual:
@@ -104,8 +104,12 @@ def _frame(p: Point, it: Panel) -> Dual:
     relief = relief + masked(corner, p, lambda q: rosette(
         abs_of(q[0]) - (WIDE - 0.15), abs_of(q[2]) - (HIGH - 0.15), 0.115, it.petals) * 0.05)  # fmt: skip
     inner = smooth_min(WIDE - ax, HIGH - az, 0.01) - 0.325
-    along = masked(ease((HIGH - az - (WIDE - ax)) * 30), p, lambda q: beads(q[2], WIDE - 0.325 - abs_of(q[0]), 0.0666, 0.055))
-    across = masked(ease((WIDE - ax - (HIGH - az)) * 30), p, lambda q: beads(q[0], HIGH - 0.325 - abs_of(q[2]), 0.0666, 0.055))
+    along = masked(
+        ease((HIGH - az - (WIDE - ax)) * 30), p, lambda q: beads(q[2], WIDE - 0.325 - abs_of(q[0]), 0.0666, 0.055)
+    )
+    across = masked(
+        ease((WIDE - ax - (HIGH - az)) * 30), p, lambda q: beads(q[0], HIGH - 0.325 - abs_of(q[2]), 0.0666, 0.055)
+    )
     return relief + (along + across) * ease((0.05 - soft_abs(inner, 0.002)) * 60) * 0.03
 
 
@@ -114,18 +118,26 @@ def _inside(p: Point, it: Panel, carver: Carver, detail: float) -> Dual:
     marks = chisel(x * 0.8 + z * 0.6, z * 0.8 - x * 0.6, carver, 40, 0.055) * (0.006 * detail)
     tablet = masked(ease((-0.66 - z) * 30), p, lambda q: _tablet(q, it)) * detail
     high = ease((z + 0.60) * 20)
-    oval = length(x * (1 / 0.57), (z - 0.20) * (1 / 0.68)) if it.oval else length(x, z - 0.24) * (1 / 0.60)
-    rim = masked(high, p, lambda q: ease(1 - soft_abs(
-        (length(q[0] * (1 / 0.57), (q[2] - 0.20) * (1 / 0.68)) if it.oval else length(q[0], q[2] - 0.24) * (1 / 0.60)) - 1, 0.01)
-        * (1 / 0.075)) * 0.05)  # fmt: skip
+    oval = _oval(p, it)
+    rim = masked(high, p, lambda q: ease(1 - soft_abs(_oval(q, it) - 1, 0.01) * (1 / 0.075)) * 0.05)
     scrolls = masked(high * ease((oval - 1.06) * 12), p, lambda q: _scrolls(q, it)) * detail
     return marks * ease((oval - 0.5) * 4) + tablet + rim + scrolls
+
+
+def _oval(p: Point, it: Panel) -> Dual:
+    """1 on the rim about the head, an oval or a circle."""
+    x, _, z = p
+    if it.oval:
+        return length(x * (1 / 0.57), (z - 0.20) * (1 / 0.68))
+    return length(x, z - 0.24) * (1 / 0.60)
 
 
 def _tablet(p: Point, it: Panel) -> Dual:
     x, _, z = p
     plate = ease((0.62 - abs_of(x)) * 25) * ease((0.145 - abs_of(z + 0.815)) * 30)
-    cut_in = masked(plate, p, lambda q: inscription(q[0], q[2] + 0.815, it.text, 0.115) * ease((0.55 - abs_of(q[0])) * 40))
+    cut_in = masked(
+        plate, p, lambda q: inscription(q[0], q[2] + 0.815, it.text, 0.115) * ease((0.55 - abs_of(q[0])) * 40)
+    )
     return plate * 0.03 - cut_in * 0.028
 
 
