@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..surfaces.duals import Dual, Point, atan2, cos, ease, length, sin, soft_abs
+from ..surfaces.sculpting import masked
 from .patterns import SEGMENTS
 from .strands import Carver
 
@@ -80,8 +81,8 @@ def weathering(at: Point, carver: Carver, size: float) -> Dual:
     patch = carver.noise(tuple(p * (3.0 / size) for p in at), 50)
     pores = carver.noise(tuple(p * (42.0 / size) for p in at), 51) * (0.0007 * size)
     worn = ease((patch - 0.12) * 3.0)
-    rough = soft_abs(carver.noise(tuple(p * (20.0 / size) for p in at), 52), 0.05)
-    return pores * (0.6 + worn) - worn * rough * (0.006 * size)
+    rough = masked(worn, at, lambda q: soft_abs(carver.noise(tuple(p * (20.0 / size) for p in q), 52), 0.05))
+    return pores * (0.6 + worn) - rough * (0.006 * size)
 
 
 def chisel(along: Dual, across: Dual, carver: Carver, layer: int, pitch: float) -> Dual:

@@ -8,7 +8,21 @@ import numpy as np
 
 from ..details.strands import Carver
 from ..surfaces.duals import Dual, Point, ease, length, smooth_max, smooth_min, soft_abs
-from ..surfaces.sculpting import add, box, disc, ellipsoid, limb, moved, near, raise_by, ring, turn_x, turn_y, turn_z
+from ..surfaces.sculpting import (
+    add,
+    box,
+    disc,
+    ellipsoid,
+    limb,
+    masked,
+    moved,
+    near,
+    raise_by,
+    ring,
+    turn_x,
+    turn_y,
+    turn_z,
+)
 from .hair import Hair, add_head, draw_hair
 from .heads import Face, draw_face
 
@@ -82,12 +96,17 @@ def _carved_cloth(body: Dual, at: Point, it: Bust, carver: Carver, detail: float
         # Cloth lies over one shoulder and runs to the other side: its hem is lower in the middle.
         hem = z + 1.86 - u * 0.52 - ease((y + 0.1) * 1.4) * 0.30 + (x.square()) * 0.10
         covers = ease((-hem) * (1 / 0.13))
+        return masked(covers, (*p, hem), folded)
+
+    def folded(p: Point) -> Dual:
+        x, y, z, hem = p
+        u = x * it.lean
         across = z * 1.0 - u * 0.75 + x.square() * 0.30 + y * 0.2
         along = u * 1.0 + z * 0.55 + y * 0.3
         bend = carver.noise((x * 0.9, y * 0.9, z * 0.9), 5) * 0.35
         folds = carver.folds((across + bend) * 3.4, along * 1.4, 6)
         rolled = ease(1 - soft_abs(hem + 0.15, 0.03) * (1 / 0.16)) * 0.05
-        return covers * (folds * (0.17 * detail) + 0.05 + rolled)
+        return folds * (0.17 * detail) + 0.05 + rolled
 
     return raise_by(body, at, near(at, (0, 0.17, -2.3), 1.9), height)
 
