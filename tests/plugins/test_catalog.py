@@ -18,7 +18,7 @@ OURS = Path(__file__).parents[2] / "datasets"
 FAMILIES = [p for p in registry().all("dataset") if p.file.parent == OURS and not hasattr(p.cls, "state")]
 CHECKED = 2  # shapes that are built again
 EXPECTED = """bumps cad superquadrics supershapes fbm blobs tpms knots smooth_csg vases plates reliefs branches fractals
-furniture humanoids scenes"""
+furniture humanoids scenes statues"""
 
 
 def test_every_family_is_there_and_in_the_catalogue():
