@@ -45,9 +45,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _how_it_is(plugin: Plugin) -> str:
+    from ..plan.cell import check_dataset
+
+    dataset = plugin.cls()
     try:
-        dataset = plugin.cls()
-        dataset.check("test")
+        check_dataset(dataset, "test")
     except UsageError as error:
         return str(error)
     return f"there, in {dataset.folder}" if hasattr(dataset, "folder") else "there"

@@ -180,11 +180,11 @@ class Cell(_Resolved):
             metrics=_metrics(config.get("metric") or {}, task),
             **{key: config[key] for key in ("seed", "split", "cases", "threads", "device")},
         )
-        _check_dataset(cell.dataset.build(), cell.split)
+        check_dataset(cell.dataset.build(), cell.split)
         return cell
 
 
-def _check_dataset(dataset: Any, split: str) -> None:
+def check_dataset(dataset: Any, split: str) -> None:
     """Call a dataset's ``check()`` or ``check(split)``, if it has one.
 
     Raises

@@ -28,7 +28,7 @@ from bench.datasets.fetched.gifti import read_surface
 from bench.datasets.fetched.packages import Package
 from bench.datasets.real import Real
 from bench.geometry.io.files import save
-from bench.plan.cell import NotSolved, _check_dataset
+from bench.plan.cell import NotSolved, check_dataset
 from bench.plugins.registry import registry
 
 BALL = icosphere(subdivisions=1)
@@ -359,7 +359,7 @@ def test_without_the_data_the_line_to_run_is_said_and_cells_are_left_out(tmp_pat
     with pytest.raises(MissingData, match=r"detailbench fetch real dataset\.path=elsewhere"):
         Real(path="elsewhere").check()
     with pytest.raises(NotSolved, match="make real"):
-        _check_dataset(Real(), "test")
+        check_dataset(Real(), "test")
     assert main(["fetch"]) == 0
     assert "real: dataset real: 50 of its 50 files are not in" in capsys.readouterr().out
     assert main(["plan", "dataset=real"]) == 1

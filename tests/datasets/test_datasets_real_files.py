@@ -1,4 +1,4 @@
-"""The fetched meshes are what the table says of them; collected where they are there (see conftest.py)."""
+"""The fetched meshes are what the table says of them; collected where they are there (see tests/conftest.py)."""
 
 from __future__ import annotations
 
