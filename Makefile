@@ -11,7 +11,7 @@ PYTEST := PYTHONPATH=scripts $(BIN)/python -m pytest -p no_skips
 PYTHON_CODE := bench methods datasets metrics conf tests scripts
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test bench lint wheel clean distclean
+.PHONY: help setup demo real test bench lint wheel clean distclean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -21,6 +21,9 @@ setup: ## .venv with the pinned packages and this package (editable); system lib
 
 demo: setup ## a small sweep over procedural shapes, and its leaderboard
 	$(BIN)/detailbench run experiment=demo results=results/demo hydra/launcher=joblib hydra.launcher.n_jobs=2
+
+real: setup ## download the shapes of dataset=real (36 MB) into ~/.cache/detailbench; no test needs them
+	$(BIN)/detailbench fetch real
 
 test: setup ## all tests; a skipped test counts as a failure
 	@# three at a time on two cores: a third of the tests' time is waiting for limits to pass; the slowest files come first

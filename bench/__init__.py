@@ -33,6 +33,7 @@ _EXPORTS = {
     "validate_mesh": "contract.task",
     "BadInput": "errors",
     "InvalidOutput": "errors",
+    "MissingData": "errors",
     "MissingLibrary": "errors",
     "UsageError": "errors",
     "build_parts": "plugins.parts",
@@ -50,6 +51,7 @@ __all__ = [
     "Effect",
     "Frame",
     "InvalidOutput",
+    "MissingData",
     "MissingLibrary",
     "Plugin",
     "PointCloud",
@@ -78,7 +80,7 @@ if TYPE_CHECKING:
     from .contract.shape import Shape, ShapePair, Surface
     from .contract.task import CaseRecipe, Task, validate_cloud, validate_mesh
     from .contract.views import Views
-    from .errors import BadInput, InvalidOutput, MissingLibrary, UsageError
+    from .errors import BadInput, InvalidOutput, MissingData, MissingLibrary, UsageError
     from .geometry.cloud import Frame, PointCloud
     from .plugins.parts import build_parts
     from .plugins.registry import Plugin, register, snake_case

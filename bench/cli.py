@@ -20,6 +20,7 @@ COMMANDS = {
     "run": "run cells: one, or with -m a sweep, and print the leaderboard",
     "plan": "what a run would do: cells, what is finished already, how long the rest may take",
     "list": "tasks, datasets, sensors, methods and metrics, and plugins that are broken",
+    "fetch": "download the data of a dataset that is not procedural",
     "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
     "apply": "one method on one file",
     "score": "two files: an output held against its reference",

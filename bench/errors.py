@@ -22,6 +22,17 @@ class BadInput(DetailbenchError, ValueError):
     """Geometry or a file that cannot be used; the message names it and says what was expected."""
 
 
+class MissingData(UsageError, BadInput):
+    """Files of a dataset that are fetched at set-up are not there; ``fetch`` is the line that fetches them.
+
+    Cells over them are not planned, and the rest of a sweep goes on.
+    """
+
+    def __init__(self, what: str, fetch: str):
+        self.fetch = fetch
+        super().__init__(f"{what}; fetch them with: {fetch}")
+
+
 class InvalidOutput(DetailbenchError):
     """A method returned something other than its task promises (recorded as ``invalid``)."""
 

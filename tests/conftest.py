@@ -15,6 +15,9 @@ from pathlib import Path
 import psutil
 import pytest
 
+from bench.datasets.real import Real
+from bench.errors import MissingData
+
 COMMAND = [str(Path(sys.prefix) / "bin" / "detailbench")]
 MARK = "DETAILBENCH_TEST_MARK"  # in the environment of a command: all that descends from it carries it
 TOYS = Path(__file__).parent / "faults" / "toys.py"
@@ -23,6 +26,26 @@ WORDS = ("task=denoise", "dataset=ball", "sensor=dots", "metric=[spread]", "case
 # Where the suite is started in the background of a script, Ctrl-C is ignored by it and by all that it starts.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 LAUNCHERS = {"basic": (), "joblib": ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")}
+
+
+OF_REAL_FILES = "datasets/test_datasets_real_files.py"
+
+
+def _why_no_real_files() -> str:
+    try:
+        Real().check()
+    except MissingData as error:
+        return str(error)
+    return ""
+
+
+# The tests of fetched data are collected where they were fetched (`make real`); no other test needs them.
+collect_ignore = [OF_REAL_FILES] if _why_no_real_files() else []
+
+
+def pytest_report_header() -> str | None:
+    """Say why they do not run."""
+    return f"{OF_REAL_FILES} is left out: {why}" if (why := _why_no_real_files()) else None
 
 
 class Shell:

@@ -4,6 +4,7 @@
   detailbench leaderboard DIR [DIR ...] --task denoise --metric p2f_mean
   detailbench leaderboard DIR --by tag                     who is best on thin sheets, on sharp edges, ...
   detailbench leaderboard DIR --across tag                 the same for one metric, side by side
+  detailbench leaderboard DIR --agreement real             do real shapes order the methods as the others do?
   detailbench leaderboard DIR --convention mpu             a paper's columns, in its units
   detailbench leaderboard DIR --published table_4_1        the table of an experiment, the paper's numbers beside ours
   detailbench leaderboard DIR --pareto p2f_mean,seconds    who is on the front of quality and cost
@@ -49,6 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--across", metavar="WORD", help="one metric side by side in all groups of: dataset, sensor, tag"
     )
     parser.add_argument(
+        "--agreement", metavar="DATASETS", help="these datasets and all others side by side, with Kendall's tau"
+    )
+    parser.add_argument(
         "--pareto", metavar="A,B", help="mark who is on the front of two metrics, or of one and seconds or peak_mb"
     )
     parser.add_argument(
@@ -78,12 +82,18 @@ def run(args: argparse.Namespace) -> int:
     if args.across and others:
         other = next(f"--{name} {value}" for name, value in others.items())
         raise UsageError(f"--across {args.across}: shows one metric in all groups, which does not go with {other}")
+    others |= {name: getattr(args, name) for name in ("across", "published") if getattr(args, name)}
+    if args.agreement and others:
+        other = next(f"--{name} {value}" for name, value in others.items())
+        raise UsageError(f"--agreement {args.agreement}: compares two orders, which does not go with {other}")
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
     check_region(args.equal)
     rows = read_rows(args.results or ["results"], use_index=not args.no_index)
     filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag", "split")}
-    if args.across:
+    if args.agreement:
+        show_agreement(rows, args.agreement, args.format, metric=args.metric, level=args.level, **filters)
+    elif args.across:
         measures = {"metric": args.metric, "level": args.level, "equal": args.equal}
         show_across(rows, args.across, args.format, **measures, **filters)
     else:
@@ -182,10 +192,31 @@ def show_across(
     _print(board, format, rows=chosen, metrics=columns)
 
 
+def show_agreement(
+    rows: pd.DataFrame,
+    agreement: str,
+    format: str = "terminal",
+    *,
+    metric: str | None = None,
+    level: float = 0.95,
+    **filters: str | None,
+) -> None:
+    """Print how the methods stand on some datasets and on all others, and how far the two orders agree."""
+    from ..ranking.agreement import agreement as found
+    from ..ranking.report.agreement import render_agreement
+
+    text = render_agreement(
+        found(rows, agreement, metric=metric, level=level, **filters), format, level=level, width=_width()
+    )
+    print(text.rstrip("\n"))
+
+
+def _width() -> int:
+    return shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 160
+
+
 def _print(board: pd.DataFrame, format: str, **options: Any) -> None:
     from ..ranking.report import render
 
-    terminal = sys.stdout.isatty()
-    width = shutil.get_terminal_size((120, 24)).columns if terminal else 160
-    color = terminal and "NO_COLOR" not in os.environ
-    print(render(board, format, width=width, color=color, **options).rstrip("\n"))
+    color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
+    print(render(board, format, width=_width(), color=color, **options).rstrip("\n"))

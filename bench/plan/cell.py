@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from ..errors import UsageError, did_you_mean
+from ..errors import MissingData, UsageError, did_you_mean
 from ..plugins.registry import Plugin, registry
 from ..plugins.schema import NAME_KEY, build, parameters, variant
 from .devices import check_name
@@ -180,15 +180,24 @@ class Cell(_Resolved):
             metrics=_metrics(config.get("metric") or {}, task),
             **{key: config[key] for key in ("seed", "split", "cases", "threads", "device")},
         )
-        _check_dataset(cell.dataset.build(), cell.split)
+        check_dataset(cell.dataset.build(), cell.split)
         return cell
 
 
-def _check_dataset(dataset: Any, split: str) -> None:
-    """Call a dataset's ``check()`` or ``check(split)``, if it has one."""
+def check_dataset(dataset: Any, split: str) -> None:
+    """Call a dataset's ``check()`` or ``check(split)``, if it has one.
+
+    Raises
+    ------
+    NotSolved
+        Where its data were not fetched: such cells are left out, as those of a task that a method does not solve.
+    """
     check = getattr(dataset, "check", None)
-    if check:
-        check(split) if inspect.signature(check).parameters else check()
+    try:
+        if check:
+            check(split) if inspect.signature(check).parameters else check()
+    except MissingData as error:
+        raise NotSolved(str(error)) from error
 
 
 def settings_of(config: Mapping[str, Any]) -> Settings:

@@ -443,6 +443,48 @@ def _unscored(cells: _Cells, group: slice, first: np.ndarray, contender: np.ndar
     return part | {"row": group.start + first, "planned": np.bincount(contender, cells.rows[group]).astype(int)}
 
 
+# -- the scores themselves ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class UnitScores:
+    """What the methods of one table scored on each unit (case, seed and sensor), by one metric."""
+
+    units: pd.DataFrame  # the columns UNIT; the units of one case are neighbours
+    contenders: pd.DataFrame  # the columns CONTENDER
+    values: np.ndarray  # (units, contenders), lower is better; failures as the ranks count them
+    planned: np.ndarray  # (units, contenders) whether the method was to be scored there
+
+
+def unit_scores(rows: pd.DataFrame, metric: str) -> UnitScores:
+    """The scores of which a table of one metric is made.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of one table: pooled by :func:`bench.ranking.selection.pool`, of one task and split.
+    metric : str
+    """
+    cells = _cells(rows, [metric])
+    unit, contender = _ids(cells.codes[:, _UNIT]), _ids(cells.codes[:, _CONTENDER])
+    places, lines = (np.unique(ids, return_index=True)[1] for ids in (unit, contender))
+
+    def cube(array: np.ndarray) -> np.ndarray:
+        full = np.zeros((len(places), len(lines), 1), dtype=array.dtype)
+        full[unit, contender] = array
+        return full
+
+    planned = cube(cells.planned) > 0
+    known = cube(cells.solved + cells.imputed) == cube(cells.planned)
+    values = penalise(cube(cells.badness), known & planned)
+    return UnitScores(
+        cells.keys.iloc[places][UNIT].reset_index(drop=True),
+        cells.keys.iloc[lines][CONTENDER].reset_index(drop=True),
+        values[..., 0],
+        planned[..., 0],
+    )
+
+
 # -- what else a reader wants to know ----------------------------------------------------------------------------------
 
 

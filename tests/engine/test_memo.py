@@ -139,6 +139,19 @@ class Sensor:
         return PointCloud(*shape.surface.sample(self.count, rng))
 
 
+class Fetched(Files):
+    def fetch(self, say):
+        """Its files are pinned."""
+
+
+@pytest.mark.parametrize(("kind", "made"), [(Files, 4), (Fetched, 2)])
+def test_the_users_own_files_are_read_again_and_pinned_ones_are_remembered(memo, kind, made):
+    dataset = kind()
+    for _ in range(2):
+        assert [len(s.mesh.faces) for s in RememberedDataset(dataset, memo).shapes("test")] == [80, 80]
+    assert dataset.made == made
+
+
 def test_a_remembered_dataset_makes_each_mesh_once(memo):
     dataset = Dataset()
     for _ in range(2):

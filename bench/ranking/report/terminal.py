@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -67,11 +68,16 @@ def _one(table: Table, notes: tuple[str, ...], width: int, color: bool) -> str:
     return _print([*parts, *_dim(notes, width)], color)
 
 
+def wrapped(notes: Sequence[str], width: int) -> list[str]:
+    """Notes as wide as the terminal, each folded into lines that are set in from its second one on."""
+    lines = [wrap(note, max(width, NOTES), subsequent_indent="  ", break_long_words=False) for note in notes]
+    return ["\n".join(parts) for parts in lines]
+
+
 def _dim(notes: tuple[str, ...], width: int) -> list:
     from rich.text import Text
 
-    lines = [wrap(note, max(width, NOTES), subsequent_indent="  ", break_long_words=False) for note in notes]
-    return [Text("\n".join(parts), style="dim") for parts in lines]
+    return [Text(note, style="dim") for note in wrapped(notes, width)]
 
 
 def _block(table: Table, metrics: list[Metric], ranked: bool) -> RichTable:

@@ -1,0 +1,1 @@
+"""Presets of datasets: mixtures with a name."""

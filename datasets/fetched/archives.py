@@ -1,0 +1,118 @@
+"""Read single files out of Debian packages and wheels, without root and without the tools of either.
+
+Nothing is unpacked to a path that an archive names: files are asked for by their exact names, and their content is
+handed over, so no name in an archive (``../``, ``/etc``, a link) decides where something is written.
+"""
+
+from __future__ import annotations
+
+import io
+import lzma
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import IO
+
+from bench import BadInput
+
+MAGIC = b"!<arch>\n"
+HEADER = 60  # bytes before each member of an ar archive: name 16, time 12, user 6, group 6, mode 8, size 10, end 2
+MODES = {"": "r|", ".gz": "r|gz", ".bz2": "r|bz2", ".xz": "r|xz"}
+BROKEN = (tarfile.TarError, lzma.LZMAError, zlib.error, EOFError, OSError)
+
+
+def files_of_deb(deb: Path, wanted: Collection[str], inner: str = "") -> Iterator[tuple[str, bytes]]:
+    """Name and content of those files of a Debian package that are wanted, in the order of the archive.
+
+    Parameters
+    ----------
+    deb : Path
+        An ``ar`` archive whose member ``data.tar``, compressed or not, has the files.
+    wanted : collection of str
+        Names as in ``usr/share/doc/x``, without a leading ``./``; what is not there is not given.
+    inner : str
+        The name of a ``tar.gz`` in the package that has the files instead.
+
+    Raises
+    ------
+    BadInput
+        For a file that is no such package, or a damaged one.
+    """
+    with deb.open("rb") as file:
+        name, content = _member(file, "data.tar", deb)
+        mode = MODES.get(name.removeprefix("data.tar"))
+        if mode is None:
+            raise BadInput(f"{deb}: {name} is compressed in a way that Python's tarfile does not read; use dpkg-deb -x")
+        try:
+            if not inner:
+                yield from _regular(content, mode, wanted)
+                return
+            for _, stream in _streams(content, mode, {inner}):
+                yield from _regular(stream, "r|gz", wanted)
+        except BROKEN as error:
+            raise BadInput(f"{deb}: is damaged or cut off ({error}); remove it and fetch it again") from None
+
+
+def files_of_wheel(wheel: Path, wanted: Collection[str]) -> Iterator[tuple[str, bytes]]:
+    """Name and content of those files of a wheel that are wanted.
+
+    Raises
+    ------
+    BadInput
+        For a file that is no zip archive, or a damaged one.
+    """
+    try:
+        with zipfile.ZipFile(wheel) as archive:
+            there = set(archive.namelist())
+            for name in wanted:
+                if name in there:
+                    yield name, archive.read(name)
+    except (zipfile.BadZipFile, *BROKEN) as error:
+        raise BadInput(f"{wheel}: is damaged, cut off or no wheel ({error}); remove it and fetch it again") from None
+
+
+def _member(file: IO[bytes], start: str, path: Path) -> tuple[str, IO[bytes]]:
+    """The first member of an ar archive whose name begins so: its name, and its content as a stream."""
+    if file.read(len(MAGIC)) != MAGIC:
+        raise BadInput(f"{path}: is no Debian package; expected an ar archive, which begins with '!<arch>'")
+    while header := file.read(HEADER):
+        digits = header[48:58].strip()
+        if len(header) < HEADER or header[58:] != b"`\n" or not digits.isdigit():
+            raise BadInput(f"{path}: is damaged or cut off; remove it and fetch it again")
+        name, size = header[:16].decode("ascii", errors="replace").strip().rstrip("/"), int(digits)
+        if name.startswith(start):
+            return name, io.BufferedReader(_Window(file, size))
+        file.seek(size + size % 2, io.SEEK_CUR)
+    raise BadInput(f"{path}: has no {start}; expected a Debian package")
+
+
+class _Window(io.RawIOBase):
+    """The next ``size`` bytes of a stream."""
+
+    def __init__(self, stream: IO[bytes], size: int):
+        self._stream, self._left = stream, size
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer) -> int:
+        data = self._stream.read(min(len(buffer), self._left))
+        buffer[: len(data)] = data
+        self._left -= len(data)
+        return len(data)
+
+
+def _streams(content: IO[bytes], mode: str, wanted: Collection[str]) -> Iterator[tuple[str, IO[bytes]]]:
+    """The regular files of a tar stream that are wanted; each is to be read before the next."""
+    with tarfile.open(fileobj=content, mode=mode) as tar:
+        for member in tar:
+            name = member.name.removeprefix("./")
+            if name in wanted and member.isreg():
+                yield name, tar.extractfile(member)
+
+
+def _regular(content: IO[bytes], mode: str, wanted: Collection[str]) -> Iterator[tuple[str, bytes]]:
+    for name, stream in _streams(content, mode, wanted):
+        yield name, stream.read()

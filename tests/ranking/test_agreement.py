@@ -1,0 +1,259 @@
+"""Two orders of the methods side by side: known orders, an independent tau, coverage, and who is to blame."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+from boards import row, rows
+from scipy.stats import kendalltau
+
+from bench.cli import main
+from bench.errors import UsageError
+from bench.ranking.agreement import Scores, agreement, compare, family_of, places, tau_b
+from bench.ranking.report.agreement import FORMATS, render_agreement
+
+METHODS = "abcde"
+
+
+def results(orders: dict[str, str], shapes: int = 8, sensors=("clean", "noisy"), seed: int = 0, **options):
+    """Rows in which each dataset orders the methods as a word has them, best first, surely."""
+    rng = np.random.default_rng(seed)
+    return rows(
+        *(
+            row(method, f"{dataset}-{case}", 0, {"d": size * 2.0**place}, dataset=dataset, sensor=sensor, **options)
+            for dataset, order in orders.items()
+            for case in range(shapes)
+            for sensor in sensors
+            for size in (float(np.exp(rng.normal())),)
+            for place, method in enumerate(order)
+        )
+    )
+
+
+def one(frame: pd.DataFrame, other: str = "real", **options):
+    (found,) = agreement(frame, other, **options)
+    return found
+
+
+def whole(found):
+    return next(tau for tau in found.taus if tau.part == "all")
+
+
+# --- tau --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("k", "values"), [(4, 3), (7, 4), (9, 50)])
+def test_tau_b_is_scipys_also_with_ties(k, values):
+    rng = np.random.default_rng(k)
+    a, b = rng.integers(1, values, (2, 200, k)).astype(float)
+    expected = [kendalltau(x, y, variant="b").statistic for x, y in zip(a, b, strict=True)]
+    assert tau_b(a, b) == pytest.approx(expected, nan_ok=True)
+
+
+def test_tau_by_hand():
+    a = np.array([1.0, 2, 3, 4])
+    assert tau_b(a, a) == 1 and tau_b(a, a[::-1]) == -1
+    assert tau_b(a, np.array([1.0, 2, 4, 3])) == pytest.approx(4 / 6)
+    assert tau_b(a, np.array([1.0, 1, 2, 3])) == pytest.approx(5 / np.sqrt(6 * 5))
+    assert tau_b(a, a * (1 + 1e-12 * np.array([9, -9, 9, -9]))) == 1  # rounding
+
+
+def test_places_share_a_tie():
+    assert places(np.array([3.0, 1.0, 2.0, 1.0 + 1e-13, 9.0])).tolist() == [4, 1, 3, 1, 5]
+    assert places(np.full(3, 0.0)).tolist() == [1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("order", "tau", "agree", "reverse"), [("abcde", 1, 10, 0), ("edcba", -1, 0, 10), ("abced", 0.8, 9, 1)]
+)
+def test_sure_orders_give_an_interval_of_one_point(order, tau, agree, reverse):
+    found = whole(one(results({"cad": "abcde", "real": order})))
+    assert found.tau == pytest.approx(tau)
+    assert (found.low, found.high) == pytest.approx((tau, tau))
+    assert (found.spread_low, found.spread_high) == pytest.approx((tau, tau))
+    assert (found.agree, found.reverse, found.open) == (agree, reverse, 0)
+    assert (found.shapes, found.shapes_other) == (8, 8)
+
+
+def test_a_tie_is_no_disagreement():
+    frame = results({"cad": "abc", "real": "abc"}, sensors=("clean",))
+    same = (frame["method"] == "c") & (frame["dataset"] == "cad")
+    frame.loc[same, "score.d"] = frame.loc[(frame["method"] == "b") & (frame["dataset"] == "cad"), "score.d"].to_numpy()
+    found = one(frame)
+    assert whole(found).tau == pytest.approx(2 / np.sqrt(6))
+    assert found.methods["place_1"].tolist() == [1, 2, 2]
+    assert whole(found).open == 1 and (whole(found).low, whole(found).high) == pytest.approx((1 / 3, 1))
+
+
+# --- coverage ---------------------------------------------------------------------------------------------------------
+
+
+def simulated(rng: np.random.Generator, quality: np.ndarray, shapes: int) -> Scores:
+    """Two units of each shape; errors are log-normal about quality and difficulty."""
+    difficulty = 0.7 * rng.standard_normal((shapes, 1))
+    luck = 0.35 * rng.standard_normal((shapes, len(quality)))
+    units = [difficulty + luck + quality + 0.2 * rng.standard_normal(luck.shape) for _ in range(2)]
+    return Scores(np.exp(np.stack(units, axis=1).reshape(2 * shapes, -1)), np.arange(0, 2 * shapes, 2))
+
+
+def covered(spread: float, likeness: float, level: float, times: int = 40) -> tuple[float, float, float]:
+    """How often the interval, and the spread, hold the tau of the true orders; the mean width of the interval."""
+    rng = np.random.default_rng(round(100 * spread + 10 * likeness) + 20)
+    inside, near, width = 0, 0, 0.0
+    for _ in range(times):
+        first = spread * rng.standard_normal(6)
+        second = likeness * first + np.sqrt(1 - likeness**2) * spread * rng.standard_normal(6)
+        true = float(tau_b(np.exp(first), np.exp(second)))
+        found = compare(
+            simulated(rng, first, 17), simulated(rng, second, 16), rng, level, part="all", name="all", without=False
+        )
+        inside += found.low - 1e-9 <= true <= found.high + 1e-9
+        near += found.spread_low - 1e-9 <= true <= found.spread_high + 1e-9
+        width += found.high - found.low
+    return inside / times, near / times, width / times
+
+
+@pytest.mark.parametrize("likeness", [1.0, 0.5, 0.0, -1.0])
+@pytest.mark.parametrize("spread", [0.05, 0.3, 1.0])
+def test_the_interval_holds_the_true_tau(spread, likeness):
+    inside, _, width = covered(spread, likeness, 0.95)
+    assert inside >= 0.95
+    if spread == 1.0:  # and it says something where there is something to say
+        assert width < 1.2
+
+
+def test_a_lower_level_still_holds_and_is_narrower():
+    inside, _, width = covered(0.5, 0.5, 0.5)
+    assert inside >= 0.5 and width < covered(0.5, 0.5, 0.95)[2]
+
+
+def test_the_spread_is_no_interval_where_methods_are_close():
+    assert covered(0.3, 0.0, 0.95)[1] > 0.85
+    assert covered(0.05, 1.0, 0.95)[1] < 0.3
+
+
+# --- the parts --------------------------------------------------------------------------------------------------------
+
+
+def test_the_family_and_the_sensor_that_go_wrong_are_named():
+    frame = results({"cad": "abcde", "bumps": "edcba", "fbm": "abcde", "real": "abcde"})
+    noisy = (frame["sensor"] == "noisy") & (frame["dataset"] == "real")
+    frame.loc[noisy, "score.d"] = 1 / frame.loc[noisy, "score.d"]
+    found = one(frame, sensor="clean")
+    alone = {tau.name: tau.tau for tau in found.taus if tau.part == "family" and not tau.without}
+    without = {tau.name: tau.tau for tau in found.taus if tau.part == "family" and tau.without}
+    assert alone == pytest.approx({"bumps": -1, "cad": 1, "fbm": 1})
+    assert without["bumps"] == pytest.approx(1) and found.families == ("bumps", "cad", "fbm")
+    text = render_agreement([found], "markdown").split("families")[-1]
+    assert text.index("bumps") < text.index("cad")
+    sensors = {tau.name: tau for tau in one(frame[frame["dataset"] != "bumps"]).taus if tau.part == "sensor"}
+    assert sensors["clean"].tau == pytest.approx(1) and sensors["noisy"].tau == pytest.approx(-1)
+    assert sensors["noisy"].reverse == 10
+
+
+def test_families_of_a_mixture_are_told_by_the_ids_of_its_shapes():
+    assert family_of("mixture[of=cad]", "smooth_csg-test-003") == "smooth_csg"
+    assert family_of("headline", "cad-test-000-gear") == "cad"
+    assert family_of("cad[kind=gear]", "cad-test-000-gear") == "cad[kind=gear]"
+    assert family_of("not_installed", "x-1") == "not_installed"
+    frame = results({"cad": "abc", "bumps": "abc", "real": "abc"})
+    frame.loc[frame["dataset"] != "real", "dataset"] = "headline"
+    assert one(frame).families == ("bumps", "cad")
+
+
+def test_sure_reversals_are_said_with_their_names():
+    found = one(results({"cad": "abc", "real": "acb"}))
+    assert found.reversed == ((1, 2),)
+    assert "on procedural b before c; on real the other way" in render_agreement([found])
+
+
+def test_halves_of_a_sure_order_agree():
+    assert one(results({"cad": "abc", "real": "acb"})).halves == (1.0, 1.0)
+    assert np.isnan(one(results({"cad": "abc", "real": "acb"}, shapes=3)).halves).all()
+
+
+def test_a_single_shape_has_no_spread_and_proves_nothing():
+    found = whole(one(results({"cad": "abc", "real": "abc"}, shapes=1)))
+    assert np.isnan(found.spread_low) and (found.low, found.high) == (-1, 1)
+    assert "-" in render_agreement([one(results({"cad": "abc", "real": "abc"}, shapes=1))])
+
+
+def test_methods_and_units_that_are_not_common_are_left_out():
+    frame = results({"cad": "abcde", "real": "abcd"})
+    frame = frame[~((frame["method"] == "a") & (frame["case"] == "cad-0"))]
+    found = one(frame)
+    assert found.methods["method"].tolist() == list("abcd")
+    assert found.left_out == 2 and whole(found).shapes == 7
+    assert found.methods["planned_1"].tolist() == [14] * 4 and found.methods["planned_2"].tolist() == [16] * 4
+
+
+def test_a_failure_costs_its_place_on_its_side():
+    frame = results({"cad": "abc", "real": "abc"})
+    failed = (frame["method"] == "a") & (frame["case"] == "real-0")
+    frame.loc[failed, ["status", "score.d", "directions"]] = ["error", np.nan, ""]
+    found = one(frame)
+    assert found.methods.set_index("method")["place_2"].to_dict() == {"a": 3, "b": 1, "c": 2}
+    assert found.methods.set_index("method")["solved_2"].to_dict() == {"a": 14, "b": 16, "c": 16}
+
+
+def test_the_better_is_first_whichever_way_a_metric_goes():
+    low = one(results({"cad": "abc", "real": "cab"}))
+    frame = results({"cad": "abc", "real": "cab"}, better="higher")
+    frame["score.d"] = 1 / frame["score.d"]
+    high = one(frame)
+    assert low.methods["method"].tolist() == high.methods["method"].tolist() == ["a", "b", "c"]
+    assert whole(low).tau == pytest.approx(whole(high).tau)
+
+
+def test_tasks_and_splits_are_apart():
+    frames = [results({"cad": "abc", "real": "abc"}), results({"cad": "abc", "real": "cba"}, task="denoise")]
+    frames.append(results({"cad": "abc", "real": "acb"}, split="train"))
+    found = agreement(pd.concat(frames, ignore_index=True), "real")
+    assert [(f.task, f.split, round(whole(f).tau, 3)) for f in found] == [
+        ("denoise", "test", -1),
+        ("reconstruct", "test", 1),
+        ("reconstruct", "train", 0.333),
+    ]
+
+
+def test_what_cannot_be_compared_is_refused():
+    frame = results({"cad": "abc", "real": "abc"})
+    for other, message in (("cad,real", "no other datasets"), ("reel", "'real'")):
+        with pytest.raises(UsageError, match=message):
+            agreement(frame, other)
+    with pytest.raises(UsageError, match="needs 3 methods"):
+        agreement(results({"cad": "ab", "real": "ab"}), "real")
+
+
+def test_the_same_every_time():
+    first, again = (one(results({"cad": "abcde", "fbm": "badce", "real": "abced"}, seed=3)) for _ in range(2))
+    assert first.taus == again.taus and first.halves == again.halves
+
+
+# --- in print ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_every_format_has_both_orders_and_tau(format):
+    found = agreement(results({"cad": "abcde", "bumps": "abced", "real": "abcde"}), "real")
+    text = render_agreement(found, format)
+    if format == "csv":
+        table = pd.read_csv(io.StringIO(text))
+        assert table["line"].value_counts().to_dict() == {"method": 5, "tau": 1 + 2 + 2 * 2}
+        assert table.loc[table["part"] == "all", "tau"].tolist() == pytest.approx([whole(found[0]).tau])
+    else:
+        for words in ("procedural", "real", "place (rank)", "tau", "clean", "bumps"):
+            assert words in text
+
+
+def test_the_command(monkeypatch, capsys):
+    frame = results({"cad": "abcde", "real": "abcde"})
+    monkeypatch.setattr("bench.commands.leaderboard.read_rows", lambda *args, **options: frame)
+    assert main(["leaderboard", "R", "--agreement", "real"]) == 0
+    assert "reconstruct · procedural | real" in capsys.readouterr().out
+    for flag in (["--across", "tag"], ["--by", "tag"], ["--pareto", "d,seconds"], ["--convention", "mpu"]):
+        assert main(["leaderboard", "R", "--agreement", "real", *flag]) == 1
+        assert "does not go with" in capsys.readouterr().err
