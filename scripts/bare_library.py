@@ -7,9 +7,9 @@ usage: python scripts/bare_library.py MESH|DATASET ... [--task reconstruct] [--m
 Shapes are mesh files, or names of procedural datasets (the first test shape of each). Each is sampled evenly with
 exact normals, and Gaussian noise of so many percent of the radius of its bounding sphere is added. The table gives p2f
 (output to reference) and s2f (reference to output), their mean, and the angle of the output's normals, of the method
-and of the bare call, and the ratio of the means: above 1 the method is worse. The bare calls are at the library's
-own defaults, or, where it has none, at the values of its example or manual (see the functions in this file). METHOD.PARAMETER=VALUE
-changes the method, not the bare call.
+and of the bare call, and the ratio of the means (of p2f where points are moved): above 1 the method is worse. The bare
+calls are at the library's own defaults, or, where it has none, at the values of its example or manual: see the
+functions in this file. METHOD.PARAMETER=VALUE changes the method, not the bare call.
 
     python scripts/bare_library.py bunny.off fandisk.off --task denoise --methods apss,rimls apss.filterscale=4
 """
@@ -70,7 +70,7 @@ def ipsr(cloud: PointCloud) -> Trimesh:
 
 
 def ball_pivoting(cloud: PointCloud) -> Trimesh:
-    """Radii of 1, 2 and 4 mean distances to the nearest neighbour: Open3D's tutorial doubles them, in absolute units."""
+    """Radii of 1, 2 and 4 mean distances to the nearest neighbour: Open3D's tutorial doubles them, in fixed units."""
     import open3d as o3d
 
     points = _open3d(cloud)
@@ -295,7 +295,24 @@ def main() -> None:
     args = parser.parse_args()
     shapes, parameters = overrides(args.words)
     levels = [float(level) for level in args.levels.split(",")]
-    print("| task | method | shape | noise % | p2f (1e-3) | bare | s2f | bare | mean | bare | ratio | angle | bare | s | bare |")
+    heads = [
+        "task",
+        "method",
+        "shape",
+        "noise%",
+        "p2f",
+        "bare",
+        "s2f",
+        "bare",
+        "mean",
+        "bare",
+        "ratio",
+        "angle",
+        "bare",
+        "s",
+        "bare",
+    ]
+    print("distances in 1e-3 of the radius, angles in degrees, times in seconds\n\n| " + " | ".join(heads) + " |")
     print("| --- " * 3 + "| --: " * 12 + "|")
     worse = []
     for name in shapes:

@@ -11,8 +11,10 @@ from bench import BadInput, PointCloud, Run, register
 
 from . import screened_poisson
 from .inputs import distinct_points
+from .visibility import facing
 
 if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
     from trimesh import Trimesh
 
 TOP = 0.001  # the share of the normals, those that turned farthest, that decides whether all have settled
@@ -26,14 +28,15 @@ class Ipsr:
 
     Needs no normals, and ignores those that the points come with. Each round solves screened Poisson once, and gives
     every point the area-weighted mean normal of the faces that have it among their nearest points. The sign of all
-    normals together is fixed at the end: the surface encloses a positive volume. The paper starts from random normals
-    and takes up to 30 rounds; from estimated ones a third of them does.
+    normals together is fixed at the end: the surface encloses a positive volume. From random normals the paper takes
+    up to 30 rounds; from what is visible from outside a few do, and thin walls are turned the right way from the start.
     """
 
     depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
     rounds: int = 12  # Poisson solves at most; fewer if the normals settle
-    start: Literal["estimated", "random"] = "estimated"  # normals of the first round; the paper's are random
-    k: int = 10  # points that each face tells its normal
+    # Normals of the first round: outward where the space around is visible, along a tree of neighbours, or random.
+    start: Literal["visible", "estimated", "random"] = "visible"
+    k: int = 6  # points that each face tells its normal; the paper's are 10
     point_weight: float = 4.0  # how strongly the surface is held to the points; 0 is unscreened Poisson
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
     samples_per_node: float = 1.0  # points per octree cell; more smooths noise away, and fuses thin sheets
@@ -60,12 +63,19 @@ class Ipsr:
         return Trimesh(vertices, faces, process=False)
 
     def _first(self, points: np.ndarray, run: Run) -> np.ndarray:
-        from bench.geometry.normals import oriented_normals
+        """Normals (n, 3) to begin with; zeros where the start has none."""
+        from bench.geometry.normals import estimate_normals, oriented_normals
 
-        if self.start == "estimated":
-            return oriented_normals(points)
-        normals = run.rng.standard_normal(points.shape)
-        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        if self.start == "random":
+            normals = run.rng.standard_normal(points.shape)
+            return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        if self.start == "visible":
+            normals = estimate_normals(points)[0]
+            signs = facing(points, normals)
+            if signs is not None:
+                return signs[:, None] * normals
+        # An open surface has no outside.
+        return oriented_normals(points)
 
     def _iterate(
         self, points: np.ndarray, normals: np.ndarray, run: Run
@@ -76,9 +86,10 @@ class Ipsr:
         tree = cKDTree(points)
         for done in range(1, self.rounds + 1):
             before = run.elapsed()
+            known = normals.any(axis=1)
             solution = screened_poisson.solve(
-                points,
-                normals,
+                points[known],
+                normals[known],
                 depth=self.depth,
                 scale=self.scale,
                 samples_per_node=self.samples_per_node,
@@ -94,9 +105,7 @@ class Ipsr:
         return solution, normals
 
 
-def told_normals(
-    vertices: np.ndarray, faces: np.ndarray, tree: cKDTree, k: int, fallback: np.ndarray
-) -> np.ndarray:
+def told_normals(vertices: np.ndarray, faces: np.ndarray, tree: cKDTree, k: int, fallback: np.ndarray) -> np.ndarray:
     """The area-weighted mean normal of the faces that have a point among the ``k`` nearest to their centre.
 
     Parameters
@@ -121,7 +130,7 @@ def told_normals(
 
 
 def settled(last: np.ndarray, normals: np.ndarray) -> bool:
-    """Whether hardly any of the unit normals (n, 3) has changed: the mean over the ``TOP`` of them that changed most."""
+    """Whether hardly any of the unit normals (n, 3) has changed: of those that changed most, the mean is small."""
     changes = np.linalg.norm(normals - last, axis=1)
     count = max(1, round(TOP * len(changes)))
     return bool(np.partition(changes, -count)[-count:].mean() < SETTLED)
