@@ -9,6 +9,7 @@ import numpy as np
 
 from bench import PointCloud, Run, register
 
+from . import screened_poisson
 from .inputs import distinct_oriented
 
 if TYPE_CHECKING:
@@ -18,7 +19,10 @@ if TYPE_CHECKING:
 @register("method", cite="Kazhdan and Hoppe 2013", requires=("open3d", "scipy", "trimesh"))
 @dataclass(frozen=True)
 class Poisson:
-    """Screened Poisson surface reconstruction: the indicator function whose gradient fits the normals."""
+    """Screened Poisson surface reconstruction: the indicator function whose gradient fits the normals.
+
+    With ``point_weight=2`` this is Open3D's plain call.
+    """
 
     depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
     trim: float = 0.0  # drop this quantile of least supported vertices, 0..1; opens what the method closes
@@ -26,44 +30,35 @@ class Poisson:
     point_weight: float = 4.0  # how strongly the surface is held to the points; 0 is unscreened Poisson
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
     samples_per_node: float = 1.5  # points per octree cell; 5 to 20 smooths noise away
+    linear_fit: bool = False  # whether vertices are set by linear interpolation along the edges of the octree
 
     def __post_init__(self) -> None:
-        # The library fills its octree to level 5; told to stop above, it reads nodes that are not there.
-        if not 5 <= self.depth <= 12:
-            raise ValueError(f"depth: expected 5 to 12, got {self.depth}")
+        screened_poisson.check_octree(self.depth, self.scale, self.point_weight, self.samples_per_node)
         if not 0 <= self.trim < 1:
             raise ValueError(f"trim: expected a quantile from 0 to below 1, got {self.trim}")
         if not self.cut >= 0:
             raise ValueError(f"cut: expected at least 0, got {self.cut}")
-        if not self.point_weight >= 0:
-            raise ValueError(f"point_weight: expected at least 0, got {self.point_weight}")
-        if not self.scale >= 1:
-            raise ValueError(f"scale: expected at least 1, got {self.scale}")
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """A closed surface; with ``trim`` or ``cut`` an open one where there were no points."""
-        import open3d as o3d
         from trimesh import Trimesh
 
         points, normals, _ = distinct_oriented(cloud, "poisson", at_least=4)
-        oriented = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-        oriented.normals = o3d.utility.Vector3dVector(normals)
-        # "Failed to close loop" and the like are about the octree, not about anything that the caller can change.
-        with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-            mesh, support = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
-                oriented,
-                depth=self.depth,
-                scale=self.scale,
-                samples_per_node=self.samples_per_node,
-                point_weight=self.point_weight,
-                n_threads=1,  # with more, order and last digits change from run to run, and it is no faster
-            )
-        support = np.asarray(support)
+        vertices, faces, support = screened_poisson.solve(
+            points,
+            normals,
+            depth=self.depth,
+            scale=self.scale,
+            samples_per_node=self.samples_per_node,
+            point_weight=self.point_weight,
+            linear_fit=self.linear_fit,
+        )
         least = np.quantile(support, self.trim) if self.trim > 0 else -np.inf
         if self.cut > 0:
             least = max(least, np.median(support) - self.cut)
-        mesh.remove_vertices_by_mask(support < least)
-        return Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles), process=False)
+        kept = support >= least
+        faces = (np.cumsum(kept) - 1)[faces[kept[faces].all(axis=1)]]
+        return Trimesh(vertices[kept], faces, process=False)
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points of the reconstructed surface, evenly spread, with its normals."""

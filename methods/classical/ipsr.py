@@ -1,0 +1,142 @@
+"""Iterative Poisson surface reconstruction, on Open3D's solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from bench import BadInput, PointCloud, Run, register
+
+from . import screened_poisson
+from .inputs import distinct_points
+from .visibility import facing
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+    from trimesh import Trimesh
+
+TOP = 0.001  # the share of the normals, those that turned farthest, that decides whether all have settled
+SETTLED = 0.175  # the mean change of these, as a distance of unit vectors, below which the iteration ends: 10 degrees
+
+
+@register("method", cite="Hou et al. 2022", requires=("open3d", "scipy", "trimesh"))
+@dataclass(frozen=True)
+class Ipsr:
+    """Iterative Poisson surface reconstruction: normals are read off the surface that the last normals made.
+
+    Needs no normals, and ignores those that the points come with. Each round solves screened Poisson once, and gives
+    every point the area-weighted mean normal of the faces that have it among their nearest points. The sign of all
+    normals together is fixed at the end: the surface encloses a positive volume. From random normals the paper takes
+    up to 30 rounds; from what is visible from outside a few do, and thin walls are turned the right way from the start.
+    """
+
+    depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
+    rounds: int = 12  # Poisson solves at most; fewer if the normals settle
+    # Normals of the first round: outward where the space around is visible, along a tree of neighbours, or random.
+    start: Literal["visible", "estimated", "random"] = "visible"
+    k: int = 6  # points that each face tells its normal; the paper's are 10
+    point_weight: float = 4.0  # how strongly the surface is held to the points; 0 is unscreened Poisson
+    scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
+    samples_per_node: float = 1.0  # points per octree cell; more smooths noise away, and fuses thin sheets
+
+    def __post_init__(self) -> None:
+        screened_poisson.check_octree(self.depth, self.scale, self.point_weight, self.samples_per_node)
+        if self.rounds < 1:
+            raise ValueError(f"rounds: expected at least 1, got {self.rounds}")
+        if self.k < 1:
+            raise ValueError(f"k: expected at least 1, got {self.k}")
+
+    def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
+        """A closed surface, outward; the points with the normals that were found are kept as ``oriented``."""
+        from trimesh import Trimesh
+
+        points, _ = distinct_points(cloud.points, "ipsr", at_least=10)
+        solution, normals = self._iterate(points, self._first(points, run), run)
+        vertices, faces = solution.vertices, solution.faces
+        if not len(faces):
+            raise BadInput(f"ipsr: {len(points)} points have no Poisson surface; expected points of a surface")
+        if enclosed_volume(vertices, faces) < 0:
+            faces, normals = faces[:, ::-1], -normals
+        run.keep("oriented", PointCloud(points, normals))
+        return Trimesh(vertices, faces, process=False)
+
+    def _first(self, points: np.ndarray, run: Run) -> np.ndarray:
+        """Normals (n, 3) to begin with; zeros where the start has none."""
+        from bench.geometry.normals import estimate_normals, oriented_normals
+
+        if self.start == "random":
+            normals = run.rng.standard_normal(points.shape)
+            return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        if self.start == "visible":
+            normals = estimate_normals(points)[0]
+            signs = facing(points, normals)
+            if signs is not None:
+                return signs[:, None] * normals
+        # An open surface has no outside.
+        return oriented_normals(points)
+
+    def _iterate(
+        self, points: np.ndarray, normals: np.ndarray, run: Run
+    ) -> tuple[screened_poisson.Solution, np.ndarray]:
+        """The last solution, and the normals (n, 3) that are read off it."""
+        from scipy.spatial import cKDTree
+
+        tree = cKDTree(points)
+        for done in range(1, self.rounds + 1):
+            before = run.elapsed()
+            known = normals.any(axis=1)
+            solution = screened_poisson.solve(
+                points[known],
+                normals[known],
+                depth=self.depth,
+                scale=self.scale,
+                samples_per_node=self.samples_per_node,
+                point_weight=self.point_weight,
+            )
+            last, normals = normals, told_normals(solution.vertices, solution.faces, tree, self.k, normals)
+            run.progress(done, self.rounds)
+            if settled(last, normals):
+                break
+            if done < self.rounds and run.seconds_left() < 2 * (run.elapsed() - before):
+                run.note(f"ipsr: stopped after {done} of {self.rounds} rounds, before its time was gone")
+                break
+        return solution, normals
+
+
+def told_normals(vertices: np.ndarray, faces: np.ndarray, tree: cKDTree, k: int, fallback: np.ndarray) -> np.ndarray:
+    """The area-weighted mean normal of the faces that have a point among the ``k`` nearest to their centre.
+
+    Parameters
+    ----------
+    vertices : (v, 3) array
+    faces : (f, 3) int array
+    tree : cKDTree of the n points
+    k : int
+    fallback : (n, 3) array
+        Normals of points that no face is near to.
+
+    Returns
+    -------
+    (n, 3) float64 array of unit length
+    """
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    told = tree.query((a + b + c) / 3, np.arange(1, min(k, tree.n) + 1))[1]
+    weighted = np.repeat(np.cross(b - a, c - a), told.shape[1], axis=0)
+    sums = np.stack([np.bincount(told.ravel(), weighted[:, axis], tree.n) for axis in range(3)], axis=1)
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.where(lengths > 0, sums / np.where(lengths > 0, lengths, 1), fallback)
+
+
+def settled(last: np.ndarray, normals: np.ndarray) -> bool:
+    """Whether hardly any of the unit normals (n, 3) has changed: of those that changed most, the mean is small."""
+    changes = np.linalg.norm(normals - last, axis=1)
+    count = max(1, round(TOP * len(changes)))
+    return bool(np.partition(changes, -count)[-count:].mean() < SETTLED)
+
+
+def enclosed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """The signed volume between the faces (f, 3) and the mean of the vertices (v, 3); positive if they face outward."""
+    a, b, c = (vertices[faces[:, corner]] - vertices.mean(axis=0) for corner in range(3))
+    return float(np.einsum("ni,ni->", a, np.cross(b, c)) / 6)
