@@ -173,7 +173,15 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
     expected = {
         "/".join((*FOLDERS[top].split("."), *file.relative_to(ROOT / top).parts))
         for top in FOLDERS
-        for pattern in ("*.py", "*.yaml", "catalog.json", "earlier_sources.json", "py.typed", "spheres/*.safetensors")
+        for pattern in (
+            "*.py",
+            "*.yaml",
+            "catalog.json",
+            "real.json",
+            "earlier_sources.json",
+            "py.typed",
+            "spheres/*.safetensors",
+        )
         for file in (ROOT / top).rglob(pattern)
     }
     assert {name for name in names if name.startswith("bench/")} == expected
