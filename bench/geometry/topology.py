@@ -58,13 +58,18 @@ def count_topology(vertices: np.ndarray, faces: np.ndarray) -> TopologyCounts:
     return TopologyCounts(components, genus, boundary, bool((edges.sizes == 2).all()))
 
 
-def _merged_faces(V: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Faces over distinct positions that are numbered without gaps, without those that name a position twice."""
+def distinct_positions(V: np.ndarray) -> np.ndarray:
+    """(v,) int array: the number of the position of each vertex, equal where (v, 3) coordinates are exactly equal."""
     order = np.lexsort(V.T)
     differs = (V[order[1:]] != V[order[:-1]]).any(axis=1)
     position = np.empty(len(V), dtype=np.int64)
     position[order] = np.concatenate([[0], np.cumsum(differs)])[: len(V)]
-    F = position[F]
+    return position
+
+
+def _merged_faces(V: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Faces over distinct positions that are numbered without gaps, without those that name a position twice."""
+    F = distinct_positions(V)[F]
     F = F[(F[:, 0] != F[:, 1]) & (F[:, 1] != F[:, 2]) & (F[:, 2] != F[:, 0])]
     used = np.zeros(len(V), dtype=bool)
     used[F] = True
