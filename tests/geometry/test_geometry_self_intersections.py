@@ -60,7 +60,7 @@ def test_the_answers_of_meshlab(make, seed):
 
 @pytest.mark.parametrize("make", [bodies, noisy, fine_and_coarse])
 def test_it_takes_no_more_than_a_few_times_as_long_as_meshlab(make):
-    # About twice on a quiet machine. Faces that were compared with all in a cell as large as the largest took 200 times.
+    # About twice on a quiet machine; comparing all faces in cells of the largest one's size takes 200 times as long.
     mesh = make(generator(0, make.__name__))
     theirs, longest = by_meshlab(mesh), 0.1
     assert min(ours(mesh)[1] for _ in range(3)) < 4 * max(theirs[1], longest)
