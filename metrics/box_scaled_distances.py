@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench import Case, PointCloud, register
+from bench.geometry.used import used_vertices
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -19,7 +20,8 @@ class BoxScaledDistances:
     """Chamfer and Hausdorff distances as shares of the diagonal, and of the longest edge, of the reference's box.
 
     ``chamfer_l1_mean_by_diagonal`` and ``hausdorff_by_diagonal`` divide the metrics of these names by the diagonal of
-    the reference's axis-aligned bounding box: dsr-benchmark (Sulzer et al. 2024) prints them in per cent.
+    the reference's axis-aligned bounding box: dsr-benchmark (Sulzer et al. 2024) prints them in per cent, the latter of
+    samples alone, so that here too the vertices of meshes have no part in it.
     ``chamfer_l1_mean_by_edge`` divides by the box's longest edge, the unit of Occupancy Networks (Mescheder et al.
     2019), which prints it in tenths. ``chamfer_l2_sum_by_diagonal`` and ``hausdorff_sq_sum_by_diagonal`` are squared
     distances and divided by the square of the diagonal, for papers whose shapes share a diagonal, as those of DSS
@@ -30,7 +32,7 @@ class BoxScaledDistances:
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
         """The five scores, dimensionless."""
         pair = case.compare(output)
-        edges = np.ptp(case.reference.mesh.vertices, axis=0)
+        edges = np.ptp(used_vertices(case.reference.mesh), axis=0)
         forward, backward = pair.to_reference.distance, pair.to_output.distance
         chamfer, farthest = (forward.mean() + backward.mean()) / 2, max(forward.max(), backward.max())
         diagonal = np.linalg.norm(edges)

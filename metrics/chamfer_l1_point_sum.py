@@ -10,6 +10,7 @@ import numpy as np
 from bench import Case, PointCloud, generator, register
 from bench.geometry.comparison import compare
 from bench.geometry.neighbours import OrderedPoints
+from bench.geometry.used import used_vertices
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -38,7 +39,7 @@ class ChamferL1PointSum:
         """The three scores, each with ``@N`` behind its name: frame units, and dimensionless."""
         pair = compare(output, case, self.samples)
         forward, backward = pair.to_reference.distance, pair.to_output.distance
-        edge = _longest_edge(case.reference.mesh)
+        edge = float(np.ptp(used_vertices(case.reference.mesh), axis=0).max())
         even = float("inf") if pair.is_empty else self._of_rejection_samples(output, case)
         scores = {
             "chamfer_l1_point_sum": forward.sum() + backward.sum(),
@@ -65,9 +66,3 @@ class ChamferL1PointSum:
             return np.asarray(mesh.vertices)
         seed = int(generator(case.seed, case.id, stream, "rejection").integers(2**31))
         return np.asarray(sample_surface_even(mesh, self.samples, seed=seed)[0])
-
-
-def _longest_edge(mesh: Trimesh) -> float:
-    """Of the box of the vertices that faces use; of all where there are no faces."""
-    used = mesh.vertices[np.unique(mesh.faces)] if len(mesh.faces) else mesh.vertices
-    return float(np.ptp(used, axis=0).max())

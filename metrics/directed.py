@@ -15,28 +15,32 @@ if TYPE_CHECKING:
 PERCENTILES = (50, 90, 95, 99)
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
+@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree", "igl"))
 @dataclass(frozen=True)
 class Directed:
     """Mean, percentiles and maximum of each directed nearest-neighbour distance, unsquared.
 
     ``to_reference_*``: of each output point p, ``min_q |p - q|`` (accuracy: what the output has too much);
     ``to_output_*``: of each reference sample q, ``min_p |p - q|`` (completeness: what it lacks). In frame units;
-    percentiles are interpolated linearly. Berger et al. 2013 report such distributions for both directions. A median
-    ignores the worst half of an output, a maximum is decided by one point; each direction alone can be perfect for an
-    output that is a single right point, or that fills space.
+    percentiles are interpolated linearly. In the maxima the vertices of meshes count too, as in ``hausdorff``. Berger
+    et al. 2013 report such distributions for both directions. A median ignores the worst half of an output, a maximum
+    is decided by one point; each direction alone can be perfect for an output that is a single right point, or that
+    fills space.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
         """``to_reference_*`` and ``to_output_*`` with mean, p50, p90, p95, p99 and max in the place of the star."""
         pair = case.compare(output)
-        directions = {"to_reference": pair.to_reference.distance, "to_output": pair.to_output.distance}
-        return {f"{name}_{key}": value for name, d in directions.items() for key, value in _statistics(d).items()}
+        directions = {
+            "to_reference": (pair.to_reference.distance, pair.to_reference_max),
+            "to_output": (pair.to_output.distance, pair.to_output_max),
+        }
+        return {f"{name}_{key}": value for name, d in directions.items() for key, value in _statistics(*d).items()}
 
 
-def _statistics(distances: np.ndarray) -> dict[str, float]:
+def _statistics(distances: np.ndarray, largest: float) -> dict[str, float]:
     if not np.isfinite(distances).all():  # an empty output; interpolating between infinities would give NaN
         return dict.fromkeys(["mean", *(f"p{p}" for p in PERCENTILES), "max"], float("inf"))
     percentiles = np.percentile(distances, PERCENTILES)
     values = {"mean": distances.mean(), **{f"p{p}": v for p, v in zip(PERCENTILES, percentiles, strict=True)}}
-    return {name: float(value) for name, value in values.items()} | {"max": float(distances.max())}
+    return {name: float(value) for name, value in values.items()} | {"max": largest}

@@ -19,10 +19,11 @@ class P2fSpread:
     """Root mean square, standard deviation and maximum of the exact distance to the reference mesh.
 
     With ``d_p = min_(x on the mesh) |p - x|`` over the points of a cloud, or over uniform samples of a mesh, in frame
-    units: ``p2f_rms = sqrt(mean d^2)``, ``p2f_std = sqrt(mean (d - mean d)^2)``, ``p2f_max = max d``. MPU's tool prints
-    mean and std, there pooled over the points of all shapes, here of each case. All look one way, like ``p2f_mean``;
-    the maximum is decided by one outlier, the other two by a few. A low ``p2f_std`` alone means nothing: an output that
-    is off by the same amount everywhere has none.
+    units: ``p2f_rms = sqrt(mean d^2)``, ``p2f_std = sqrt(mean (d - mean d)^2)``, ``p2f_max = max d``, where the
+    vertices of an output mesh count beside its samples: a spike without an area has none. MPU's tool prints mean and
+    std, there pooled over the points of all shapes, here of each case. All look one way, like ``p2f_mean``; the maximum
+    is decided by one outlier, the other two by a few. A low ``p2f_std`` alone means nothing: an output that is off by
+    the same amount everywhere has none.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
@@ -32,4 +33,4 @@ class P2fSpread:
             return dict.fromkeys(("p2f_rms", "p2f_std", "p2f_max"), float("inf"))
         distance = pair.to_surface.distance
         rms = float(np.sqrt((distance**2).mean()))
-        return {"p2f_rms": rms, "p2f_std": float(distance.std()), "p2f_max": float(distance.max())}
+        return {"p2f_rms": rms, "p2f_std": float(distance.std()), "p2f_max": pair.to_surface_max}

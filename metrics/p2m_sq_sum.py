@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bench import Case, PointCloud, register
+from bench.geometry.sampling import face_normals
 from bench.geometry.triangles import triangles_to_points
 
 if TYPE_CHECKING:
@@ -22,8 +25,9 @@ class P2mSqSum:
     IterativePFN and StraightPCF. Theirs is pytorch3d's, which takes small triangles (area below 0.005) for segments and
     so measures distances to edges on dense meshes; here a triangle is a triangle.
 
-    Faces count alike whatever their area: finely tessellated parts weigh more, and the number depends on the mesh. The
-    second term rewards dense outputs. One outlier among N adds its squared distance / N.
+    Faces count alike whatever their area, but for those that have none: finely tessellated parts weigh more, and the
+    number depends on the mesh. The second term rewards dense outputs. One outlier among N adds its squared distance /
+    N.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
@@ -33,5 +37,6 @@ class P2mSqSum:
             return {"p2m_sq_sum": float("inf")}
         forward = pair.to_surface.distance
         mesh = case.reference.mesh
-        backward = triangles_to_points(mesh.vertices[mesh.faces], pair.output_points)
+        faces = np.asarray(mesh.faces)[face_normals(mesh).any(axis=1)]
+        backward = triangles_to_points(np.asarray(mesh.vertices)[faces], pair.output_points)
         return {"p2m_sq_sum": float((forward**2).mean() + (backward**2).mean())}

@@ -10,6 +10,7 @@ import numpy as np
 from bench import Case, PointCloud, register
 from bench.geometry.comparison import compare
 from bench.geometry.neighbours import OrderedPoints
+from bench.geometry.used import used_vertices
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -35,10 +36,11 @@ class RecentredChamferL2Sum:
         pair = compare(output, case, self.samples)
         if pair.is_empty:
             return {name: float("inf")}
-        own = output.points if isinstance(output, PointCloud) else output.vertices
-        half_edge = np.ptp(case.reference.mesh.vertices, axis=0).max() / 2
+        own = output.points if isinstance(output, PointCloud) else used_vertices(output)
+        theirs = used_vertices(case.reference.mesh)
+        half_edge = np.ptp(theirs, axis=0).max() / 2
         P = OrderedPoints((pair.output_points - _box_center(own)) / half_edge)
-        Q = OrderedPoints((pair.reference_points - _box_center(case.reference.mesh.vertices)) / half_edge)
+        Q = OrderedPoints((pair.reference_points - _box_center(theirs)) / half_edge)
         forward, backward = P.nearest_in(Q).distance, Q.nearest_in(P).distance
         return {name: float((forward**2).mean() + (backward**2).mean())}
 

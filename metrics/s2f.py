@@ -19,13 +19,15 @@ class S2f:
     """Exact distance of reference samples to the output mesh (surface to face): mean, root mean square, maximum.
 
     With ``d_q = min_(x on the output) |q - x|`` over uniform samples q of the reference surface, in frame units:
-    ``s2f_mean``, ``s2f_rms = sqrt(mean d^2)`` and ``s2f_max``, the sampled one-sided Hausdorff distance. The way back
-    of ``p2f_mean`` (Metro, Cignoni et al. 1998, takes the larger of both): what the output lacks. It has no sampling
-    error beyond the choice of q, but it rewards surplus surface: a mesh that fills space is near everything.
+    ``s2f_mean``, ``s2f_rms = sqrt(mean d^2)`` and ``s2f_max``, the one-sided Hausdorff distance from these samples and
+    the vertices of the reference mesh. The way back of ``p2f_mean`` (Metro, Cignoni et al. 1998, takes the larger of
+    both): what the output lacks. It has no sampling error beyond the choice of q, but it rewards surplus surface: a
+    mesh that fills space is near everything.
     """
 
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:
         """``s2f_mean``, ``s2f_rms`` and ``s2f_max``: frame units."""
-        distance = case.compare(output).from_surface.distance
+        pair = case.compare(output)
+        distance = pair.from_surface.distance
         rms = float(np.sqrt((distance**2).mean()))
-        return {"s2f_mean": float(distance.mean()), "s2f_rms": rms, "s2f_max": float(distance.max())}
+        return {"s2f_mean": float(distance.mean()), "s2f_rms": rms, "s2f_max": pair.from_surface_max}

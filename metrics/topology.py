@@ -15,14 +15,16 @@ if TYPE_CHECKING:
 @register("metric", version=1, better="reference", outputs=("mesh",), floor=True, requires=("scipy",))
 @dataclass(frozen=True)
 class Topology:
-    """Connected components, genus, boundary edges and watertightness.
+    """Connected components, genus, boundary edges, watertightness and flipped faces.
 
     The nearer to the reference's own counts (in the place of the floor) the better. Vertices at exactly equal
     positions count as one; formulas in :mod:`bench.geometry.topology`. The genus is left out where it is not defined:
-    for surfaces that are not manifold or not orientable.
+    for surfaces that are not manifold or not orientable. ``flipped_faces`` is the smallest number of faces to turn so
+    that neighbours agree which side is outside; 0 says nothing of whether that side is the right one. It is left out
+    for a surface that has no sides, as a Moebius strip.
     """
 
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:
-        """``components``, ``genus`` (if defined), ``boundary_edges``, and ``watertight`` as 0 or 1."""
+        """``components``, ``genus`` (if defined), ``boundary_edges``, ``watertight`` as 0 or 1, ``flipped_faces``."""
         counts = count_topology(output.vertices, output.faces)
         return {name: float(value) for name, value in counts._asdict().items() if value is not None}

@@ -140,8 +140,10 @@ def load(path: str) -> PointCloud | Trimesh:
 
 
 def _overlap(output: PointCloud | Trimesh, reference: Trimesh) -> bool:
-    points = output.vertices if hasattr(output, "vertices") else output.points
-    theirs = reference.vertices
+    from ..geometry.used import used_vertices
+
+    points = used_vertices(output) if hasattr(output, "vertices") else output.points
+    theirs = used_vertices(reference)
     return bool((points.min(axis=0) <= theirs.max(axis=0)).all() and (points.max(axis=0) >= theirs.min(axis=0)).all())
 
 
@@ -188,7 +190,7 @@ def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tu
             left_out[choice.name] = str(error)
             continue
         if not found.values:
-            left_out[choice.name] = "does not apply to these two"
+            left_out[choice.name] = found.left_out[choice.name] or "does not apply to these two"
         for key, value in found.values.items():
             scores[key] = Score(value, found.floors.get(key), found.directions[key])
     if not scores:

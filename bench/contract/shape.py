@@ -147,6 +147,8 @@ class Shape:
     def framed(self) -> tuple[Shape, Frame]:
         """This shape in the one frame of all cases, and the frame: box centre at the origin, farthest vertex at 1.
 
+        Vertices that no face uses are kept, and have no part in the frame.
+
         Raises
         ------
         BadInput
@@ -155,9 +157,10 @@ class Shape:
         from trimesh import Trimesh
 
         from ..geometry.check import check_mesh
+        from ..geometry.used import used_vertices
 
         check_mesh(self.mesh, self.id)
-        frame = Frame.of(self.mesh.vertices)
+        frame = Frame.of(used_vertices(self.mesh))
         mesh = Trimesh(frame.apply(self.mesh.vertices), self.mesh.faces, process=False)
         surface = None if self._surface is None or not self.is_exact else _FramedSurface(self._surface, frame)
         framed = self.replace_mesh(mesh)

@@ -103,10 +103,15 @@ class Task:
 
     def expected(self, input: Mapping[str, Any]) -> int:
         """About how many points or vertices an output has: as many as the first cloud or mesh of the input."""
+        from ..geometry.used import used_vertices
+
         for value in input.values():
-            for name in ("points", "vertices"):
-                if hasattr(value, name):
-                    return len(getattr(value, name))
+            if hasattr(value, "points"):
+                return len(value.points)
+            if hasattr(value, "faces") and hasattr(value, "vertices"):
+                return len(used_vertices(value))
+            if hasattr(value, "vertices"):
+                return len(value.vertices)
         return 1000
 
     def hopeless(self, case: Case) -> tuple[Any, ...]:

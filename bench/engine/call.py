@@ -170,6 +170,7 @@ class Scores(NamedTuple):
     values: dict[str, float]
     floors: dict[str, float]
     directions: dict[str, str]  # lower, higher or reference
+    left_out: dict[str, str]  # metrics without a score, and why, where they say so
 
     @property
     def columns(self) -> dict[str, float]:
@@ -201,11 +202,13 @@ def score(
     Exception
         Whatever a metric raises, with a note that names the metric.
     """
-    found = Scores({}, {}, {})
+    found = Scores({}, {}, {}, {})
     for choice in metrics:
         metric, plugin = choice.build(), choice.plugin
         try:
             scores = metric.score(output, case)
+            if not scores:
+                found.left_out[choice.name] = metric.why_not(output, case) if hasattr(metric, "why_not") else ""
             perfect = floor(choice, metric, output, case, keys) if floors and plugin.options.get("floor") else {}
         except Exception as error:
             error.add_note(f"while scoring {choice.name}")

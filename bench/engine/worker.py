@@ -137,6 +137,8 @@ class _Session:
             scores = self.score(output, case)
             row |= sizes(output) | scores.columns | {"directions": json.dumps(scores.directions, sort_keys=True)}
             row |= self.keep(index, case, output)
+            reasons = [f"no {name}: {reason}" for name, reason in scores.left_out.items() if reason]
+            row["message"] = "; ".join(filter(None, [row.get("message", ""), *reasons]))
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
                 os._exit(1)

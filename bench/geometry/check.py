@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import BadInput
+from .used import used_vertices
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -19,7 +20,7 @@ def check_mesh(mesh: Trimesh, name: str) -> None:
     check_points(mesh.vertices, name, what="vertices")
     if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
         raise BadInput(f"{name}: faces name vertices that do not exist; the file is damaged")
-    extent = float(np.ptp(mesh.vertices[mesh.faces.ravel()], axis=0).max())
+    extent = float(np.ptp(used_vertices(mesh), axis=0).max())
     if not mesh.area > 1e-14 * extent**2:
         raise BadInput(f"{name}: all {len(mesh.faces)} faces are degenerate (no area); expected a surface")
 

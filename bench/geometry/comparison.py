@@ -7,6 +7,10 @@ Which is measured how::
     output point    -> closest point of the mesh     to_surface      exact, point to triangle
     reference sample -> closest point of the output  from_surface    exact, point to triangle; outputs that are meshes
 
+Largest distances see what samples miss: a spike, say, that has no area. The vertices of a mesh count there too, as in
+Metro (Cignoni et al. 1998) and MeshLab: those of the output by their distance to the reference mesh, those of the
+reference by theirs to the output (a spike is farthest at its tip). Means are over the samples alone.
+
 The first two carry a sampling error: between two independent uniform samples of one surface of area A, with N points
 each, the mean distance is ``0.5 sqrt(A / N)`` and the mean squared distance ``A / (pi N)``. That is what the floor of
 a metric shows. The third has none, so it is the one for single output points, and the fourth looks the other way.
@@ -29,6 +33,7 @@ from .cloud import PointCloud
 from .mesh_surface import MeshSurface
 from .neighbours import Nearest, OrderedPoints
 from .reference_sample import UNIFORM, sample_reference
+from .used import used_vertices
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -64,6 +69,12 @@ class Reference:
             raise NeedsSurface(f"{self._shape.id}: is a point cloud; expected a mesh as the reference")
         surface = self._shape.surface
         return surface if isinstance(surface, MeshSurface) else MeshSurface(self._shape.mesh)
+
+    @cached_property
+    def vertices(self) -> OrderedPoints | None:
+        """The vertices of the reference mesh that faces use; None where the reference is a cloud."""
+        mesh = self._shape.mesh
+        return OrderedPoints(used_vertices(mesh)) if len(mesh.faces) else None
 
     def normals_at(self, closest: Closest) -> np.ndarray:
         """(n, 3) unit normals of the surface at closest points of the mesh, any face's where several faces meet.
@@ -162,7 +173,51 @@ class Comparison:
         """The closest point of the output, a mesh, to each reference sample, exact: distance, point and face."""
         if self.is_empty:
             return _closest_nowhere(len(self.reference_points))
-        return MeshSurface(self.output).project(self._reference.points)
+        return self._output_surface.project(self._reference.points)
+
+    # -- largest distances ---------------------------------------------------------------------------------------------
+
+    @property
+    def to_reference_max(self) -> float:
+        """The largest distance of the output to the reference: of :attr:`to_reference`, and of an output's vertices."""
+        return max(float(self.to_reference.distance.max()), self._vertices_to_reference)
+
+    @property
+    def to_surface_max(self) -> float:
+        """The largest distance of the output to the reference mesh: of :attr:`to_surface`, and of its vertices."""
+        return max(float(self.to_surface.distance.max()), self._vertices_to_reference)
+
+    @property
+    def to_output_max(self) -> float:
+        """The largest distance of the reference to the output: of :attr:`to_output`, and of the mesh's vertices."""
+        return max(float(self.to_output.distance.max()), self._vertices_to_output)
+
+    @property
+    def from_surface_max(self) -> float:
+        """The largest distance of the reference to an output mesh: of :attr:`from_surface`, and of its vertices."""
+        return max(float(self.from_surface.distance.max()), self._vertices_to_output)
+
+    @cached_property
+    def _vertices_to_reference(self) -> float:
+        """Of a mesh, the largest distance of its vertices to the reference mesh, or to the points of a cloud."""
+        if self.is_empty or isinstance(self.output, PointCloud):
+            return 0.0
+        vertices = OrderedPoints(used_vertices(self.output))
+        if self._reference.vertices is None:
+            return float(vertices.nearest_in(self._reference.points).distance.max())
+        return float(self._reference.mesh.project(vertices).distance.max())
+
+    @cached_property
+    def _vertices_to_output(self) -> float:
+        """The largest distance of the vertices of the reference mesh to the output, a mesh or the points of a cloud."""
+        vertices = self._reference.vertices
+        if self.is_empty or vertices is None:
+            return 0.0
+        if isinstance(self.output, PointCloud):
+            return float(vertices.nearest_in(self._output).distance.max())
+        return float(self._output_surface.project(vertices).distance.max())
+
+    # -- normals, and what all is made of ------------------------------------------------------------------------------
 
     @cached_property
     def surface_normals(self) -> np.ndarray:
@@ -177,6 +232,10 @@ class Comparison:
         return self.case._cache[key]
 
     @cached_property
+    def _output_surface(self) -> MeshSurface:
+        return MeshSurface(self.output)
+
+    @cached_property
     def _output(self) -> OrderedPoints:
         return OrderedPoints(self._output_sample[0])
 
@@ -186,7 +245,7 @@ class Comparison:
             return self.output.points, self.output.normals
         if self.is_empty:
             return np.empty((0, 3)), np.empty((0, 3))
-        surface = MeshSurface(self.output)
+        surface = self._output_surface
         if not surface.normals.any():
             raise InvalidOutput(f"all {len(self.output.faces)} faces of the mesh are degenerate: it has no area")
         # A stream of its own: the reference mesh itself, given as an output, must get other points than the reference.

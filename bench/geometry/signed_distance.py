@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .mesh_surface import MeshSurface
+from .orientation import NoSides, oriented
 from .winding import inside
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def signed_distances(mesh: Trimesh, points: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    mesh : Trimesh with at least one face, consistently oriented
+    mesh : Trimesh with at least one face, wound so that :func:`bench.geometry.orientation.oriented` can mend it
     points : (n, 3) array, finite
 
     Returns
@@ -38,4 +39,12 @@ def signed_distances(mesh: Trimesh, points: np.ndarray) -> np.ndarray:
     if not len(points):
         return np.empty(0)
     distance = MeshSurface(mesh).project(points).distance
-    return np.where(inside(mesh.vertices, mesh.faces, points), -distance, distance)
+    return np.where(inside(mesh.vertices, _wound(mesh), points), -distance, distance)
+
+
+def _wound(mesh: Trimesh) -> np.ndarray:
+    """The faces of a mesh, wound consistently where that is possible."""
+    try:
+        return oriented(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    except NoSides:
+        return np.asarray(mesh.faces)

@@ -66,6 +66,7 @@ class DetailTransfer(Task):
     def _case_of(self, id: str, pair: ShapePair, seed: int) -> Case:
         from ..geometry.alignment import rotation_between
         from ..geometry.check import check_mesh
+        from ..geometry.used import is_used
 
         reference, frame = pair.target.framed()
         check_mesh(pair.source.mesh, pair.source.id)
@@ -74,7 +75,8 @@ class DetailTransfer(Task):
             raise BadInput(
                 f"{pair.id}: the bases have {len(source_base)} and {len(target_base)} vertices, which are to correspond"
             )
-        turn = rotation_between(source_base, target_base).T
+        used = is_used(pair.source.mesh)
+        turn = rotation_between(source_base[used], target_base[used]).T
         source, source_base = pair.source.mesh.vertices @ turn, source_base @ turn
         given = self._input(
             _mesh(source, pair.source.mesh.faces),
@@ -86,7 +88,9 @@ class DetailTransfer(Task):
 
     def _input(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, frame: Frame) -> dict:
         """The arguments of the method's function: the meshes in the frame, the source around its own centre."""
-        own = Frame(Frame.of(source.vertices).center, frame.radius)
+        from ..geometry.used import used_vertices
+
+        own = Frame(Frame.of(used_vertices(source)).center, frame.radius)
         return {
             "source": _mesh(own.apply(source.vertices), source.faces),
             "source_base": _mesh(own.apply(source_base.vertices), source_base.faces)
@@ -96,8 +100,10 @@ class DetailTransfer(Task):
         }
 
     def expected(self, input: Mapping[str, Any]) -> int:
-        """As many vertices as the target's base has."""
-        return len(input["target_base"].vertices)
+        """As many vertices as the faces of the target's base have."""
+        from ..geometry.used import used_vertices
+
+        return len(used_vertices(input["target_base"]))
 
     def describe(self, case: Case) -> dict[str, float]:
         """How large the details are that the reference has on the target's base, in the frame.
@@ -109,15 +115,18 @@ class DetailTransfer(Task):
             and the same vertex of the reference; ``detail_max``: the largest; ``detail_thickness``: from the deepest
             to the highest along the base's vertex normals.
         """
+        from ..geometry.used import is_used
+
         base = case.input["target_base"]
-        moved = np.asarray(case.reference.mesh.vertices) - base.vertices
+        used = is_used(case.reference.mesh)
+        moved = np.where(used[:, None], np.asarray(case.reference.mesh.vertices) - base.vertices, 0.0)
         squared = (moved**2).sum(axis=1)
         area = np.bincount(base.faces.ravel(), np.repeat(base.area_faces / 3, 3), minlength=len(squared))
         height = np.einsum("ni,ni->n", moved, base.vertex_normals)
         return {
             "detail_rms": float(np.sqrt((area * squared).sum() / area.sum())),
             "detail_max": float(np.sqrt(squared.max())),
-            "detail_thickness": float(np.ptp(height)),
+            "detail_thickness": float(np.ptp(height[used])),
         }
 
     def describe_words(self, medians: Mapping[str, float]) -> str:
@@ -144,6 +153,7 @@ class DetailTransfer(Task):
             Naming the file and what was expected of it.
         """
         from ..geometry.io.files import load_mesh
+        from ..geometry.used import used_vertices
 
         if len(paths) not in self.files:
             raise UsageError(
@@ -153,7 +163,7 @@ class DetailTransfer(Task):
         if len(paths) == 3 and not self.bases:
             raise UsageError(f"task.bases=false takes no base of the source; leave {paths[1]} out")
         source, *source_base, target_base = (load_mesh(path) for path in paths)
-        frame = Frame.of(target_base.vertices)
+        frame = Frame.of(used_vertices(target_base))
         return self._input(source, source_base[0] if source_base else None, target_base, frame), frame
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from bench import PointCloud, Shape, register
+from bench.geometry.used import used_vertices
 
 from .checks import expect, expect_choice, expect_count, expect_direction
 from .spoiling import unit
@@ -38,7 +39,7 @@ class DensityGradient:
     def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud:
         """A cloud of exactly ``count`` points."""
         direction = unit(self.direction, rng)
-        heights = shape.mesh.vertices @ direction
+        heights = used_vertices(shape.mesh) @ direction
         low, extent = heights.min(), max(float(np.ptp(heights)), 1e-300)
         points, normals, found = [], [], 0
         while found < self.count:

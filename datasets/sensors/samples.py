@@ -9,6 +9,7 @@ import numpy as np
 
 from bench import PointCloud, Shape, register
 from bench.geometry.poisson_disk import sample_poisson_disk
+from bench.geometry.used import used_vertices
 
 
 @register("sensor", requires=("open3d",), cite="Poisson-disk elimination: Yuksel 2015")
@@ -45,7 +46,8 @@ class Samples:
         points, normals = self._clean(shape, rng)
         points = points + self.noise * rng.normal(size=points.shape)
         lost = rng.permutation(self.count)[: round(self.outliers * self.count)]
-        low, high = shape.mesh.vertices.min(axis=0), shape.mesh.vertices.max(axis=0)
+        vertices = used_vertices(shape.mesh)
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
         margin = 0.05 * (high - low)  # on either side: 10 % together
         points[lost] = rng.uniform(low - margin, high + margin, size=(len(lost), 3))
         directions = rng.normal(size=(len(lost), 3))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.geometry.sampling import face_normals
+from bench.geometry.used import used_vertices
 
 from .views import Pose
 
@@ -38,8 +39,9 @@ class Scene:
 
         self._vertices = np.asarray(mesh.vertices, dtype=np.float64)
         self._faces = np.asarray(mesh.faces)
-        self.center = (self._vertices.min(axis=0) + self._vertices.max(axis=0)) / 2
-        self.radius = float(np.linalg.norm(self._vertices - self.center, axis=1).max())
+        used = used_vertices(mesh)
+        self.center = (used.min(axis=0) + used.max(axis=0)) / 2
+        self.radius = float(np.linalg.norm(used - self.center, axis=1).max())
         self.normals = face_normals(mesh)
         self._flat = ~self.normals.any(axis=1)
         self._scene = RaycastingScene(nthreads=1)

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from bench import BadInput, PointCloud, Shape
+from bench.geometry.used import used_vertices
 
 Unit = Literal["radius", "diagonal"]
 UNITS = ("radius", "diagonal")
@@ -18,7 +19,7 @@ def in_units(length: float, unit: Unit, shape: Shape) -> float:
 
     The radius is 1 in the frame of a case; the diagonal is between 2 and 3.46, by the shape.
     """
-    return length if unit == "radius" else length * float(np.linalg.norm(np.ptp(shape.mesh.vertices, axis=0)))
+    return length if unit == "radius" else length * float(np.linalg.norm(np.ptp(used_vertices(shape.mesh), axis=0)))
 
 
 def moved(cloud: PointCloud, points: np.ndarray) -> PointCloud:
@@ -78,6 +79,7 @@ def unit(direction: Sequence[float] | None, rng: np.random.Generator) -> np.ndar
 
 def inflated_box(shape: Shape, inflation: float) -> tuple[np.ndarray, np.ndarray]:
     """The corners of the bounding box of a shape, its sides longer by a fraction: two (3,) arrays."""
-    low, high = shape.mesh.vertices.min(axis=0), shape.mesh.vertices.max(axis=0)
+    vertices = used_vertices(shape.mesh)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
     margin = inflation / 2 * (high - low)
     return np.asarray(low - margin), np.asarray(high + margin)

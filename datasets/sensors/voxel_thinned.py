@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench import PointCloud, Shape, register
+from bench.geometry.used import used_vertices
 
 from .checks import expect, expect_count
 
@@ -31,7 +32,7 @@ class VoxelThinned:
     def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud:
         """A cloud of one sample in each voxel."""
         points, normals = shape.surface.sample(self.dense, rng)  # in random order: the first in a voxel is any of them
-        corner = shape.mesh.vertices.min(axis=0) - self.voxel * (1 + rng.random(3))
+        corner = used_vertices(shape.mesh).min(axis=0) - self.voxel * (1 + rng.random(3))
         i, j, k = np.floor((points - corner) / self.voxel).astype(np.int64).T
         span = int(max(j.max(), k.max())) + 1
         _, first = np.unique((i * span + j) * span + k, return_index=True)

@@ -41,16 +41,16 @@ def strip(turns, n=24):
 
 
 def test_tetrahedron():
-    assert count_topology(*TETRAHEDRON) == (1, 0, 0, True)
+    assert count_topology(*TETRAHEDRON) == (1, 0, 0, True, 0)
 
 
 @pytest.mark.parametrize(
     ("mesh", "expected"),
     [
-        (trimesh.creation.torus(1, 0.3), (1, 1, 0, True)),
-        (joined(trimesh.creation.icosphere(2), shifted(trimesh.creation.icosphere(1), 3)), (2, 0, 0, True)),
-        (joined(trimesh.creation.torus(1, 0.3), shifted(trimesh.creation.torus(1, 0.3), 4)), (2, 2, 0, True)),
-        (trimesh.creation.annulus(0.5, 1, 0.2), (1, 1, 0, True)),
+        (trimesh.creation.torus(1, 0.3), (1, 1, 0, True, 0)),
+        (joined(trimesh.creation.icosphere(2), shifted(trimesh.creation.icosphere(1), 3)), (2, 0, 0, True, 0)),
+        (joined(trimesh.creation.torus(1, 0.3), shifted(trimesh.creation.torus(1, 0.3), 4)), (2, 2, 0, True, 0)),
+        (trimesh.creation.annulus(0.5, 1, 0.2), (1, 1, 0, True, 0)),
     ],
     ids=["torus", "two spheres", "two tori", "ring"],
 )
@@ -61,38 +61,49 @@ def test_closed_surfaces(mesh, expected):
 def test_open_disc_and_sphere_with_holes():
     corner = np.array([[np.cos(a), np.sin(a), 0] for a in np.linspace(0, 2 * np.pi, 9)[:-1]] + [[0, 0, 0.0]])
     fan = np.array([[i, (i + 1) % 8, 8] for i in range(8)])
-    assert count_topology(corner, fan) == (1, 0, 8, False)
+    assert count_topology(corner, fan) == (1, 0, 8, False, 0)
     sphere = trimesh.creation.icosphere(2)
     apart = np.setdiff1d(np.arange(len(sphere.faces)), [0, 200, 300])
-    assert count_topology(sphere.vertices, sphere.faces[apart]) == (1, 0, 9, False)
+    assert count_topology(sphere.vertices, sphere.faces[apart]) == (1, 0, 9, False, 0)
 
 
 def test_torus_with_a_hole_keeps_its_genus():
     torus = trimesh.creation.torus(1, 0.3)
-    assert count_topology(torus.vertices, torus.faces[1:]) == (1, 1, 3, False)
+    assert count_topology(torus.vertices, torus.faces[1:]) == (1, 1, 3, False, 0)
 
 
 def test_bands():
-    assert count_topology(*strip(turns=0)) == (1, 0, 48, False)
-    assert count_topology(*strip(turns=1)) == (1, None, 48, False)  # not orientable: the boundary is one loop
+    assert count_topology(*strip(turns=0)) == (1, 0, 48, False, 0)
+    assert count_topology(*strip(turns=1)) == (1, None, 48, False, None)  # not orientable: the boundary is one loop
 
 
 def test_flipped_faces_do_not_matter():
     V, F = TETRAHEDRON
     for flips in range(16):
         flipped = np.array([f[::-1] if flips >> i & 1 else f for i, f in enumerate(F)])
-        assert count_topology(V, flipped) == (1, 0, 0, True)
+        turned = bin(flips).count("1")
+        assert count_topology(V, flipped) == (1, 0, 0, True, min(turned, 4 - turned))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.5, 0.8, 1.0])
+def test_flipped_faces_are_counted_in_each_component(share):
+    mesh = joined(trimesh.creation.icosphere(3), shifted(trimesh.creation.torus(1, 0.3), 4))
+    part = np.arange(len(mesh.faces)) >= 1280
+    flipped = np.random.default_rng(0).random(len(mesh.faces)) < share
+    faces = np.where(flipped[:, None], mesh.faces[:, ::-1], mesh.faces)
+    expected = sum(min(flipped[p].sum(), (~flipped[p]).sum()) for p in (part, ~part))
+    assert count_topology(mesh.vertices, faces) == (2, 1, 0, True, expected)
 
 
 def test_non_manifold_edge():
     V = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
-    assert count_topology(V, [[0, 1, 2], [0, 1, 3], [0, 1, 4]]) == (1, None, 6, False)
+    assert count_topology(V, [[0, 1, 2], [0, 1, 3], [0, 1, 4]]) == (1, None, 6, False, 0)
 
 
 def test_non_manifold_vertex():
     V, F = TETRAHEDRON
     # Two tetrahedra that touch in one vertex: closed, two components, but no surface at that vertex.
-    assert count_topology(np.vstack([V, -V]), np.vstack([F, F + 4])) == (2, None, 0, True)
+    assert count_topology(np.vstack([V, -V]), np.vstack([F, F + 4])) == (2, None, 0, True, 0)
     # One component that touches itself: a closed fan around a vertex, whose tip another fan uses too.
     disc = [[0, 1, 2], [0, 3, 4], [1, 5, 2], [2, 5, 3], [3, 5, 4]]
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 1], [1, 3, 3], [2, 1, 5.0]])
@@ -111,9 +122,9 @@ def test_degenerate_faces_and_unused_vertices_do_not_count():
     V, F = TETRAHEDRON
     V = np.vstack([[[9, 9, 9.0]], V, V[:1]])
     F = np.vstack([F + 1, [[1, 1, 2], [1, 5, 2], [3, 3, 3]]])
-    assert count_topology(V, F) == (1, 0, 0, True)
-    assert count_topology(V, [[1, 1, 2]]) == (0, None, 0, False)
-    assert count_topology(V, np.zeros((0, 3), int)) == (0, None, 0, False)
+    assert count_topology(V, F) == (1, 0, 0, True, 0)
+    assert count_topology(V, [[1, 1, 2]]) == (0, None, 0, False, None)
+    assert count_topology(V, np.zeros((0, 3), int)) == (0, None, 0, False, None)
 
 
 def test_numbering_of_vertices_and_faces_does_not_matter():
@@ -123,7 +134,7 @@ def test_numbering_of_vertices_and_faces_does_not_matter():
     vertices = np.empty_like(mesh.vertices)
     vertices[renamed] = mesh.vertices
     faces = np.array([np.roll(f, rng.integers(3)) for f in renamed[mesh.faces]])[rng.permutation(len(mesh.faces))]
-    assert count_topology(vertices, faces) == (2, 1, 0, True)
+    assert count_topology(vertices, faces) == (2, 1, 0, True, 0)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -78,7 +78,7 @@ KINDS = {
     "self_intersections": ("lower", MESH, {"self_intersecting_faces", "self_intersecting_share"}),
     "spacing_variation": ("lower", CLOUD, {"spacing_variation"}),
     "surface_distance_mean": ("lower", MESH, {"surface_distance_mean"}),
-    "topology": ("reference", MESH, {"components", "genus", "boundary_edges", "watertight"}),
+    "topology": ("reference", MESH, {"components", "genus", "boundary_edges", "watertight", "flipped_faces"}),
     "uniformity": ("lower", CLOUD, {f"uniformity@{s}" for s in (0.004, 0.006, 0.008, 0.01, 0.012)}),
 }
 
@@ -191,7 +191,7 @@ def test_equal_seeds_give_equal_scores(case):
 
 def test_topology_of_the_reference_is_its_floor(case):
     found = registry().find("metric", "topology").cls().score(case.perfect(trimesh.creation.box()), case)
-    assert found == {"components": 1, "genus": 0, "boundary_edges": 0, "watertight": 1}
+    assert found == {"components": 1, "genus": 0, "boundary_edges": 0, "watertight": 1, "flipped_faces": 0}
 
 
 def test_genus_is_left_out_where_it_is_not_defined(case):
@@ -199,7 +199,7 @@ def test_genus_is_left_out_where_it_is_not_defined(case):
         [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]], process=False
     )
     found = registry().find("metric", "topology").cls().score(fin, case)
-    assert found == {"components": 1, "boundary_edges": 6, "watertight": 0}
+    assert found == {"components": 1, "boundary_edges": 6, "watertight": 0, "flipped_faces": 0}
 
 
 def test_importing_the_metrics_loads_no_heavy_library():

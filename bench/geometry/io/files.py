@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 def load_mesh(path: str | Path) -> Trimesh:
     """Read a triangle mesh from a PLY, OBJ, STL or OFF file.
 
-    Vertices and their order are the file's; polygons become fans of triangles; the corners of an STL file become
-    common vertices where they are exactly equal. Coordinates are float64.
+    Vertices and their order are the file's; polygons become triangles that keep their area; the corners of an STL file
+    become common vertices where they are exactly equal. Coordinates are float64.
 
     Raises
     ------

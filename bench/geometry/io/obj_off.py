@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import BadInput
-from .raw import NO_FACES, RawGeometry, triangulate
+from .polygons import triangulate
+from .raw import NO_FACES, RawGeometry
 
 
 def read_obj(data: bytes, name: str) -> RawGeometry:
@@ -41,15 +42,16 @@ def read_obj(data: bytes, name: str) -> RawGeometry:
     if not vertices:
         raise BadInput(f"{name}: holds no vertices; expected a Wavefront OBJ file with lines 'v x y z' and 'f 1 2 3'")
     points = np.array([vertex[:3] for vertex in vertices])
-    faces, per_vertex = _obj_faces(polygons, counts, len(points), np.array(normals).reshape(-1, 3), name)
+    faces, per_vertex = _obj_faces(polygons, counts, points, np.array(normals).reshape(-1, 3), name)
     colors = np.array([vertex[3:6] for vertex in vertices]) if all(len(v) == 6 for v in vertices) else None
     return RawGeometry(points, faces, per_vertex, colors)
 
 
 def _obj_faces(
-    polygons: list[list[str]], counts: list[tuple[int, int]], vertices: int, normals: np.ndarray, name: str
+    polygons: list[list[str]], counts: list[tuple[int, int]], points: np.ndarray, normals: np.ndarray, name: str
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Triangles, and the normal of each vertex if the file gives every vertex exactly one."""
+    vertices = len(points)
     if not polygons:
         return NO_FACES, normals if len(normals) == vertices else None
     sizes = np.array([len(polygon) for polygon in polygons])
@@ -61,7 +63,7 @@ def _obj_faces(
     except (ValueError, OverflowError) as error:
         raise BadInput(f"{name}: a face has a corner that is no number: {error}; expected 'f 1 2 3'") from None
     index = np.where(index < 0, above[:, 0] + index, index - 1)
-    faces = triangulate(sizes, index, vertices, name)
+    faces = triangulate(sizes, index, points, name)
     of_normal = np.where(of_normal < 0, above[:, 1] + of_normal, of_normal - 1)
     if not len(normals) or (of_normal < 0).any() or (of_normal >= len(normals)).any():
         return faces, None
@@ -104,7 +106,7 @@ def read_off(data: bytes, name: str) -> RawGeometry:
         raise BadInput(f"{name}: {error}; {expected}") from None
     sizes = np.array([len(row) for row in rows], dtype=np.int64)
     corners = np.array([corner for row in rows for corner in row], dtype=np.int64)
-    return RawGeometry(points, triangulate(sizes, corners, vertices, name))
+    return RawGeometry(points, triangulate(sizes, corners, points, name))
 
 
 def _words(line: str) -> list[str]:

@@ -12,7 +12,8 @@ import numpy as np
 
 from ...errors import BadInput
 from .ply_tables import AsciiSource, BinarySource, Columns, Element, Property, Ragged
-from .raw import NO_FACES, RawGeometry, triangulate
+from .polygons import triangulate
+from .raw import NO_FACES, RawGeometry
 
 # fmt: off
 TYPES = {
@@ -47,7 +48,7 @@ def read_ply(data: bytes, name: str) -> RawGeometry:
     polygons = face.get("vertex_indices", face.get("vertex_index"))
     if polygons is not None and not isinstance(polygons, Ragged):
         raise BadInput(f"{name}: the vertex indices of its faces are no list; {EXPECTED}")
-    faces = triangulate(polygons.sizes, polygons.values.astype(np.int64), len(vertices), name) if polygons else NO_FACES
+    faces = triangulate(polygons.sizes, polygons.values.astype(np.int64), vertices, name) if polygons else NO_FACES
     return RawGeometry(vertices, faces, _stack(vertex, "nx", "ny", "nz"), _colors(vertex))
 
 

@@ -299,13 +299,14 @@ def test_polygons_comments_and_line_endings(write, ending):
 
 
 def test_polygons_of_many_sizes_in_a_binary_ply(write):
-    """Against a plain loop."""
+    """Convex ones, between points of a circle, against a plain loop."""
     rng = np.random.default_rng(0)
-    polygons = [rng.integers(0, 50, size=size) for size in rng.choice([3, 3, 3, 4, 5], size=500)]
+    polygons = [np.sort(rng.choice(50, size, replace=False)) for size in rng.choice([3, 3, 3, 4, 5], size=500)]
+    angle = 2 * np.pi * np.arange(50) / 50
     head = b"ply\nformat binary_little_endian 1.0\nelement vertex 50\n"
     head += b"".join(b"property double %c\n" % axis for axis in b"xyz")
     head += b"element face 500\nproperty list uchar int vertex_indices\nend_header\n"
-    body = rng.normal(size=(50, 3)).tobytes()
+    body = np.column_stack([np.cos(angle), np.sin(angle), np.cos(angle)]).tobytes()
     body += b"".join(struct.pack(f"<B{len(p)}i", len(p), *p) for p in polygons)
     expected = [[p[0], p[k], p[k + 1]] for p in polygons for k in range(1, len(p) - 1)]
     assert np.array_equal(load_mesh(write("many.ply", head + body)).faces, expected)

@@ -1,0 +1,105 @@
+"""The polygons of a file as triangles."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from ...errors import BadInput
+
+STRAIGHT = 1e-6  # sine of the angle by which a corner may turn back and still count as straight: what float32 rounds
+
+
+def triangulate(sizes: np.ndarray, corners: np.ndarray, vertices: np.ndarray, name: str) -> np.ndarray:
+    """Polygons as triangles, two fewer than corners each, in the order of the file.
+
+    Convex polygons become fans around their first corner. A quadrangle whose fan folds over gets the other diagonal if
+    that one does not, and larger polygons that are not convex are cut by ears (manifold3d) in the plane of their Newell
+    normal, so that the area of a flat polygon does not depend on where it begins. One that crosses itself has no area
+    to keep; whatever becomes of it, it is as many triangles.
+
+    Parameters
+    ----------
+    sizes : (p,) int array, corners of each polygon
+    corners : (sum of sizes,) int array, vertex indices
+    vertices : (v, 3) array
+    name : str, of the file, for messages
+
+    Returns
+    -------
+    faces : (f, 3) int64 array
+
+    Raises
+    ------
+    BadInput
+        If an index names no vertex. Polygons of fewer than three corners are left out, with a warning.
+    """
+    bad = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
+    if len(bad):
+        raise BadInput(
+            f"{name}: {len(bad)} face corners name vertices that do not exist (the first is {corners[bad[0]]}, of "
+            f"{len(vertices)} vertices counted from 0); the file is damaged, export it again"
+        )
+    if (sizes < 3).any():
+        warnings.warn(f"{name}: {int((sizes < 3).sum())} faces of fewer than 3 corners are left out", stacklevel=2)
+    starts = np.cumsum(sizes) - sizes
+    triangles = np.maximum(sizes - 2, 0)
+    rows = np.cumsum(triangles) - triangles  # where the triangles of each polygon begin
+    first = np.repeat(starts, triangles)
+    step = np.arange(len(first)) - np.repeat(rows, triangles) + 1
+    faces = corners[np.stack([first, first + step, first + step + 1], axis=1)].astype(np.int64).reshape(-1, 3)
+    with np.errstate(invalid="ignore", over="ignore"):  # coordinates that are not finite are refused later
+        _turn_diagonals(faces, rows[sizes == 4], vertices)
+        large = np.flatnonzero(sizes > 4)
+        if len(large):
+            _cut_ears(faces, rows[large], starts[large], sizes[large], corners, vertices)
+    return faces
+
+
+def _turn_diagonals(faces: np.ndarray, rows: np.ndarray, V: np.ndarray) -> None:
+    """Give quadrangles a b c d, in ``faces`` as a b c and a c d, the diagonal b d where only that one is right."""
+    a, b, c, d = (V[corner] for corner in (*faces[rows].T, faces[rows + 1, 2]))
+    folded = np.flatnonzero(_dot(np.cross(b - a, c - a), np.cross(c - a, d - a)) < 0)
+    a, b, c, d = (corner[folded] for corner in (a, b, c, d))
+    rows = rows[folded[_dot(np.cross(c - b, d - b), np.cross(d - b, a - b)) > 0]]
+    corners = np.column_stack([faces[rows], faces[rows + 1, 2]])
+    faces[rows], faces[rows + 1] = corners[:, [1, 2, 3]], corners[:, [1, 3, 0]]
+
+
+def _cut_ears(
+    faces: np.ndarray, rows: np.ndarray, starts: np.ndarray, sizes: np.ndarray, corners: np.ndarray, V: np.ndarray
+) -> None:
+    """Replace the fans of polygons of five or more corners that are not convex."""
+    ends = np.cumsum(sizes)
+    begins = ends - sizes
+    own = corners[np.arange(ends[-1]) + np.repeat(starts - begins, sizes)]  # the corners of these polygons alone
+    P = V[own] - np.repeat(V[corners[starts]], sizes, axis=0)
+    following, before = np.arange(1, len(own) + 1), np.arange(-1, len(own) - 1)
+    following[ends - 1], before[begins] = begins, ends - 1
+    normals = np.add.reduceat(np.cross(P, P[following]), begins)  # Newell's
+    edges = P[following] - P
+    lengths = np.sqrt(_dot(edges, edges))
+    turn = _dot(np.cross(edges[before], edges), np.repeat(normals, sizes, axis=0))
+    straight = STRAIGHT * lengths[before] * lengths * np.repeat(np.sqrt(_dot(normals, normals)), sizes)
+    # A corner that is there twice turns in neither of its places.
+    suspect = np.logical_or.reduceat((turn < -straight) | (lengths == 0), begins)
+    for polygon in np.flatnonzero(suspect & normals.any(axis=1) & np.isfinite(normals).all(axis=1)):
+        here = slice(begins[polygon], ends[polygon])
+        row = rows[polygon]
+        faces[row : row + sizes[polygon] - 2] = own[here][_ears(P[here], normals[polygon])]
+
+
+def _ears(P: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The triangles of one polygon (n, 3), as (n - 2, 3) indices of its corners."""
+    from manifold3d import triangulate as by_ears
+
+    axis = int(np.abs(normal).argmax())
+    axes = [(axis + 1) % 3, (axis + 2) % 3]
+    if normal[axis] < 0:
+        axes.reverse()  # counter-clockwise from either side
+    return by_ears([P[:, axes]])
+
+
+def _dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return np.einsum("ni,ni->n", u, v)

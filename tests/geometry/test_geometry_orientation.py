@@ -1,0 +1,147 @@
+"""Faces that are wound against each other: what winding numbers say after they are mended, against exact volumes."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from bench import generator
+from bench.geometry.orientation import NoSides, oriented
+from bench.geometry.signed_distance import signed_distances
+from bench.geometry.winding import inside
+
+BALL = trimesh.creation.icosphere(3)
+BOX = trimesh.creation.box()
+
+
+def mesh_of(vertices, faces):
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def moved(mesh, shift=(0, 0, 0), scale=1.0):
+    return mesh_of(np.array(mesh.vertices) * scale + shift, mesh.faces)
+
+
+def inverted(mesh):
+    return mesh_of(mesh.vertices, np.array(mesh.faces)[:, ::-1])
+
+
+def flipped(mesh, share, seed=0):
+    chosen = generator(seed, "flips").random(len(mesh.faces)) < share
+    return mesh_of(mesh.vertices, np.where(chosen[:, None], np.array(mesh.faces)[:, ::-1], mesh.faces))
+
+
+def joined(*meshes):
+    vertices = np.vstack([mesh.vertices for mesh in meshes])
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    return mesh_of(vertices, np.vstack([mesh.faces + o for mesh, o in zip(meshes, offsets, strict=True)]))
+
+
+HOLLOW = joined(BALL, inverted(moved(BALL, scale=0.5)))
+SOLIDS = {
+    "ball": BALL,
+    "torus": trimesh.creation.torus(1, 0.3),
+    "hollow ball": HOLLOW,
+    "ball in a hollow ball": joined(HOLLOW, moved(BALL, scale=0.25)),
+    "two balls": joined(BALL, moved(BALL, (3, 0, 0))),
+    "two balls that overlap": joined(BALL, moved(BALL, (0.8, 0, 0))),
+    "two boxes with a common edge": joined(BOX, moved(BOX, (1, 1, 0))),
+    "soup": mesh_of(BALL.vertices[BALL.faces].reshape(-1, 3), np.arange(BALL.faces.size).reshape(-1, 3)),
+}
+
+
+def is_in(mesh, faces, points):
+    return inside(mesh.vertices, faces, points)
+
+
+def probes(mesh, count=600):
+    low, high = mesh.bounds
+    return generator(1, "probes").uniform(low - 0.1, high + 0.1, (count, 3))
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_what_is_wound_well_is_returned_as_it_is(name):
+    faces = np.array(SOLIDS[name].faces)
+    assert oriented(SOLIDS[name].vertices, faces) is faces
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
+@pytest.mark.parametrize("name", SOLIDS)
+def test_flipped_faces_change_no_inside(name, share):
+    mesh = SOLIDS[name]
+    points = probes(mesh)
+    spoilt = flipped(mesh, share)
+    found = is_in(mesh, oriented(spoilt.vertices, spoilt.faces), points)
+    assert (found == is_in(mesh, mesh.faces, points)).mean() > 0.998
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_copies_of_faces_change_no_inside(name):
+    mesh, points = SOLIDS[name], probes(SOLIDS[name])
+    expected = is_in(mesh, mesh.faces, points)
+    for more in (mesh.faces, mesh.faces[:, ::-1], mesh.faces[:100, ::-1], mesh.faces[:100, [1, 2, 0]]):
+        faces = oriented(mesh.vertices, np.vstack([mesh.faces, more]))
+        assert len(faces) == len(mesh.faces)
+        assert (is_in(mesh, faces, points) == expected).mean() > 0.998
+
+
+def test_a_sheet_of_two_sides_that_sticks_out_encloses_nothing():
+    vertices = np.vstack([BOX.vertices, [[2, 0.5, 0.5], [2, -0.5, 0.5]]])
+    a, b = (int(np.abs(BOX.vertices - corner).sum(axis=1).argmin()) for corner in ([0.5, 0.5, 0.5], [0.5, -0.5, 0.5]))
+    fin = np.array([[a, b, 8], [b, 9, 8], [a, 8, b], [b, 8, 9]])
+    found = oriented(vertices, np.vstack([BOX.faces, fin]))
+    assert sorted(map(tuple, found)) == sorted(map(tuple, BOX.faces))
+
+
+def test_a_body_that_is_inside_out_is_turned_with_its_cavity():
+    hollow = moved(HOLLOW, (2.5, 0, 0))
+    mesh, right = joined(BALL, inverted(hollow)), joined(BALL, hollow)
+    assert np.array_equal(oriented(mesh.vertices, mesh.faces), right.faces)
+    overlapping = joined(BALL, inverted(moved(BALL, (0.8, 0, 0))))
+    points = probes(overlapping)
+    expected = is_in(SOLIDS["two balls that overlap"], SOLIDS["two balls that overlap"].faces, points)
+    assert (is_in(overlapping, oriented(overlapping.vertices, overlapping.faces), points) == expected).all()
+
+
+def test_a_body_in_another_one_stays_one_where_its_faces_agree():
+    nested = joined(BALL, moved(BALL, scale=0.5))
+    assert np.array_equal(oriented(nested.vertices, nested.faces), nested.faces)
+    spoilt = joined(flipped(BALL, 0.3), moved(BALL, scale=0.5))
+    assert np.array_equal(oriented(spoilt.vertices, spoilt.faces), nested.faces)
+
+
+def test_boxes_with_a_common_edge_of_which_one_is_inside_out():
+    right = SOLIDS["two boxes with a common edge"]
+    wrong, points = joined(BOX, inverted(moved(BOX, (1, 1, 0)))), probes(right)
+    found = is_in(wrong, oriented(wrong.vertices, wrong.faces), points)
+    assert np.array_equal(found, is_in(right, right.faces, points))
+
+
+def test_an_open_mesh_is_wound_consistently_and_outward():
+    holed = mesh_of(BALL.vertices, BALL.faces[20:])
+    for share in (0.3, 0.7):
+        spoilt = flipped(holed, share)
+        assert np.array_equal(oriented(spoilt.vertices, spoilt.faces), holed.faces)
+
+
+def test_what_has_no_sides_is_refused():
+    angle = 2 * np.pi * np.arange(24) / 24
+    sides = [(1 + s * np.cos(angle / 2)) * [np.cos(angle), np.sin(angle), 0 * angle] for s in (-0.3, 0.3)]
+    for side, s in zip(sides, (-0.3, 0.3), strict=True):
+        side[2] = s * np.sin(angle / 2)
+    quads = [(i, 24 + i, (i + 1) % 24, 24 + (i + 1) % 24) for i in range(23)] + [(23, 47, 24, 0)]
+    faces = [face for a, b, c, d in quads for face in ((a, b, c), (c, b, d))]
+    with pytest.raises(NoSides, match="Moebius"):
+        oriented(np.hstack(sides).T, faces)
+
+
+def test_signed_distances_to_a_mesh_of_flipped_faces():
+    points = probes(BALL, 500)
+    found = signed_distances(flipped(BALL, 0.4), points)
+    assert found == pytest.approx(signed_distances(BALL, points), abs=1e-12)
+
+
+def test_vertices_that_no_face_uses_and_faces_without_an_area():
+    vertices = np.vstack([BALL.vertices, [[9, 9, 9]]])
+    faces = np.vstack([flipped(BALL, 0.3).faces, [[0, 0, 642], [642, 642, 642]]])
+    found = oriented(vertices, faces)
+    assert np.array_equal(found, BALL.faces)

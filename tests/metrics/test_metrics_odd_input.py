@@ -1,0 +1,312 @@
+"""What meshes of the wild do to scores: vertices that no face uses, spikes, flipped and doubled faces, slivers."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from bench import Case, PointCloud, Shape, generator
+from bench.commands.score import _overlap, read
+from bench.datasets.files import Files
+from bench.engine.call import score
+from bench.geometry.comparison import set_samples
+from bench.geometry.io.files import save
+from bench.geometry.laplacian import cotangent_laplacian, slivers
+from bench.metrics.box_scaled_distances import BoxScaledDistances
+from bench.metrics.cot_laplacian import CotLaplacian
+from bench.metrics.directed import Directed
+from bench.metrics.hausdorff import Hausdorff
+from bench.metrics.hausdorff_sq_sum import HausdorffSqSum
+from bench.metrics.iou import Iou
+from bench.metrics.p2f_spread import P2fSpread
+from bench.metrics.s2f import S2f
+from bench.metrics.sampled_distances import SampledDistances
+from bench.plan.cell import Choice
+from bench.plugins.metric_sets import metric_set
+from bench.tasks.detail_transfer import DetailTransfer
+from bench.tasks.reconstruct import Reconstruct
+
+BALL = trimesh.creation.icosphere(3)
+STRAYS = {
+    "behind": ([(50, 50, 50)], []),
+    "several": ([(50, 50, 50), (-7, 0, 0)], []),
+    "in faces without an area": ([(50, 50, 50)], [(0, 0, 642), (642, 642, 642)]),
+}
+
+
+def mesh_of(vertices, faces):
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def with_strays(mesh, name):
+    vertices, faces = STRAYS[name]
+    faces = np.vstack([mesh.faces, np.array(faces, dtype=int).reshape(-1, 3)])
+    return mesh_of(np.vstack([mesh.vertices, vertices]), faces)
+
+
+def noisy(mesh, size=0.01, seed=0):
+    moved = np.array(mesh.vertices) + size * generator(seed, "noise").normal(size=mesh.vertices.shape)
+    return mesh_of(moved, mesh.faces)
+
+
+def case_of(mesh, samples=3000, source=None):
+    case = Case("case", {} if source is None else {"source": source}, Shape("case", mesh))
+    set_samples(case, samples)
+    return case
+
+
+# -- vertices that no face uses ----------------------------------------------------------------------------------------
+
+ALL = [Choice.of("metric", {"_name_": name}) for name in metric_set("full")]
+
+
+def scores_of(output, reference, source=None):
+    kind = "cloud" if isinstance(output, PointCloud) else "mesh"
+    shape, frame = Shape("case", reference).framed()
+    case = Case("case", {} if source is None else {"source": source}, shape, frame)
+    set_samples(case, 2000)
+    moved = PointCloud(frame.apply(output.points), output.normals) if kind == "cloud" else None
+    moved = moved or mesh_of(frame.apply(output.vertices), output.faces)
+    metrics = [m for m in ALL if kind in m.plugin.options.get("outputs", ("mesh", "cloud"))]
+    found = score(metrics, moved, case)
+    return found.values | {f"floor of {key}": value for key, value in found.floors.items()}
+
+
+@pytest.mark.parametrize("name", ["behind", "in faces without an area"])
+def test_no_score_of_a_mesh_changes(name):
+    # The source of a deformation has the faces of the output; so it has the strays too.
+    output = noisy(BALL)
+    expected = scores_of(output, BALL, source=BALL)
+    for o, r, s in (
+        (output, with_strays(BALL, name), BALL),
+        (with_strays(output, name), BALL, with_strays(BALL, name)),
+    ):
+        found = scores_of(o, r, source=s)
+        of_all_faces = ("self_intersecting_share", "triangle_")
+        for key in expected:
+            if name == "behind" or not key.removeprefix("floor of ").startswith(of_all_faces):
+                assert found[key] == expected[key], key
+
+
+def test_no_score_of_a_cloud_changes():
+    cloud = PointCloud(noisy(BALL).vertices, np.array(BALL.vertices))
+    assert scores_of(cloud, with_strays(BALL, "several")) == scores_of(cloud, BALL)
+
+
+@pytest.mark.parametrize("name", STRAYS)
+def test_the_frame_and_the_overlap_of_two_files(tmp_path, name):
+    save(BALL, tmp_path / "ball.ply")
+    save(with_strays(BALL, name), tmp_path / "stray.ply")
+    for reference in ("ball", "stray"):
+        case, output = read(str(tmp_path / "stray.ply"), str(tmp_path / f"{reference}.ply"))
+        assert case.frame.radius == pytest.approx(1) and case.frame.center == pytest.approx((0, 0, 0))
+        assert _overlap(output, case.reference.mesh)
+        far = mesh_of(np.array(BALL.vertices) + 30, BALL.faces)
+        assert not _overlap(with_strays(far, name), case.reference.mesh)
+
+
+def test_a_folder_of_files_with_strays(tmp_path):
+    from bench.plugins.registry import registry
+
+    clouds = []
+    for name, mesh in (("ball", BALL), ("stray", with_strays(BALL, "several"))):
+        save(mesh, tmp_path / name / "mesh.ply")
+        dataset = Files(path=str(tmp_path / name))
+        found = {}
+        for plugin in registry().all("sensor"):
+            if plugin.name in ("uniform", "outliers_box", "voxel_thinned", "density_gradient", "lidar"):
+                (recipe,) = Reconstruct().recipes(dataset, plugin.cls(), split="test", count=1, seed=0)
+                found[plugin.name] = recipe.build().input["cloud"].points
+        clouds.append(found)
+    assert clouds[0].keys() == clouds[1].keys() and len(clouds[0]) == 5
+    for name, points in clouds[0].items():
+        assert np.array_equal(points, clouds[1][name]), name
+
+
+def test_details_are_transferred_in_the_same_frames():
+    egg = mesh_of(BALL.vertices * (0.8, 0.9, 1.2), BALL.faces)
+
+    class Pairs:
+        def __init__(self, change):
+            shapes = [
+                Shape(name, change(noisy(base, 0.02)), attributes={"base_vertices": np.array(change(base).vertices)})
+                for name, base in (("ball", BALL), ("egg", egg))
+            ]
+            self.pair = type("Pair", (), {"id": "pair", "source": shapes[0], "target": shapes[1]})
+
+        def pairs(self, split):
+            yield self.pair
+
+    task = DetailTransfer()
+    plain, stray = (
+        next(iter(task.recipes(Pairs(change), None, split="test", count=1, seed=0))).build()
+        for change in (lambda mesh: mesh, lambda mesh: with_strays(mesh, "behind"))
+    )
+    for name, mesh in plain.input.items():
+        assert np.array_equal(stray.input[name].vertices[:642], mesh.vertices), name
+    assert task.describe(stray) == task.describe(plain)
+    assert task.expected(stray.input) == task.expected(plain.input)
+
+
+# -- spikes ------------------------------------------------------------------------------------------------------------
+
+LENGTH = 0.5
+
+
+def with_needle(mesh, face=7, base=1e-5):
+    """The mesh with a spike on one face, which no sample meets: its area is a millionth of the whole."""
+    V, F = np.array(mesh.vertices), np.array(mesh.faces)
+    corners = V[F[face]]
+    middle = corners.mean(axis=0)
+    foot = middle + base * (corners - middle) / np.linalg.norm(corners - middle, axis=1, keepdims=True)
+    tip = middle * (1 + LENGTH / np.linalg.norm(middle))
+    a, b, c = F[face]
+    d, e, f, t = range(len(V), len(V) + 4)
+    ring = [(a, b, e), (a, e, d), (b, c, f), (b, f, e), (c, a, d), (c, d, f), (d, e, t), (e, f, t), (f, d, t)]
+    return mesh_of(np.vstack([V, foot, [tip]]), np.vstack([np.delete(F, face, axis=0), ring]))
+
+
+MAXIMA = {
+    "hausdorff": (Hausdorff(), "both"),
+    "to_reference_max": (Directed(), "output"),
+    "to_output_max": (Directed(), "reference"),
+    "p2f_max": (P2fSpread(), "output"),
+    "s2f_max": (S2f(), "reference"),
+}
+
+
+@pytest.mark.parametrize("key", MAXIMA)
+def test_a_spike_is_the_largest_distance(key):
+    metric, side = MAXIMA[key]
+    spiky = with_needle(BALL)
+    in_output = metric.score(spiky, case_of(BALL))[key]
+    in_reference = metric.score(BALL, case_of(spiky))[key]
+    # Without the spike, the spacing of the samples is left; an inner face is a little nearer than the sphere.
+    assert in_output == pytest.approx(LENGTH, rel=0.02) if side != "reference" else in_output < 0.15
+    assert in_reference == pytest.approx(LENGTH, rel=0.02) if side != "output" else in_reference < 0.15
+    assert metric.score(spiky, case_of(spiky))[key] < 0.15  # what both have is no difference
+
+
+def test_a_cloud_that_lacks_the_spike():
+    cloud = PointCloud(BALL.vertices)
+    assert Hausdorff().score(cloud, case_of(with_needle(BALL)))["hausdorff"] == pytest.approx(LENGTH, rel=0.02)
+    assert Directed().score(cloud, case_of(with_needle(BALL)))["to_output_max"] == pytest.approx(LENGTH, rel=0.02)
+
+
+def test_means_and_the_protocols_of_papers_are_over_samples():
+    spiky, case = with_needle(BALL), case_of(BALL)
+    pair = case.compare(spiky)
+    assert pair.to_reference.distance.max() < 0.15
+    found = Directed().score(spiky, case)
+    assert found["to_reference_mean"] == pair.to_reference.distance.mean()
+    assert P2fSpread().score(spiky, case)["p2f_rms"] == np.sqrt((pair.to_surface.distance**2).mean())
+    assert HausdorffSqSum().score(spiky, case)["hausdorff_sq_sum"] < 2 * 0.15**2
+    assert BoxScaledDistances().score(spiky, case)["hausdorff_by_diagonal"] < 0.06
+    assert SampledDistances(samples=2000).score(spiky, case)["hausdorff@2000"] < 0.15
+
+
+def test_maxima_of_smooth_meshes_are_those_of_their_samples():
+    ball, case = mesh_of(BALL.vertices * 1.01, BALL.faces), case_of(BALL)
+    pair = case.compare(ball)
+    assert Hausdorff().score(ball, case)["hausdorff"] == max(
+        pair.to_reference.distance.max(), pair.to_output.distance.max()
+    )
+
+
+# -- volumes of faces that are wound against each other ----------------------------------------------------------------
+
+
+def flipped(mesh, share, seed=0):
+    chosen = generator(seed, "flips").random(len(mesh.faces)) < share
+    return mesh_of(mesh.vertices, np.where(chosen[:, None], np.array(mesh.faces)[:, ::-1], mesh.faces))
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_iou_of_flipped_faces(share):
+    metric, small = Iou(samples=5000), mesh_of(BALL.vertices * 0.8, BALL.faces)
+    expected = metric.score(small, case_of(BALL))
+    assert expected["iou"] == pytest.approx(0.8**3, abs=0.03)
+    assert metric.score(flipped(small, share), case_of(BALL)) == expected
+    assert metric.score(small, case_of(flipped(BALL, share))) == expected
+    assert metric.score(flipped(small, share), case_of(flipped(BALL, share, 1))) == expected
+
+
+def test_iou_of_doubled_faces():
+    doubled = mesh_of(BALL.vertices, np.vstack([BALL.faces, BALL.faces[:, ::-1]]))
+    assert Iou(samples=2000).score(doubled, case_of(BALL)) == {"iou": 1.0}
+    assert Iou(samples=2000).score(BALL, case_of(doubled)) == {"iou": 1.0}
+
+
+def test_why_there_is_no_iou():
+    V = [[np.cos(a) * (1 + s * np.cos(a / 2)), np.sin(a) * (1 + s * np.cos(a / 2)), s * np.sin(a / 2)]
+         for s in (-0.3, 0.3) for a in 2 * np.pi * np.arange(12) / 12]  # fmt: skip
+    quads = [(i, 12 + i, i + 1, 13 + i) for i in range(11)] + [(11, 23, 12, 0)]
+    band = mesh_of(V, [face for a, b, c, d in quads for face in ((a, b, c), (c, b, d))])
+    iou = [Choice.of("metric", {"_name_": "iou"})]
+    for output, reference, reason in (
+        (band, BALL, "the output has no inside: its faces cannot be wound consistently"),
+        (BALL, band, "the reference has no inside"),
+        (BALL, mesh_of(BALL.vertices, BALL.faces[3:]), "the reference is not closed"),
+    ):
+        found = score(iou, output, case_of(reference))
+        assert not found.values and reason in found.left_out["iou"]
+    assert not score(iou, BALL, case_of(BALL)).left_out
+
+
+# -- slivers -----------------------------------------------------------------------------------------------------------
+
+
+def with_sliver(mesh, height, kind):
+    """A vertex in one face, so high over the middle of an edge (cap), or so far from a corner (needle)."""
+    V, F = np.array(mesh.vertices), np.array(mesh.faces)
+    a, b, c = F[0]
+    start, towards = ((V[a] + V[b]) / 2, V[c]) if kind == "cap" else (V[a], (V[a] + V[b] + V[c]) / 3)
+    step = (towards - start) / np.linalg.norm(towards - start)
+    m = len(V)
+    return mesh_of(np.vstack([V, start + height * step]), np.vstack([F[1:], [(a, b, m), (b, c, m), (c, a, m)]]))
+
+
+def laplacian_of_noise(mesh):
+    return CotLaplacian().score(noisy(mesh, 0.002), case_of(mesh, source=mesh))["cot_laplacian"]
+
+
+@pytest.mark.filterwarnings("ignore:cot_laplacian")
+@pytest.mark.parametrize("kind", ["cap", "needle"])
+@pytest.mark.parametrize("height", [0, 1e-15, 1e-9, 1e-6, 1e-4, 1e-3])
+def test_a_sliver_of_any_height_changes_little(height, kind):
+    assert laplacian_of_noise(with_sliver(BALL, height, kind)) == pytest.approx(laplacian_of_noise(BALL), rel=0.02)
+
+
+@pytest.mark.filterwarnings("ignore:cot_laplacian")
+def test_many_slivers_change_little():
+    mesh = BALL
+    for _ in range(60):  # the first face is another one each time
+        mesh = with_sliver(mesh, 1e-7, "cap")
+    assert slivers(mesh.vertices, mesh.faces).sum() == 60
+    assert laplacian_of_noise(mesh) == pytest.approx(laplacian_of_noise(BALL), rel=0.1)
+
+
+def test_a_warning_says_that_slivers_are_left_out():
+    with pytest.warns(UserWarning, match="1 of the 1282 faces of the source are slivers"):
+        laplacian_of_noise(with_sliver(BALL, 1e-8, "cap"))
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        BALL,
+        trimesh.creation.cylinder(1, 5, sections=2000),
+        trimesh.creation.box((1, 1, 1e-3)),
+        trimesh.creation.cone(1, 9),
+    ],
+    ids=["ball", "strips of 1:1600", "plate", "cone"],
+)
+def test_meshes_that_are_made_of_long_faces_have_no_slivers(mesh):
+    assert not slivers(mesh.vertices, mesh.faces).any()
+    V, F = np.array(mesh.vertices), np.array(mesh.faces)
+    dense = np.zeros((len(V), len(V))) if len(V) < 700 else None
+    if dense is not None:
+        for a, b, c in [tuple(np.roll(f, k)) for f in F for k in range(3)]:
+            u, w = V[b] - V[a], V[c] - V[a]
+            dense[[b, c], [c, b]] += u @ w / np.linalg.norm(np.cross(u, w)) / 2
+        dense -= np.diag(dense.sum(axis=1))
+        assert abs(cotangent_laplacian(V, F).toarray() - dense).max() <= 1e-13 * abs(dense).max()
