@@ -25,7 +25,7 @@ class Blobs(Family):
     The surface is ``sum of 5 (1 - |x - c_i|^2 / R_i^2)^3 = 1``. Balls of different sizes are joined one by one to a
     ball that is there, as far apart as ``looseness`` says: at 0 a compact cluster, at 1 necks about to break. The
     looseness of the shapes is spread evenly between its limits (a golden-ratio sequence). Branches that come back
-    close handles, so the genus is not known before the mesh is made. Tag: ``smooth``.
+    close handles, so the genus is not known before the mesh is made.
     """
 
     balls_low: int = 8  # fewest balls of a shape
@@ -54,7 +54,6 @@ class Blobs(Family):
             f"blobs-{split}-{index:03d}",
             lambda: surface.mesh,
             surface=surface,
-            tags=("smooth",),
             info={"balls": balls, "looseness": looseness, "symmetry": "none"},
             exactness="implicit",
         )

@@ -16,13 +16,11 @@ from .details.branching import Skeleton, colonise, murray_radii, separate
 from .surfaces.balls import BallField
 from .surfaces.implicit import Body, ImplicitSurface
 
-THIN = 0.03
 KINDS = ("tree", "vessel", "coral")
 REACH = 2.0  # of a kernel, in radii of its branch
 SPACING = 0.7  # of the kernels along a branch, in radii: the surface is then even to 0.2 % of the radius
 SEGMENT = 0.06
 THICKEST_TIP = 0.04
-SMALLEST = 1.5  # diagonal of a plant's bounding box
 
 
 @register("dataset", requires=("scipy", "skimage", "trimesh"))
@@ -33,8 +31,7 @@ class Branches(Family):
     In turn a tree with a crown, a vessel that fills a ball, and a flat coral. Radii follow Murray's law ``r^p = sum of
     r_i^p``, with p spread evenly between two limits (a golden-ratio sequence): low ones give a thick trunk. The surface
     is a level set of compact kernels strung along the branches, which merge smoothly at forks; twigs that would touch
-    another part are cut. Genus 0. Tags: ``smooth`` and ``thin`` (twigs thinner than 3 % of the bounding box's
-    diagonal).
+    another part are cut. Genus 0.
     """
 
     kind: Literal["all", "tree", "vessel", "coral"] = "all"  # of plant
@@ -63,7 +60,7 @@ class Branches(Family):
             f"branches-{split}-{index:03d}-{kind}",
             lambda: surface.mesh,
             surface=surface,
-            tags=("smooth", "thin") if 2 * self.tip < THIN * SMALLEST else ("smooth",),
+            tags=(kind,),
             info={"kind": kind, "genus": 0, "exponent": exponent, "tip": self.tip, "symmetry": "none"},
             exactness="implicit",
         )

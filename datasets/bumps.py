@@ -14,7 +14,6 @@ from .surfaces.harmonics import HarmonicSum
 from .surfaces.star_surface import StarSurface, icosphere
 
 SMALLEST_RADIUS = 0.25  # below it a body is nearly cut in two, and its tessellation uneven
-FLAT = 3.0  # below this exponent there is visible detail at every scale
 
 
 @register("dataset", requires=("scipy", "trimesh"))
@@ -25,8 +24,8 @@ class Bumps(Family):
     The surface is ``x = r(u) u`` with ``r(u) = 1 + sum over l = 2..degree, m of a_lm Y_lm(u)``. The ``a_lm`` are normal
     with the variance ``l^-exponent``, then all scaled so that the root mean square of r - 1 is ``amplitude``.
     Degree 1, which shifts the body, is left out. The exponents of the shapes are spread evenly between the two
-    limits (a golden-ratio sequence), so that the first few shapes already hold both smooth ones and, tagged
-    ``multiscale``, ones with detail at every scale. A draw whose r falls below 0.25 is drawn again.
+    limits (a golden-ratio sequence), so that the first few shapes already hold both smooth and rough ones.
+    A draw whose r falls below 0.25 is drawn again.
     """
 
     degree: int = 16  # highest degree of the spherical harmonics: the finest bumps are about pi / degree wide
@@ -54,7 +53,6 @@ class Bumps(Family):
             f"bumps-{split}-{index:03d}",
             lambda: surface.mesh(self.subdivisions),
             surface=surface,
-            tags=("smooth",) if exponent >= FLAT else ("smooth", "multiscale"),
             exactness="parametric",
             info={
                 "genus": 0,

@@ -16,9 +16,6 @@ from .solids.parts import KINDS, Part
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-THIN = 0.03  # a wall thinner than this fraction of the size counts as thin
-HIGH_GENUS = 10
-
 
 @register("dataset", requires=("manifold3d", "trimesh"))
 @dataclass(frozen=True)
@@ -26,8 +23,7 @@ class Cad(Family):
     """Machine parts by solid booleans: plates, brackets, gears, tees, heat sinks, blocks and lattices.
 
     Closed manifold meshes of one component, in turn of each kind, every one with measures of its own. A part is turned
-    at random, since faces along the axes would favour methods that work on a grid. Tags: ``sharp`` (all), ``thin``
-    (a wall below 3 % of the size) and ``high_genus`` (10 or more).
+    at random, since faces along the axes would favour methods that work on a grid.
     """
 
     kind: Literal["all", "plate", "bracket", "gear", "pipe_tee", "heat_sink", "block", "lattice"] = "all"  # of part
@@ -40,14 +36,9 @@ class Cad(Family):
         rng = generator("cad", split, index)
         part, rotation = KINDS[kind](rng), random_rotation(rng)
         thickness = part.thinnest / part.size
-        tags = ["sharp"]
-        if thickness < THIN:
-            tags.append("thin")
-        if part.genus >= HIGH_GENUS:
-            tags.append("high_genus")
         info = {"kind": kind, "genus": part.genus, "thickness": thickness}
         id = f"cad-{split}-{index:03d}-{kind}"
-        return Shape(id, lambda: _mesh(part, rotation), tags=tuple(tags), info=info, exactness="polyhedron")
+        return Shape(id, lambda: _mesh(part, rotation), tags=(kind,), info=info, exactness="polyhedron")
 
 
 def _mesh(part: Part, rotation: np.ndarray) -> Trimesh:

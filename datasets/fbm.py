@@ -29,10 +29,10 @@ class Fbm(Family):
     """Spheres, tori, rounded boxes and ellipsoids, displaced along their normals by fractal noise.
 
     The surface is ``b + h(b) n`` with ``h`` the sum over octaves k of ``2^(-k hurst) noise(2^k b)`` (fractional
-    Brownian motion, about). Hurst exponents run evenly between the limits: from rough (``multiscale``, below 0.75, of
-    three octaves or more) to gently waved. The largest possible |h| is ``strength`` times the base's reach (the
-    distance up to which normals do not meet), below 1, so that no shape touches itself. All are ``smooth``: noise is
-    twice continuously differentiable.
+    Brownian motion, about). Hurst exponents run evenly between the limits, from rough to gently waved; ``fine`` in the
+    info: there is detail at every scale (an exponent below 0.75 and three octaves or more). The largest possible |h| is
+    ``strength`` times the base's reach (the distance up to which normals do not meet), below 1, so that no shape
+    touches itself. Noise is twice continuously differentiable.
     """
 
     octaves: int = 4  # of noise, each half as wide as the one before
@@ -62,17 +62,17 @@ class Fbm(Family):
         base = kind_of(self.base, BASES, index)
         rough = Rough(base, hurst, self, int(rng.integers(2**31)))
         surface = ParametricSurface(rough.parts, random_rotation(rng))
-        tags = ("smooth", "multiscale") if hurst < ROUGH and self.octaves >= 3 else ("smooth",)
         info = {
             "base": base,
             "genus": int(base == "torus"),
             "symmetry": "none",
             "octaves": self.octaves,
             "hurst": hurst,
+            "fine": hurst < ROUGH and self.octaves >= 3,
             "largest_displacement": rough.amplitude,
         }
         name = f"fbm-{split}-{index:03d}-{base}"
-        return Shape(name, surface.mesh, surface=surface, tags=tags, info=info, exactness="parametric")
+        return Shape(name, surface.mesh, surface=surface, tags=(base,), info=info, exactness="parametric")
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,17 +123,12 @@ class Fractals(Family):
         fractal = KINDS[kind](rng, spread(turn, 0.37))
         rotation = random_rotation(rng)
         info = {"kind": kind, "genus": fractal.genus, "symmetry": fractal.symmetry, **fractal.info}
-        tags = ["sharp", "multiscale"]
         if fractal.thinnest is not None:
             info["thickness"] = float(fractal.thinnest / fractal.size)
-            if info["thickness"] < 0.03:
-                tags.append("thin")
-        if fractal.genus >= 10:
-            tags.append("high_genus")
         return Shape(
             f"fractals-{split}-{index:03d}-{kind}",
             lambda: turned(*fractal.build(), rotation),
-            tags=tuple(tags),
+            tags=(kind,),
             info=info,
             exactness="polyhedron",
         )

@@ -80,7 +80,6 @@ def _thickness(piece: Piece) -> float:
 def _union(id: str, category: str, rng: np.random.Generator) -> Shape:
     piece, rotation = CATEGORIES[category](rng, full=False), random_rotation(rng)
     thickness = _thickness(piece)
-    tags = ("sharp", *(("thin",) if thickness < 0.03 else ()), *(("high_genus",) if piece.genus >= 10 else ()))
     made: list = []
 
     def make() -> tuple[Trimesh, np.ndarray]:
@@ -93,8 +92,13 @@ def _union(id: str, category: str, rng: np.random.Generator) -> Shape:
 
     info = {"genus": piece.genus, "thickness": thickness, **_info(category, piece)}
     return Shape(
-        id, lambda: make()[0], tags=tags, info=info, exactness="polyhedron", attributes=lambda: {"part": make()[1]}
-    )  # fmt: skip
+        id,
+        lambda: make()[0],
+        tags=(category,),
+        info=info,
+        exactness="polyhedron",
+        attributes=lambda: {"part": make()[1]},
+    )
 
 
 def _solid(vertices: np.ndarray) -> Manifold:
@@ -122,9 +126,8 @@ def _parts(id: str, category: str, piece: Piece) -> Shape:
         return Trimesh(vertices, np.concatenate([faces + k * size for k in range(n)]), process=False)
 
     info = {"genus": 0, "components": n, "thickness": _thickness(piece), **_info(category, piece)}
-    tags = ("sharp", *(("thin",) if info["thickness"] < 0.03 else ()))
     labels = np.repeat(np.arange(n), len(faces))
-    return Shape(id, make, tags=tags, info=info, exactness="polyhedron", attributes={"part": labels})
+    return Shape(id, make, tags=(category,), info=info, exactness="polyhedron", attributes={"part": labels})
 
 
 def _vertex(bar: int, corner: tuple[int, int, int]) -> int:

@@ -115,7 +115,7 @@ def _shape(id: str, build: Build, pose: np.ndarray | None, key: str) -> Shape:
     return Shape(
         id,
         lambda: posed_body(build, pose)[0],
-        tags=("smooth", "thin"),  # a finger is 1 % of the body's diagonal
+        tags=(key,),
         info=info,
         exactness="mesh",
         attributes=lambda: {"weights": skin(), "joints": posed_body(build, pose)[1]},

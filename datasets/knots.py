@@ -15,8 +15,7 @@ from .common.family import Family, expect_kind, kind_of, spread
 from .common.rotations import random_rotation
 from .surfaces.tubes import FourierCurve, TubeSurface, circle, ellipse, nearest_approach, torus_knot
 
-NEAR = 0.03  # parts of a surface that come closer than this fraction of the box's diagonal are in near contact
-THIN = 0.03
+SLIM = 0.08  # radius of the tubes of a chain, at least: wide gaps ask for slim rings
 TORUS_KNOTS = ((2, 3), (3, 2), (2, 5), (3, 4), (3, 5), (2, 7), (5, 2), (4, 3))
 
 
@@ -73,7 +72,10 @@ def _chain(rng: np.random.Generator, gap: float) -> Strands:
     shift = 2 - 2 * radius
     for _ in range(8):  # the diagonal depends a little on the gap
         along = 2 + (rings - 1) * shift + 2 * radius
-        shift = 2 - 2 * radius - gap * sqrt(across[0] ** 2 + across[1] ** 2 + along**2)
+        apart = min(gap * sqrt(across[0] ** 2 + across[1] ** 2 + along**2), 2 / 3 - 2 * SLIM)
+        # A ring and the next but one lie in planes that are nearly one: 2 shift - 2 - 2 radius is to leave the gap.
+        radius = min(radius, 1 / 3 - apart / 2)
+        shift = 2 - 2 * radius - apart
     curves = [_ring(turn, k * shift) for k, turn in enumerate(turns)]
     return Strands(curves, radius, 2 - shift - 2 * radius, {"rings": rings, "symmetry": "rotation 2 about an axis"})
 
@@ -107,8 +109,7 @@ class Knots(Family):
     All points at one distance from closed curves, one torus for each curve: exact samples, normals and closest points.
     In turn of each kind, turned at random. The gap between the strands, as a fraction of the bounding box's diagonal,
     is spread evenly (in its logarithm) between two limits by a golden-ratio sequence; the tubes are as thick as it
-    allows, unless they would crease in bends. Tags: ``smooth`` (all), ``near_contact`` (a gap below 3 % of the
-    diagonal) and ``thin`` (a tube thinner than that).
+    allows, unless they would crease in bends.
     """
 
     kind: Literal["all", "torus_knot", "chain", "borromean", "figure_eight"] = "all"  # of knot or link
@@ -131,16 +132,11 @@ class Knots(Family):
         surface = TubeSurface(lambda: (turned, strands.radius))
         diagonal = strands._replace(curves=turned).diagonal
         thickness, gap = 2 * strands.radius / diagonal, strands.gap / diagonal
-        tags = ["smooth"]
-        if gap < NEAR:
-            tags.append("near_contact")
-        if thickness < THIN:
-            tags.append("thin")
         return Shape(
             f"knots-{split}-{index:03d}-{kind}",
             lambda: surface.mesh,
             surface=surface,
-            tags=tuple(tags),
+            tags=(kind,),
             info={"kind": kind, "genus": len(turned), "thickness": thickness, "gap": gap, **strands.facts},
             exactness="analytic" if kind == "chain" else "parametric",
         )

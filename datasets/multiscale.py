@@ -7,31 +7,31 @@ from dataclasses import dataclass
 
 from bench import Shape, register
 
-from .bumps import Bumps
+from .branches import Branches
 from .fbm import Fbm
 from .fractals import Fractals
 from .reliefs import Reliefs
 
-FAMILIES = (Bumps, Fbm, Reliefs, Fractals)
-TAG = "multiscale"
+FAMILIES = (Fbm, Reliefs, Fractals, Branches)
 
 
-@register("dataset", requires=("igl", "scipy", "trimesh"))
+@register("dataset", requires=("igl", "manifold3d", "scipy", "skimage", "trimesh"))
 @dataclass(frozen=True)
 class Multiscale:
-    """Shapes with detail on several scales: those tagged so of `bumps`, `fbm`, `reliefs` and `fractals`, in turn.
+    """Shapes with detail on several scales: the rough of `fbm`, the fine of `reliefs`, `fractals` and `branches`.
 
-    What a method does with fine detail on a coarse shape, in one dataset: smooth and rough, carved and stacked. The
-    shapes are those of their families, under their ids.
+    What a method does with fine detail on a coarse shape, in one dataset: rough, carved, stacked and grown. The shapes
+    are those of their families, under their ids, one of each family in turn.
     """
 
     def shapes(self, split: str) -> Iterator[Shape]:
         """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
-        families = [_tagged(family().shapes(split)) for family in FAMILIES]
+        families = [_fine(family().shapes(split)) for family in FAMILIES]
         while True:
             for shapes in families:
                 yield next(shapes)
 
 
-def _tagged(shapes: Iterator[Shape]) -> Iterator[Shape]:
-    return (shape for shape in shapes if TAG in shape.tags)
+def _fine(shapes: Iterator[Shape]) -> Iterator[Shape]:
+    """Those that are not made without fine detail; known from their parameters, so nothing is built."""
+    return (shape for shape in shapes if shape.info.get("fine", True))

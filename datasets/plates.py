@@ -12,7 +12,6 @@ from .common.rotations import random_rotation
 from .details.sheets import LENGTH, Sheet, corrugated, egg_box, flat, folded
 from .surfaces.parametric import ParametricSurface
 
-NEAR = THIN = 0.03  # fractions of the bounding-box diagonal: of a gap, and of a wall
 KINDS = ("corrugated", "folded", "flat", "egg_box")
 
 
@@ -23,9 +22,8 @@ class Plates(Family):
 
     A middle surface (a rectangle, a sine wave, flats with round bends between them, or an egg box) is moved by half the
     thickness to either side, exactly. The ratios of thickness to length run evenly, by decades, through the range. The
-    ends are straight (``sharp``) or, for every other shape of the other kinds than egg boxes, half-round (``smooth``).
-    ``thin``: below 3 % of the bounding-box diagonal. ``near_contact``: a hem, folded back onto itself, whose gap is
-    below 3 %. Shapes are turned at random.
+    ends are straight or, for every other shape of the other kinds than egg boxes, half-round. A hem is folded back onto
+    itself. Shapes are turned at random.
     """
 
     ratio_low: float = 3e-3  # thinnest sheet: thickness over the length of 2
@@ -54,11 +52,6 @@ class Plates(Family):
         sheet = Sheet(middle, thickness, ends, self.spacing)
         surface = ParametricSurface(sheet.parts, random_rotation(rng))
         diagonal = sheet.diagonal
-        tags = ["sharp" if ends == "flat" else "smooth"]
-        if thickness / diagonal < THIN:
-            tags.append("thin")
-        if middle.gap is not None and middle.gap / diagonal < NEAR:
-            tags.append("near_contact")
         info = {
             "kind": middle.name,
             "ends": ends,
@@ -69,4 +62,4 @@ class Plates(Family):
             "symmetry": middle.symmetry,
         }
         name = f"plates-{split}-{index:03d}-{kind}"
-        return Shape(name, surface.mesh, surface=surface, tags=tuple(tags), info=info, exactness="parametric")
+        return Shape(name, surface.mesh, surface=surface, tags=(kind,), info=info, exactness="parametric")

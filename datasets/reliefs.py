@@ -43,8 +43,7 @@ class Reliefs:
     pattern: for methods that are defined for roughly aligned shapes, ``targets=alike`` draws the target's base from
     the source's own family.
 
-    The highest reliefs stand out, lower ones go either way. ``multiscale``: the pattern's period is below 6 % of the
-    diagonal. ``smooth``: knurls and weaves of 1e-3, which have no steep flanks.
+    The highest reliefs stand out, lower ones go either way.
     """
 
     cells: int = 512  # of the tessellation around the body: the finest pattern has 36 periods
@@ -176,13 +175,13 @@ class Relief:
 
 def _shape(id: str, info: dict, relief: Relief) -> Shape:
     period = 2 * pi * relief.base.width / relief.around / relief.base.diagonal
-    gentle = info["pattern"] in ("knurl", "weave") and info["amplitude"] == AMPLITUDES[-1]
-    tags = [name for name, holds in (("multiscale", period < FINE), ("smooth", gentle)) if holds]
+    fine = period < FINE and info["amplitude"] > AMPLITUDES[-1]
+    info = {**info, "period": float(period), "fine": bool(fine)}
     return Shape(
         f"{id}-{info['pattern']}" if "pattern" in info and not id.endswith(("source", "target")) else id,
         relief.mesh,
         surface=relief.surface,
-        tags=tuple(tags),
+        tags=(info["pattern"],),
         info=info,
         exactness="parametric",
         attributes=lambda: relief.attributes,

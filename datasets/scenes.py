@@ -118,9 +118,9 @@ KINDS = {kind.__name__: kind for kind in (row, links, stack, nested, leaning)}
 class Scenes(Family):
     """Several solids with one gap between neighbours: rows, chains, stacks, nested pipes and leaning boards.
 
-    Gaps are spread evenly over their logarithm between the two limits; those below 3 % of the size are tagged
-    ``near_contact``. Every solid is a component of its own; the scene is turned at random. Info: ``gap``, relative to
-    the diagonal of the scene's box before it is turned, and ``size``, that diagonal.
+    Gaps are spread evenly over their logarithm between the two limits. Every solid is a component of
+    its own; the scene is turned at random. Info: ``gap``, relative to the diagonal of the scene's box before it is
+    turned, and ``size``, that diagonal.
     """
 
     gap_low: float = 1e-3  # narrowest gap, relative to about the size of the scene
@@ -151,7 +151,7 @@ class Scenes(Family):
         return Shape(
             f"scenes-{split}-{index:03d}-{kind}",
             lambda: turned(*arrays(_gathered(placed)), rotation),
-            tags=(*(() if kind == "links" else ("sharp",)), *(("near_contact",) if gap < 0.03 * size else ())),
+            tags=(kind,),
             info=info,
             exactness="polyhedron",
         )

@@ -31,7 +31,7 @@ class SmoothCsg(Family):
     a housing (a hollow body with windows) and a joint of pipes. Where bodies meet, a polynomial blend makes a fillet,
     twice continuously differentiable; its width, as a multiple of what is usual for the kind, is spread evenly between
     two limits (a golden-ratio sequence): near 0.5 edges look almost sharp, near 1.5 they melt. Genus is not known
-    before the mesh is made. Tag: ``smooth``.
+    before the mesh is made.
     """
 
     kind: Literal["all", "machine", "organic", "housing", "pipes"] = "all"  # of body
@@ -53,7 +53,7 @@ class SmoothCsg(Family):
             f"smooth_csg-{split}-{index:03d}-{kind}",
             lambda: surface.mesh,
             surface=surface,
-            tags=("smooth",),
+            tags=(kind,),
             info={"kind": kind, "blend": blend},
             exactness="implicit",
         )

@@ -12,7 +12,7 @@ from bench import Shape, generator, register
 from .common.family import Family
 from .common.rotations import random_rotation
 from .surfaces.parametric import ParametricSurface
-from .surfaces.spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
+from .surfaces.spherical_product import SphericalProduct, Superformula, check_grid
 
 # The two-dimensional golden ratio (Roberts 2018): pairs (e1, e2) that fill the square evenly from the first on. The
 # start is chosen so that the first four are a box, an octahedron-like body, a wheel with an edge, and a square ring.
@@ -29,9 +29,8 @@ class Superquadrics(Family):
     The surface is ``((|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) + |z/c|^(2/e1) = 1`` (Barr 1981), parametrised by the polar
     angles of its two superellipses, so that tangents stay finite; every fourth shape is a ring of that section. Small
     exponents give boxes with narrow rounds, 1 an ellipsoid, 2 an octahedron. The pairs (e1, e2) of the shapes fill the
-    square between the limits evenly. ``sharp``: the normal turns by 30 degrees or more within 2 % of the bounding-box
-    diagonal, so that at the spacing of a scan it is an edge (where e is 2, truly one); ``smooth``: by less than half of
-    that. Shapes are turned at random.
+    square between the limits evenly; where one is 2 there is a true edge. ``sharpest_turn`` in the info: by how many
+    degrees the normal turns, at most, within 2 % of the bounding-box diagonal. Shapes are turned at random.
     """
 
     exponent_low: float = 0.1  # smallest exponent: 0.1 is a box with rounds of 7 % of its half width
@@ -67,7 +66,6 @@ class Superquadrics(Family):
         rotation = random_rotation(rng)
         surface = ParametricSurface(product.parts, rotation)
         turn = product.sharpest_turn()
-        tags = ("sharp",) if turn >= EDGE_ANGLE else ("smooth",) if turn < EDGE_ANGLE / 2 else ()
         kind = "toroid" if ring else "ellipsoid"
         info = {
             "kind": kind,
@@ -84,7 +82,7 @@ class Superquadrics(Family):
             f"superquadrics-{split}-{index:03d}-{kind}",
             surface.mesh,
             surface=surface,
-            tags=tags,
+            tags=(kind,),
             info=info,
             exactness="parametric",
         )

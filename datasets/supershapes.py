@@ -11,7 +11,7 @@ from bench import Shape, generator, register
 from .common.family import Family, spread
 from .common.rotations import random_rotation
 from .surfaces.parametric import ParametricSurface
-from .surfaces.spherical_product import EDGE_ANGLE, SphericalProduct, Superformula, check_grid
+from .surfaces.spherical_product import SphericalProduct, Superformula, check_grid
 
 KINDS = ("star", "flower", "ridged", "lantern")
 
@@ -24,9 +24,9 @@ class Supershapes(Family):
     Each formula is ``r(t) = (|cos(m t / 4)|^p + |sin(m t / 4)|^p)^(-1 / q)``. With p below 2 its m tips are pointed
     (at p = 1 they are edges), above 2 they are rounded lobes with valleys between. ``q`` is chosen so that the largest
     radius is ``2^depth`` times the smallest. In turn: stars (pointed tips), flowers (round lobes), ridged ones (many
-    shallow pointed ridges) and lanterns (pointed around, lobed from pole to pole). ``sharp`` and ``smooth`` are
-    measured, as for superquadrics: the normal turns by 30 degrees or more, or by less than 15, within 2 % of the
-    bounding-box diagonal. Shapes are turned at random.
+    shallow pointed ridges) and lanterns (pointed around, lobed from pole to pole). ``sharpest_turn``
+    in the info: by how many degrees the normal turns, at most, within 2 % of the bounding-box diagonal. Shapes are
+    turned at random.
     """
 
     lobes_low: int = 3  # fewest lobes around
@@ -53,7 +53,6 @@ class Supershapes(Family):
         product = SphericalProduct(latitude, longitude, axes, 0.0, self.rows, self.columns)
         surface = ParametricSurface(product.parts, random_rotation(rng))
         turn = product.sharpest_turn()
-        tags = ("sharp",) if turn >= EDGE_ANGLE else ("smooth",) if turn < EDGE_ANGLE / 2 else ()
         info = {
             "kind": kind,
             "genus": 0,
@@ -64,7 +63,7 @@ class Supershapes(Family):
             "sharpest_turn": round(turn, 1),
         }
         name = f"supershapes-{split}-{index:03d}-{kind}"
-        return Shape(name, surface.mesh, surface=surface, tags=tags, info=info, exactness="parametric")
+        return Shape(name, surface.mesh, surface=surface, tags=(kind,), info=info, exactness="parametric")
 
 
 def _formulas(kind: str, lobes: int, depth: float, rng: np.random.Generator) -> tuple[Superformula, Superformula]:

@@ -15,8 +15,6 @@ from .common.rotations import random_rotation
 from .surfaces.blending import smooth_max
 from .surfaces.implicit import Body, ImplicitSurface, box_of_ball
 
-THIN = 0.03
-HIGH_GENUS = 10
 STEEPEST = sqrt(3)  # the largest |gradient| of all three functions, reached at their flat points
 THICKNESS = (0.055, 0.095)  # of sheets where they are thinnest; the ball has the radius 1
 LEVEL = 0.2  # largest |t| of solids
@@ -82,8 +80,7 @@ class Tpms(Family):
 
     A sheet is what lies around the minimal surface ``g = 0``, with a round rim at the ball; a solid is one of its two
     sides, ``g <= t``, with a blunt edge there. Sizes are drawn from ranges over which the genus is known (3 to 70),
-    thickness or t at random, and all is turned at random. Tags: ``smooth`` (all), ``thin`` (sheets) and ``high_genus``
-    (10 or more).
+    thickness or t at random, and all is turned at random.
     """
 
     kind: Literal["all", "gyroid", "schwarz_p", "schwarz_d"] = "all"  # of minimal surface
@@ -103,23 +100,18 @@ class Tpms(Family):
         cells, share, rotation = rng.uniform(window.fewest, window.most), rng.random(), random_rotation(rng)
         surface = ImplicitSurface(lambda: _body(kind, form, window.centre, cells, share, rotation))
         info = {"kind": kind, "form": form, "genus": window.genus, "cells": cells}
-        tags = ["smooth"]
         if form == "sheet":
             thickness = _thickness(share)
             # The rim is half a thickness outside the ball, and reaches nearly to the sides of the box.
             info["thickness"] = thickness / (2 * sqrt(3) * (1 + thickness / 2))
-            if info["thickness"] < THIN:
-                tags.append("thin")
         else:
             info["level"] = _level(share)
-        if window.genus >= HIGH_GENUS:
-            tags.append("high_genus")
         info["symmetry"] = SYMMETRY[kind, form, window.centre]
         return Shape(
             f"tpms-{split}-{index:03d}-{kind}-{form}",
             lambda: surface.mesh,
             surface=surface,
-            tags=tuple(tags),
+            tags=(kind, form),
             info=info,
             exactness="implicit",
         )

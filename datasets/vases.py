@@ -18,7 +18,6 @@ from .surfaces.patch_mesh import graded_lines, pole_levels
 from .surfaces.shells import offset, round_end
 from .surfaces.splines import Profile
 
-THIN = 0.03  # a wall thinner than this fraction of the diagonal counts as thin
 ROWS = 11  # control points above the foot
 
 # Height, and radii at relative heights from the foot to the lip.
@@ -39,8 +38,7 @@ class Vases(Family):
     A profile, a quintic spline from the middle of the foot to the lip, is turned; above the foot its section blends
     from a circle to flutes or to a twisted polygon with round edges. The wall is this surface moved by half its
     thickness to either side, exactly, and ends in a half-round rim. The thickness of the shapes runs evenly through the
-    range. Every fourth shape is a single sheet with a true border at the lip (``open``). ``thin``: the wall is below
-    3 % of the bounding-box diagonal. All are ``smooth``.
+    range. Every fourth shape is a single sheet with a true border at the lip .
     """
 
     thickness_low: float = 0.008  # thinnest wall, as a fraction of the bounding-box diagonal, about
@@ -66,19 +64,14 @@ class Vases(Family):
         vessel = Vessel(kind, section, relative, single, self.columns, int(rng.integers(2**31)))
         rotation = random_rotation(rng)
         surface = ParametricSurface(vessel.parts, rotation)
-        tags = ["smooth"]
         info = {"kind": kind, "section": section, "genus": 0}
-        if single:
-            tags.append("open")
-        else:
+        if not single:
             # Half the thickness is added on each side of the middle surface, which `relative` refers to.
             info["thickness"] = vessel.thickness / vessel.diagonal
             info["wall"] = vessel.thickness
-            if info["thickness"] < THIN:
-                tags.append("thin")
         info["symmetry"] = vessel.symmetry
         name = f"vases-{split}-{index:03d}-{kind}"
-        return Shape(name, surface.mesh, surface=surface, tags=tuple(tags), info=info, exactness="parametric")
+        return Shape(name, surface.mesh, surface=surface, tags=(kind,), info=info, exactness="parametric")
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ import pyvista
 
 from bench import Frame, Shape, generator
 from bench.geometry.mesh_surface import MeshSurface
+from bench.geometry.traits import all_tags
 from bench.plugins.presets import presets
 from bench.plugins.registry import registry
 from bench.plugins.schema import build
@@ -46,8 +47,8 @@ def families(picture: str) -> None:
         for column, shape in enumerate(islice(plugin.cls().shapes("test"), SHAPES)):
             plotter.subplot(number // 2, column + SHAPES * (number % 2))
             title = f"{plugin.name}\n" if column == 0 else "\n"
-            label(plotter, title + ", ".join(shape.tags))
-            sharp = "sharp" in shape.tags
+            label(plotter, title + ", ".join(all_tags(shape.traits, shape.tags)))
+            sharp = "sharp" in shape.traits.tags
             plotter.add_mesh(polydata(shape), color="#cfc7b8", smooth_shading=not sharp, split_sharp_edges=False)
             plotter.camera_position = VIEW
     save(plotter, picture)

@@ -144,7 +144,11 @@ def details(facts: Facts) -> str:
         if value:
             lines.append(f"{name}: {', '.join(value) if isinstance(value, list) else value}")
     if facts.get("shapes"):
-        lines += [f"{name}: {', '.join(facts['shapes'][name])}" for name in ("exactness", "tags")]
+        lines += [
+            f"{name}: {', '.join(facts['shapes'][name])}"
+            for name in ("exactness", "tags", "kinds")
+            if facts["shapes"].get(name)
+        ]
     for name, preset in facts.get("presets", {}).items():
         lines.append(f"preset: {kind}={name}  {preset['help']}")
     lines += ["", "parameters" if facts["parameters"] else "no parameters"]

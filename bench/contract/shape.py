@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,6 +13,8 @@ from ..geometry.cloud import Frame
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
+
+    from ..geometry.traits import Traits
 
 
 class Surface(Protocol):
@@ -63,7 +66,8 @@ class Shape:
     surface : Surface, optional
         What the dataset knows exactly (analytic samples and closest points). Without it the mesh is the truth.
     tags : tuple of str
-        Challenge tags, for slices of the leaderboard (``sharp``, ``thin``, ``high_genus``, ``smooth``, ...).
+        What kind of thing it is (``chair``, ``gear``, ``hand``), for slices of the leaderboard. What its surface is
+        like (``sharp``, ``smooth``, ``thin``, ...) is measured on every shape and not declared: see :attr:`traits`.
     info : mapping
         Whatever else is known: genus, symmetry, thickness. JSON values.
     exactness : str
@@ -112,6 +116,20 @@ class Shape:
 
             self._surface = MeshSurface(self.mesh)
         return self._surface
+
+    @cached_property
+    def traits(self) -> Traits:
+        """What the surface is like, measured on the mesh in the frame of a case, on first use.
+
+        Raises
+        ------
+        BadInput
+            As :meth:`framed`.
+        """
+        from ..geometry.traits import measure_traits
+
+        mesh = self.framed()[0].mesh
+        return measure_traits(mesh.vertices, mesh.faces)
 
     @property
     def is_exact(self) -> bool:

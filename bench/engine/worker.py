@@ -25,6 +25,7 @@ from ..contract.identity import shape_digest
 from ..contract.sensors import noun_of
 from ..errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from ..geometry.cloud import PointCloud
+from ..geometry.traits import Traits, all_tags, measure_traits
 from ..plan.cell import Cell, Choice
 from ..plugins.registry import missing_library
 from ..results import imputation
@@ -119,6 +120,13 @@ class _Session:
         case._memo = self.memo.at("case", *parts)
         return case
 
+    def tags(self, case: Case) -> tuple[str, ...]:
+        """What the reference's surface is like, as measured, and what kind of thing the dataset says it is."""
+        mesh = case.reference.mesh
+        memo = self.memo.at("traits", shape_digest(case.reference))
+        known = memo.arrays("traits", lambda: measure_traits(mesh.vertices, mesh.faces).arrays())
+        return all_tags(Traits.of(known), case.tags)
+
     def run_case(self, index: int, recipe: Any, task: Any) -> dict[str, Any]:
         """The row of one case; whatever is raised on the way is its status."""
         row: dict[str, Any] = {}
@@ -126,7 +134,7 @@ class _Session:
         try:
             self.channel.enter("case", index)
             self.case = case = self.made(recipe)
-            row["tags"] = ",".join(case.tags)
+            row["tags"] = ",".join(self.tags(case))
             row |= conditions(task, case)
             call = self.measured_call(index, case, task)
             try:

@@ -1,8 +1,8 @@
 """What the shapes of a dataset are like: exactness, tags, size, time to build, and hashes that catch drift.
 
-To know it, shapes must be built; a listing must not. So the facts are kept in ``catalog.json`` beside the datasets'
-sources, written by ``python scripts/freeze.py``, and ``detailbench list datasets --measure`` measures anew, on this
-machine and for datasets of yours too.
+To know it, shapes must be built and measured, which a listing must not do. So the facts are kept in ``catalog.json``
+beside the datasets' sources, written by ``python scripts/freeze.py``, and ``detailbench list datasets --measure``
+measures anew, on this machine and for datasets of yours too.
 """
 
 from __future__ import annotations
@@ -17,14 +17,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..geometry.traits import TAGS
 from .registry import Plugin
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
 FILE = "catalog.json"
-BUILT = 4  # shapes that are built for the figures
-TAGGED = 16  # shapes whose tags are looked at; that builds nothing
+LOOKED_AT = 16  # shapes whose exactness and kinds are looked at; that builds nothing
+BUILT = 8  # shapes that are built for the figures and whose tags are measured
+HASHED = 4  # of which all figures are kept
 DIGITS = 6  # of a coordinate that count: the last ones differ between processors and versions of libraries
 
 
@@ -34,24 +36,27 @@ def measure(plugin: Plugin) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``exactness`` and ``tags`` (lists), ``vertices`` ([least, most]), ``seconds`` (median of a shape's build), and
-        ``shapes``: id, vertices, faces, hash and measures of each that was built.
+        ``exactness``, ``tags`` (measured) and ``kinds`` (declared) as lists, ``vertices`` ([least, most]), ``seconds``
+        (median of a shape's build), and ``shapes``: id, tags, vertices, faces, hash and measures of the first ones.
     """
-    shapes = list(islice(plugin.cls().shapes("test"), TAGGED))
-    built, seconds = [], []
+    shapes = list(islice(plugin.cls().shapes("test"), LOOKED_AT))
+    built, seconds, tags = [], [], set()
     for shape in shapes[:BUILT]:
         start = time.perf_counter()
         mesh = shape.mesh
         seconds.append(time.perf_counter() - start)
         size = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
-        built.append({"id": shape.id, **size, "hash": mesh_hash(mesh), "measures": mesh_measures(mesh)})
+        tags |= set(measured := shape.traits.tags)
+        figures = {"hash": mesh_hash(mesh), "measures": mesh_measures(mesh)}
+        built.append({"id": shape.id, "tags": list(measured), **size, **figures})
     sizes = [entry["vertices"] for entry in built]
     return {
         "exactness": sorted({shape.exactness for shape in shapes}),
-        "tags": sorted({tag for shape in shapes for tag in shape.tags}),
+        "tags": [tag for tag in TAGS if tag in tags],
+        "kinds": sorted({tag for shape in shapes for tag in shape.tags} - set(TAGS)),
         "vertices": [min(sizes), max(sizes)],
         "seconds": round(statistics.median(seconds), 2),
-        "shapes": built,
+        "shapes": built[:HASHED],
     }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import UsageError, did_you_mean
+from ..geometry.traits import TAGS
 
 Names = str | Iterable[str] | None
 
@@ -93,6 +94,7 @@ def select(
     return rows if chosen.all() else rows[chosen]
 
 
+SHAPES = 4  # fewer of one kind tell nothing of it, and a chair, a gear and a tree would have a column each
 GROUPINGS = ("task", "dataset", "sensor", "tag")
 
 
@@ -108,7 +110,8 @@ def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
     rows : DataFrame
     by : str or list of str
         What tables are made by, besides the task: some of ``dataset``, ``sensor`` and ``tag``, or just ``task``; by
-        dataset and sensor without it. A case with several tags counts under each; one with none is ``untagged``.
+        dataset and sensor without it. A case with several tags counts under each; one with none is ``untagged``. A
+        kind of thing (a tag that a dataset declares) makes a table where :data:`SHAPES` shapes or more are of it.
 
     Raises
     ------
@@ -127,11 +130,21 @@ def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
         rows["case"] = rows["dataset"] + "/" + rows["case"]  # two datasets may use one id
         group = [["all datasets"]] * len(rows)
     if "tag" in chosen:
-        tags = [sorted(_tags(value)) or ["untagged"] for value in rows["tags"]]
+        known = _groups(rows)
+        tags = [sorted(_tags(value) & known) or ["untagged"] for value in rows["tags"]]
         shown = "{tag}" if "dataset" not in chosen else "{name} {tag}"
         group = [[shown.format(name=n[0], tag=t) for t in ts] for n, ts in zip(group, tags, strict=True)]
     rows["dataset"] = group
     return prepared(rows.explode("dataset", ignore_index=True))
+
+
+def _groups(rows: pd.DataFrame) -> set[str]:
+    """The tags that make a group: those that are measured, and declared ones that enough shapes have."""
+    shapes: dict[str, set[tuple[str, str]]] = {}
+    for dataset, case, value in zip(rows["dataset"], rows["case"], rows["tags"], strict=True):
+        for tag in _tags(value):
+            shapes.setdefault(tag, set()).add((dataset, case))
+    return {tag for tag, of in shapes.items() if tag in TAGS or len(of) >= SHAPES}
 
 
 def metrics_of(rows: pd.DataFrame, metric: Names = None) -> list[str]:

@@ -17,7 +17,7 @@ from .parametric import Chart, Patch
 from .patch_mesh import graded_lines, pole_levels
 
 DENSE = 2001  # places on a curve, a piece, that grid lines and angles are taken from
-EDGE_WINDOW, EDGE_ANGLE = 0.02, 30.0  # an edge: the normal turns by so many degrees within this part of the diagonal
+EDGE_WINDOW = 0.02  # of the diagonal: how far along a curve its turn is measured
 
 
 def check_grid(rows: int, columns: int) -> None:

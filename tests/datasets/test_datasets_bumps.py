@@ -228,8 +228,8 @@ def test_the_spectrum_has_its_exponent():
 
 
 def test_a_few_shapes_hold_both_kinds():
-    tags = [made.tags for made in islice(Bumps().shapes("test"), 4)]
-    assert ("smooth",) in tags and ("smooth", "multiscale") in tags
+    tags = [made.traits.tags for made in islice(Bumps().shapes("test"), 4)]
+    assert ("smooth",) in tags and ("sharp",) in tags
 
 
 def test_splits_never_meet_and_ids_are_file_names():

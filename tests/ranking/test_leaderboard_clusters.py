@@ -9,6 +9,7 @@ from boards import ranks, row, rows
 
 from bench.ranking.leaderboard import leaderboard
 from bench.ranking.overview import overview
+from bench.ranking.selection import pool
 
 METHODS = 8
 SIGMAS = (0.5, 0.3, 0.1)  # of the logarithms: what a shape adds for all methods, and for each one, and chance
@@ -105,3 +106,11 @@ def test_the_first_column_of_a_view_across_groups_counts_shapes():
     once, often = overview(rows(*clear(sensors="a", seeds=(0,))), "tag"), overview(rows(*clear()), "tag")
     columns = ["method", "metric", "mean", "ci_low", "ci_high", "rank_low", "rank_high"]
     pd.testing.assert_frame_equal(once[columns], often[columns])
+
+
+def test_measured_tags_make_groups_and_kinds_where_enough_shapes_are_of_one():
+    of = ["sharp,gear"] * 4 + ["sharp,chair"] * 2
+    frame = pd.DataFrame([row("a", f"c{k}", 0, {"m": 1.0}, tags=tags) for k, tags in enumerate(of)])
+    assert dict(pool(frame, "tag").groupby("dataset").size()) == {"gear": 4, "sharp": 6}
+    frame["tags"] = ["chair"] * 3 + ["gear"] * 3
+    assert dict(pool(frame, "tag").groupby("dataset").size()) == {"untagged": 6}

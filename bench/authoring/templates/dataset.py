@@ -23,7 +23,7 @@ class MyPlugin:
             yield Shape(
                 id=f"my_plugin-{split}-{index:03d}",
                 mesh=lambda index=index: self._mesh(split, index),  # made when it is needed
-                tags=("smooth",),
+                tags=("ball",),  # what kind of thing it is
             )
 
     def _mesh(self, split: str, index: int):
