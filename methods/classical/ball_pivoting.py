@@ -10,9 +10,12 @@ import numpy as np
 from bench import BadInput, PointCloud, Run, register
 
 from .inputs import distinct_oriented
+from .noise import noise_to_spacing
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
+
+NOISY = 0.15  # noise over spacing from which small balls do harm
 
 
 @register("method", cite="Bernardini et al. 1999", requires=("open3d", "scipy", "trimesh"))
@@ -20,9 +23,13 @@ if TYPE_CHECKING:
 class BallPivoting:
     """Ball pivoting: a ball rolls over the points, and the triples that it rests on become triangles."""
 
-    radii: tuple[float, ...] = (1.5, 3.0, 6.0)  # of the balls, in mean spacings, ascending; larger ones close holes
+    radii: tuple[float, ...] | None = (
+        None  # of the balls, in mean spacings, ascending; None: 1.0, 1.5, 2, 4, or with noise 1.5, 3, 6
+    )
 
     def __post_init__(self) -> None:
+        if self.radii is None:
+            return
         radii = list(self.radii)
         if not radii or min(radii) <= 0 or radii != sorted(radii):
             raise ValueError(f"radii: expected ascending numbers above 0, got {radii}")
@@ -37,7 +44,8 @@ class BallPivoting:
         points, normals, _ = distinct_oriented(cloud, "ball_pivoting", at_least=4)
         oriented = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
         oriented.normals = o3d.utility.Vector3dVector(normals)
-        radii = o3d.utility.DoubleVector(np.array(self.radii) * mean_spacing(points))
+        balls = radii_for(points, normals) if self.radii is None else self.radii
+        radii = o3d.utility.DoubleVector(np.array(balls) * mean_spacing(points))
         mesh = o3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(oriented, radii)
         if not len(mesh.triangles):
             raise BadInput(
@@ -45,3 +53,11 @@ class BallPivoting:
                 "surface densely (raise radii, or remove far outliers)"
             )
         return Trimesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles), process=False)
+
+
+def radii_for(points: np.ndarray, normals: np.ndarray) -> tuple[float, ...]:
+    """The radii that were best on the train shapes at the noise of these points, see docs/tuning.md.
+
+    A ball that is smaller than the noise rests on the points that stick out.
+    """
+    return (1.0, 1.5, 2.0, 4.0) if noise_to_spacing(points, normals) < NOISY else (1.5, 3.0, 6.0)

@@ -9,6 +9,7 @@ import numpy as np
 from bench import PointCloud, Run, register
 
 from .inputs import distinct_oriented
+from .noise import noise_to_spacing
 
 
 @register("method", cite="Huang et al. 2013, section 4", requires=("CGAL", "scipy"))
@@ -16,12 +17,12 @@ from .inputs import distinct_oriented
 class Bilateral:
     """Bilateral smoothing: points move along normals that count less the more they differ, which keeps edges."""
 
-    k: int = 40  # neighbours; more smooth more
+    k: int | None = None  # neighbours; more smooth more; None: by the noise, 12 to 64
     iterations: int = 1  # passes; from the third on fine detail is flattened
     angle: float = 20.0  # degrees by which normals may differ before they count less; 90 ignores edges
 
     def __post_init__(self) -> None:
-        if self.k < 3:
+        if self.k is not None and self.k < 3:
             raise ValueError(f"k: expected at least 3, got {self.k}")
         if self.iterations < 1:
             raise ValueError(f"iterations: expected at least 1, got {self.iterations}")
@@ -30,8 +31,14 @@ class Bilateral:
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
         """As many points as the input has, in its order, with the smoothed normals."""
         points, normals, inverse = distinct_oriented(cloud, "bilateral", at_least=10)
-        points, normals = smooth(points, normals, self.k, self.iterations, self.angle, run)
+        k = neighbours_for(points, normals) if self.k is None else self.k
+        points, normals = smooth(points, normals, k, self.iterations, self.angle, run)
         return PointCloud(points[inverse], normals[inverse])
+
+
+def neighbours_for(points: np.ndarray, normals: np.ndarray) -> int:
+    """The number of neighbours that was best on the train shapes at the noise of these points, see docs/tuning.md."""
+    return int(np.clip(12 * np.exp(5 * noise_to_spacing(points, normals)), 12, 64))
 
 
 def check_angle(name: str, angle: float) -> None:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from bench import PointCloud, Run, register
 
 from .inputs import distinct_points
+from .noise import noise_of
 
 
 @register("method", cite="Cazals and Pouget 2005", requires=("CGAL",))
@@ -14,11 +17,11 @@ from .inputs import distinct_points
 class Jet:
     """Jet smoothing: every point moves onto a quadric fitted to its nearest neighbours."""
 
-    k: int = 16  # neighbours of the fit; more smooth more
+    k: int | None = None  # neighbours of the fit; more smooth more; None: by the noise, 12 to 30
     iterations: int = 1  # passes; more smooth more
 
     def __post_init__(self) -> None:
-        if self.k < 6:
+        if self.k is not None and self.k < 6:
             raise ValueError(f"k: a quadric needs at least 6 neighbours, got {self.k}")
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
@@ -28,8 +31,14 @@ class Jet:
         from .point_sets import to_array, to_point_set
 
         points, inverse = distinct_points(cloud.points, "jet", at_least=10)
+        k = neighbours_for(cloud) if self.k is None else self.k
         point_set = to_point_set(points)
         for done in range(self.iterations):
-            jet_smooth_point_set(point_set, min(self.k, len(points) - 1))
+            jet_smooth_point_set(point_set, min(k, len(points) - 1))
             run.progress(done + 1, self.iterations)
         return PointCloud(to_array(point_set)[inverse])
+
+
+def neighbours_for(cloud: PointCloud) -> int:
+    """The number of neighbours that was best on the train shapes at the noise of this cloud, see docs/tuning.md."""
+    return int(np.clip(12 + 30 * noise_of(cloud), 12, 30))

@@ -11,6 +11,7 @@ from bench import PointCloud, Run, register
 
 from . import screened_poisson
 from .inputs import distinct_oriented
+from .noise import noise_to_spacing
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -21,19 +22,21 @@ if TYPE_CHECKING:
 class Poisson:
     """Screened Poisson surface reconstruction: the indicator function whose gradient fits the normals.
 
-    With ``point_weight=2`` this is Open3D's plain call.
+    The less noise, the more the surface is held to the points. With ``point_weight=2`` this is Open3D's plain call.
     """
 
     depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
     trim: float = 0.0  # drop this quantile of least supported vertices, 0..1; opens what the method closes
     cut: float = 0.0  # drop vertices that lie so many octree levels below the median one; 0.7 opens holes, 0 keeps all
-    point_weight: float = 4.0  # how strongly the surface is held to the points; 0 is unscreened Poisson
+    point_weight: float | None = (
+        None  # how strongly points hold the surface, 0 not at all; None: by their noise, 0.3 to 10
+    )
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
     samples_per_node: float = 1.5  # points per octree cell; 5 to 20 smooths noise away
     linear_fit: bool = False  # whether vertices are set by linear interpolation along the edges of the octree
 
     def __post_init__(self) -> None:
-        screened_poisson.check_octree(self.depth, self.scale, self.point_weight, self.samples_per_node)
+        screened_poisson.check_octree(self.depth, self.scale, self.point_weight or 0.0, self.samples_per_node)
         if not 0 <= self.trim < 1:
             raise ValueError(f"trim: expected a quantile from 0 to below 1, got {self.trim}")
         if not self.cut >= 0:
@@ -44,13 +47,14 @@ class Poisson:
         from trimesh import Trimesh
 
         points, normals, _ = distinct_oriented(cloud, "poisson", at_least=4)
+        weight = point_weight(points, normals) if self.point_weight is None else self.point_weight
         vertices, faces, support = screened_poisson.solve(
             points,
             normals,
             depth=self.depth,
             scale=self.scale,
             samples_per_node=self.samples_per_node,
-            point_weight=self.point_weight,
+            point_weight=weight,
             linear_fit=self.linear_fit,
         )
         least = np.quantile(support, self.trim) if self.trim > 0 else -np.inf
@@ -68,3 +72,8 @@ class Poisson:
         mesh = self.reconstruct(cloud, run)
         count = ratio * len(cloud)
         return PointCloud(*eliminate(*MeshSurface(mesh).sample(CANDIDATES * count, run.rng), mesh, count))
+
+
+def point_weight(points: np.ndarray, normals: np.ndarray) -> float:
+    """The weight that was best on the train shapes at the noise of these points, see docs/tuning.md."""
+    return float(np.clip(0.16 / max(noise_to_spacing(points, normals), 1e-9), 0.3, 10.0))

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from bench import PointCloud, Run, register
 
 from .inputs import distinct_points
+from .noise import noise_of
 
 
 @register("method", cite="Huang et al. 2009", requires=("CGAL", "scipy"))
@@ -15,14 +18,14 @@ class Wlop:
     """Weighted locally optimal projection: points are drawn to local medians and pushed apart evenly."""
 
     retain: float = 100.0  # how many points come back, in percent of the input (of its distinct points)
-    radius: float = 3.0  # support in mean spacings; below 3 little moves, above 8 details and edges shrink
-    iterations: int = 10  # passes; with 35 the error is the same to 1 %
+    radius: float | None = None  # support in mean spacings; larger smooths more; None: by the noise, 2 to 5
+    iterations: int = 10  # passes; with 35 the error is the same to 2 %
     uniform: bool = False  # weigh by density, for unevenly sampled input; slower
 
     def __post_init__(self) -> None:
         if not 0 < self.retain <= 100:
             raise ValueError(f"retain: expected a percentage above 0 and up to 100, got {self.retain}")
-        if not self.radius > 0:
+        if self.radius is not None and not self.radius > 0:
             raise ValueError(f"radius: expected a number above 0, got {self.radius}")
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
@@ -35,10 +38,16 @@ class Wlop:
         from .point_sets import to_array, to_point_set
 
         points, _ = distinct_points(cloud.points, "wlop", at_least=10)
+        support = radius_for(cloud) if self.radius is None else self.radius
         # CGAL's own choice of the radius was seen to leave the cloud worse than it came.
-        radius = self.radius * mean_spacing(points)
+        radius = support * mean_spacing(points)
         output = Point_set_3()
         wlop_simplify_and_regularize_point_set(
             to_point_set(points), output, self.retain, radius, self.iterations, self.uniform
         )
         return PointCloud(to_array(output))
+
+
+def radius_for(cloud: PointCloud) -> float:
+    """The support that was best on the train shapes at the noise of this cloud, see docs/tuning.md."""
+    return float(np.clip(2 + 5.5 * noise_of(cloud), 2, 5))

@@ -1,0 +1,60 @@
+"""How noisy a cloud is, for parameters whose best value depends on it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench import PointCloud
+
+NEIGHBOURS = 8
+ON_ONE_SIDE = 0.7  # least cosine of two normals for their points to count as neighbours on the surface
+QUERIES = 10_000  # points whose neighbourhoods are looked at; more change the median in the third digit
+ROUGHNESS = 0.25  # of the turn between neighbouring normals, in radians: what rough detail leaves, over the spacing
+NORMAL_MEDIAN = 0.6745  # median |x| of a normal variable with standard deviation 1
+
+
+def noise_of(cloud: PointCloud) -> float:
+    """:func:`noise_to_spacing` of a cloud, with estimated normals where it has none."""
+    from bench.geometry.normals import with_normals
+
+    points, first = np.unique(cloud.points, axis=0, return_index=True)
+    return noise_to_spacing(points, with_normals(cloud).normals[first])
+
+
+def noise_to_spacing(points: np.ndarray, normals: np.ndarray) -> float:
+    """The standard deviation of the noise along the normals over the distance between neighbours.
+
+    For two points p, q of a smooth surface and their normals m, n, ``(m + n) . (p - q)`` vanishes but for the third
+    order of their distance: it is exactly zero on a sphere. What is left of it is noise, of which each of the two
+    points has its own. Its median over pairs of neighbours with similar normals is not moved by edges, by the other
+    side of a thin sheet or by outliers. Rough detail that is finer than the spacing leaves some too, but its normals
+    turn: the share :data:`ROUGHNESS` of the median turn between neighbours is taken off (measured on fractional
+    Brownian motion without noise, the roughest train family). With estimated normals such detail counts as noise.
+
+    Parameters
+    ----------
+    points : (n, 3) array, all different
+    normals : (n, 3) array of unit length
+
+    Returns
+    -------
+    float
+        0 without noise; about 0.1, 0.2 and 0.4 for noise of 0.5, 1 and 2 % of the radius on 5,000 points.
+    """
+    from scipy.spatial import cKDTree
+
+    count = len(points)
+    chosen = np.arange(count) if count <= QUERIES else np.linspace(0, count - 1, QUERIES).astype(int)
+    distance, neighbour = cKDTree(points).query(points[chosen], min(NEIGHBOURS + 1, count))
+    distance, neighbour = distance[:, 1:], neighbour[:, 1:]
+    spacing = float(np.median(distance[:, :6].mean(axis=1)))
+    m, n = normals[chosen][:, None], normals[neighbour]
+    cosine = np.einsum("ijk,ijk->ij", np.broadcast_to(m, n.shape), n)
+    similar = cosine > ON_ONE_SIDE
+    if not similar.any():
+        return 0.0
+    between = (m + n)[similar] / np.sqrt(2 + 2 * cosine[similar])[:, None]
+    offsets = np.abs(np.einsum("ik,ik->i", between, (points[chosen][:, None] - points[neighbour])[similar]))
+    noise = float(np.median(offsets)) / (NORMAL_MEDIAN * np.sqrt(2)) / spacing
+    turn = np.sqrt(max(2 - 2 * float(np.median(cosine[similar])), 0.0))
+    return float(np.sqrt(max(noise**2 - (ROUGHNESS * turn) ** 2, 0.0)))
