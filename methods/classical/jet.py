@@ -12,7 +12,7 @@ from .inputs import distinct_points
 from .noise import noise_of
 
 
-@register("method", cite="Cazals and Pouget 2005", requires=("CGAL",))
+@register("method", cite="Cazals and Pouget 2005", requires=("CGAL", "scipy"))
 @dataclass(frozen=True)
 class Jet:
     """Jet smoothing: every point moves onto a quadric fitted to its nearest neighbours."""
