@@ -64,7 +64,7 @@ def draw_draped(rng: np.random.Generator, stance: str) -> Draped:
     side = float(rng.choice([-1, 1]))
     free, held = ("left", "right") if side > 0 else ("right", "left")
     angles = {f"{free}_{name}": angle + 5 * rng.normal() for name, angle in STANCES[stance].items()}
-    angles |= {f"{held}_arm_raise": -40.0, f"{held}_elbow": 22.0, f"{held}_arm_swing": 12.0, f"{held}_curl": 25.0}
+    angles |= {f"{held}_arm_raise": -40.0, f"{held}_elbow": 48.0, f"{held}_arm_swing": 14.0, f"{held}_curl": 25.0}
     turns, shifts = forward(REST, joint_rotations(angles))
     joints = np.einsum("jab,jb->ja", turns, REST) + shifts
     ends = np.einsum("jab,jb->ja", turns, ENDS) + shifts
@@ -100,8 +100,8 @@ def _form(p: Point, it: Draped) -> Dual:
     body = smooth_min(torso, _skirt(p, it), 0.07)
     held = "right" if it.side > 0 else "left"
     shoulder, elbow, wrist = (it.joints[NAMES.index(f"{held}_{name}")] for name in ("shoulder", "elbow", "wrist"))
-    body = add(body, p, (shoulder + elbow) / 2, 0.3, 0.07, lambda q: limb(q, shoulder, elbow, 0.056, 0.050))
-    body = add(body, p, (elbow + wrist) / 2, 0.3, 0.07, lambda q: limb(q, elbow, wrist, 0.050, 0.036))
+    body = add(body, p, (shoulder + elbow) / 2, 0.3, 0.14, lambda q: limb(q, shoulder, elbow, 0.058, 0.052))
+    body = add(body, p, (elbow + wrist) / 2, 0.3, 0.10, lambda q: limb(q, elbow, wrist, 0.052, 0.036))
     # The bent knee presses through the dress.
     s = -it.side
     hip, knee, ankle = np.array([[s * 0.09, -0.02, 0.90], [s * 0.115, -0.165, 0.50], [s * 0.135, -0.03, 0.10]])
@@ -126,6 +126,8 @@ def _cloth(p: Point, it: Draped, carver: Carver, detail: float) -> Dual:
     x, y, z = p[0] / rho, p[1] / rho, p[2]
     knee = length(x + s * 0.11, y + 0.17, (z - 0.55) * 0.45)
     loose = ease((knee - 0.05) * (1 / 0.10)) * 0.85 + 0.15  # cloth is tight over the knee
+    # On the arm under the mantle folds are low: they must not close the gap between arm and hip.
+    loose = loose * (1 - ease((rho * 0.2 - 0.20) * 14) * ease((z - 0.8) * 12) * 0.75)
     drift = carver.noise((x * 4, y * 4, z * 2.2), 3) * 0.5
     ends = ease((1.49 - z) * (1 / 0.06))
     if not it.mantle:
@@ -139,7 +141,7 @@ def _cloth(p: Point, it: Draped, carver: Carver, detail: float) -> Dual:
         across = w * 15 + u * (s * 11) + u.square() * 55 + v * 5 + bend
         wraps = carver.folds(across * 0.85, u * (s * -7) + w * 5 + v * 4, 11)
         rolled = ease(1 - soft_abs(rise + 0.05, 0.012) * (1 / 0.055)) * 0.014
-        return wraps * (0.034 * detail) * (give * 0.6 + 0.4) + 0.018 + rolled
+        return wraps * (0.034 * detail) * (give * 0.75 + 0.25) + 0.018 + rolled
 
     def dress(q: Point) -> Dual:
         return _dress(q[:3], q[3], q[4], carver, detail)
