@@ -43,7 +43,7 @@ class CotLaplacian:
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:
         """``cot_laplacian``, ``cot_laplacian_box``, ``cot_laplacian_per_area``; ``{}`` where they do not apply."""
         source = case.input.get("source")
-        if not hasattr(source, "faces") or not np.array_equal(source.faces, output.faces):
+        if not hasattr(source, "faces") or not len(source.faces) or not np.array_equal(source.faces, output.faces):
             return {}
         thin = int(slivers(source.vertices, source.faces).sum())
         if thin:
@@ -51,9 +51,10 @@ class CotLaplacian:
                 f"cot_laplacian: {thin} of the {len(source.faces)} faces of the source are slivers; they are left out",
                 stacklevel=2,
             )
-        L = cotangent_laplacian(source.vertices, source.faces)
-        before, after = (np.linalg.norm(L @ np.asarray(mesh.vertices), axis=1) for mesh in (source, output))
-        change = np.abs(before - after)[is_used(source)]
+        count = int(source.faces.max()) + 1  # behind these there may be vertices that no face uses, in either mesh
+        L = cotangent_laplacian(source.vertices[:count], source.faces)
+        before, after = (np.linalg.norm(L @ np.asarray(mesh.vertices)[:count], axis=1) for mesh in (source, output))
+        change = np.abs(before - after)[is_used(source)[:count]]
         half_edge = np.ptp(used_vertices(case.reference.mesh), axis=0).max() / 2
         return {
             "cot_laplacian": float(change.mean()),

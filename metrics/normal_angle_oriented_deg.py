@@ -25,6 +25,10 @@ class NormalAngleOrientedDeg:
     90. ``normal_flipped_share`` is the share of output points whose normal is more than 90 degrees from the surface's:
     0.5 for normals that were never oriented. A thin sheet flips normals for free: the closest point of a point that has
     passed to the other side has the opposite normal. A cloud without normals gets no score.
+
+    Faces are taken as they are wound, in the output and in the reference: that a result has them wrong is what is
+    measured here. Where it is the reference that has, its count of ``flipped_faces`` says so (:mod:`topology`), and the
+    unoriented ``normal_angle_deg`` is the one to read.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:

@@ -7,9 +7,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import BadInput
-from .topology import Edges, components_of_faces, distinct_positions, patches, turns_to_agree, without_repeats
+from .topology import (
+    Edges,
+    agreeing,
+    components_of_faces,
+    distinct_positions,
+    patches,
+    turns_to_agree,
+    without_repeats,
+)
 from .winding import inside
 
+MOST = 0.95  # of the area; where so much agrees, the winding number is above one half nearly everywhere inside
 PROBES = 5  # vertices of a component that must all be inside another one
 # Of rays whose crossings are counted: no axis and no diagonal of a model, none in a plane with another.
 DIRECTIONS = np.array(
@@ -30,6 +39,8 @@ def oriented(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     other one and is inside out, it is turned with all that it holds. Faces of a component that disagree are turned
     until they agree. It is outward then, or inward where it lies in an odd number of others: a hollow ball keeps its
     cavity. Where more than two faces meet in an edge, sides are told by counting how often rays cross the component.
+    One that cannot be mended stays as it is if 95 % of its area agrees, unless it is closed and has only one side:
+    surfaces from noisy scans have a few faces that fit nowhere.
 
     Parameters
     ----------
@@ -43,7 +54,7 @@ def oriented(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     Raises
     ------
     NoSides
-        Where faces disagree and no choice mends it: a Moebius strip, a Klein bottle, solids that hang together wrongly.
+        Where faces disagree and no choice mends it: a Klein bottle, a sheet in shreds that are wound either way.
     """
     V, F = np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64)
     position = distinct_positions(V)[F]
@@ -112,22 +123,42 @@ def _agreeing(V: np.ndarray, F: np.ndarray, position: np.ndarray, parts: _Parts)
     turn = np.zeros(len(F), dtype=bool)
     if not parts.mixed.any():
         return turn
-    turns = turns_to_agree(len(F), parts.edges)
-    if turns is None:
-        raise NoSides("its faces cannot be wound consistently, as those of a Moebius strip")
+    turns, hopeless = turns_to_agree(len(F), parts.edges)
+    crowded = (parts.edges.sizes > 2)[parts.edges.at].reshape(-1, 3).any(axis=1)
     mixed = parts.mixed[parts.of_face]
     turn[mixed] = turns[mixed]
-    crowded = (parts.edges.sizes > 2)[parts.edges.at].reshape(-1, 3).any(axis=1)
-    for part in np.unique(parts.of_face[crowded & mixed]):
+    for part in np.unique(parts.of_face[mixed & (crowded | hopeless)]):
         here = np.flatnonzero(parts.of_face == part)
-        if not parts.closed[part]:
-            raise NoSides("its faces are wound inconsistently, and it has both edges of several faces and holes")
-        turned = np.where(turn[here, None], F[here][:, ::-1], F[here])
-        turn[here] ^= _facing_in(V, turned, patches(len(here), Edges(position[here])))
-        corners = np.where(turn[here, None], position[here][:, ::-1], position[here])
-        if Edges(corners).balance.any():
-            raise NoSides("its faces are wound inconsistently, and its parts cannot be told apart")
+        try:
+            turn[here] = _mended(V, F[here], position[here], turn[here], hopeless[here].any(), parts.closed[part])
+        except NoSides:
+            if (hopeless[here].any() and parts.closed[part]) or _agreeing_share(V, F[here], position[here]) < MOST:
+                raise
+            turn[here], parts.mixed[part] = False, False  # a few faces that disagree hardly matter
     return turn
+
+
+def _mended(
+    V: np.ndarray, F: np.ndarray, position: np.ndarray, turn: np.ndarray, hopeless: bool, closed: bool
+) -> np.ndarray:
+    """Which faces of one component to turn where its patches meet in edges of several faces."""
+    if hopeless:
+        raise NoSides("its faces cannot be wound consistently, as those of a Moebius strip")
+    if not closed:
+        raise NoSides("its faces are wound inconsistently, and it has both edges of several faces and holes")
+    turned = np.where(turn[:, None], F[:, ::-1], F)
+    turn = turn ^ _facing_in(V, turned, patches(len(F), Edges(position)))
+    if Edges(np.where(turn[:, None], position[:, ::-1], position)).balance.any():
+        raise NoSides("its faces are wound inconsistently, and its parts cannot be told apart")
+    return turn
+
+
+def _agreeing_share(V: np.ndarray, F: np.ndarray, position: np.ndarray) -> float:
+    """The share of the area in the largest set of faces that agree as they are."""
+    a, b, c = np.moveaxis(V[F], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    total = area.sum()
+    return float(np.bincount(agreeing(len(F), Edges(position)), weights=area).max() / total) if total > 0 else 0.0
 
 
 def _facing_in(V: np.ndarray, F: np.ndarray, patch: np.ndarray) -> np.ndarray:

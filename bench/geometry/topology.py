@@ -56,12 +56,12 @@ def count_topology(vertices: np.ndarray, faces: np.ndarray) -> TopologyCounts:
     edges = Edges(F)
     components = components_of_faces(len(F), edges)[0]
     boundary = int((edges.sizes == 1).sum())
-    turns = turns_to_agree(len(F), edges)
+    turns, hopeless = turns_to_agree(len(F), edges)
     genus = None
-    if edges.sizes.max() <= 2 and turns is not None and _has_single_fans(F, edges):
+    if edges.sizes.max() <= 2 and not hopeless.any() and _has_single_fans(F, edges):
         euler = int(F.max()) + 1 - len(edges.sizes) + len(F)
         genus = (2 * components - _count_boundary_loops(edges) - euler) // 2
-    flipped = None if turns is None else int(turns.sum())
+    flipped = None if hopeless.any() else int(turns.sum())
     return TopologyCounts(components, genus, boundary, bool((edges.sizes == 2).all()), flipped)
 
 
@@ -135,16 +135,17 @@ def patches(faces: int, edges: Edges) -> np.ndarray:
     return _components(faces, edges.first[edges.of_two] // 3, edges.second[edges.of_two] // 3)[1]
 
 
-def turns_to_agree(faces: int, edges: Edges) -> np.ndarray | None:
+def turns_to_agree(faces: int, edges: Edges) -> tuple[np.ndarray, np.ndarray]:
     """Which faces to turn so that all neighbours agree, the fewer of the two choices in each patch.
 
     Returns
     -------
-    (f,) bool array, or None where no choice does it
+    turns, hopeless : (f,) bool arrays
+        The faces to turn, and those of patches in which no choice does it.
     """
     crossed = edges.crossed & edges.of_two
     if not crossed.any():
-        return np.zeros(faces, dtype=bool)
+        return np.zeros(faces, dtype=bool), np.zeros(faces, dtype=bool)
     # In the double cover each face is there as it is and turned; what agrees is connected. A patch that can be made to
     # agree falls into two sheets, which take its faces each the other way round.
     one, two, crossed = (a[edges.of_two] for a in (edges.first // 3, edges.second // 3, crossed))
@@ -154,12 +155,20 @@ def turns_to_agree(faces: int, edges: Edges) -> np.ndarray | None:
         np.concatenate([two + crossed * faces, two + ~crossed * faces]),
     )
     as_is, turned = sheet[:faces], sheet[faces:]
-    if (as_is == turned).any():
-        return None
     pair = np.minimum(as_is, turned)  # the name of the patch
     in_other = as_is != pair
     size, others = np.bincount(pair), np.bincount(pair, weights=in_other)
-    return in_other ^ (2 * others > size)[pair]
+    return in_other ^ (2 * others > size)[pair], as_is == turned
+
+
+def agreeing(faces: int, edges: Edges) -> np.ndarray:
+    """(f,) int array: the set of each face in which faces hang together through edges where they agree as they are."""
+    forward = edges.start < edges.end
+    both = (np.bincount(edges.at[forward], minlength=len(edges.sizes)) > 0) & (
+        np.bincount(edges.at[~forward], minlength=len(edges.sizes)) > 0
+    )
+    through = np.flatnonzero(both[edges.at])
+    return _components(faces + len(edges.sizes), through // 3, faces + edges.at[through])[1][:faces]
 
 
 def _has_single_fans(F: np.ndarray, edges: Edges) -> bool:

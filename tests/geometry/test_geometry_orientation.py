@@ -123,15 +123,56 @@ def test_an_open_mesh_is_wound_consistently_and_outward():
         assert np.array_equal(oriented(spoilt.vertices, spoilt.faces), holed.faces)
 
 
-def test_what_has_no_sides_is_refused():
-    angle = 2 * np.pi * np.arange(24) / 24
-    sides = [(1 + s * np.cos(angle / 2)) * [np.cos(angle), np.sin(angle), 0 * angle] for s in (-0.3, 0.3)]
-    for side, s in zip(sides, (-0.3, 0.3), strict=True):
-        side[2] = s * np.sin(angle / 2)
-    quads = [(i, 24 + i, (i + 1) % 24, 24 + (i + 1) % 24) for i in range(23)] + [(23, 47, 24, 0)]
-    faces = [face for a, b, c, d in quads for face in ((a, b, c), (c, b, d))]
+def grid_torus(closed_by, n=12, m=8):
+    """A grid of n x m quads whose sides are glued: as a torus, or as a Klein bottle, which crosses itself."""
+    u, v = np.meshgrid(2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m, indexing="ij")
+    turn = u / 2 if closed_by == "klein" else 0 * u
+    x, y = np.cos(v), np.sin(2 * v) if closed_by == "klein" else np.sin(v)
+    across, up = np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y
+    radius = 3 + across
+    points = np.stack([radius * np.cos(u), radius * np.sin(u), up], axis=-1).reshape(-1, 3)
+    faces = []
+    for i in range(n):
+        for j in range(m):
+            k = (j + 1) % m
+            near, far = (i * m + j, i * m + k), ((i + 1) % n * m + j, (i + 1) % n * m + k)
+            if (
+                i == n - 1 and closed_by == "klein"
+            ):  # half a turn takes v to pi - v or v + pi: a reflection of the eight
+                far = ((m // 2 - j) % m, (m // 2 - k) % m)
+            faces += [(near[0], far[0], near[1]), (near[1], far[0], far[1])]
+    return mesh_of(points, np.array(faces))
+
+
+def test_what_has_one_side_only_is_refused():
+    klein = grid_torus("klein")
     with pytest.raises(NoSides, match="Moebius"):
-        oriented(np.hstack(sides).T, faces)
+        oriented(klein.vertices, klein.faces)
+    torus = grid_torus("torus")
+    assert oriented(torus.vertices, torus.faces) is not None
+
+
+def test_shreds_of_a_sheet_that_meet_others_are_refused():
+    """Three half planes in one line: random winding of an open mesh with an edge of three faces."""
+    rng = generator(3)
+    vertices = [(x, np.cos(a) * y, np.sin(a) * y) for a in (0, 2, 4) for x in range(12) for y in range(6)]
+    corners = [72 * s + 6 * x + y for s in range(3) for x in range(11) for y in range(5)]
+    faces = np.array([f for c in corners for f in ((c, c + 6, c + 1), (c + 1, c + 6, c + 7))])
+    faces = np.where((rng.random(len(faces)) < 0.5)[:, None], faces[:, ::-1], faces)
+    with pytest.raises(NoSides, match="wound inconsistently"):
+        oriented(np.array(vertices), faces)
+
+
+def test_a_few_faces_that_fit_nowhere_do_not_spoil_a_surface():
+    """A fin of two triangles on an open ball, which disagree with the ball and with each other."""
+    holed, rng = BALL.faces[10:], generator(4)
+    spots = rng.choice(len(holed), 5, replace=False)
+    vertices = np.vstack([BALL.vertices, BALL.vertices[holed[spots, 0]] * 1.05])
+    fins = [(holed[s, 0], holed[s, 1], len(BALL.vertices) + k) for k, s in enumerate(spots)]
+    mesh = mesh_of(vertices, np.vstack([holed, fins]))
+    points = probes(BALL)
+    found = is_in(mesh, oriented(mesh.vertices, mesh.faces), points)
+    assert (found == is_in(BALL, BALL.faces, points)).mean() > 0.98
 
 
 def test_signed_distances_to_a_mesh_of_flipped_faces():
