@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from bench import PointCloud, Run, register
 
 from .inputs import distinct_points
+from .isolated import put_back, without_isolated
 
 
 @register("method", cite="Cazals and Pouget 2005", requires=("CGAL",))
@@ -27,9 +28,10 @@ class Jet:
 
         from .point_sets import to_array, to_point_set
 
-        points, inverse = distinct_points(cloud.points, "jet", at_least=10)
+        rest, kept = without_isolated(cloud, "jet", run)
+        points, inverse = distinct_points(rest.points, "jet", at_least=10)
         point_set = to_point_set(points)
         for done in range(self.iterations):
             jet_smooth_point_set(point_set, min(self.k, len(points) - 1))
             run.progress(done + 1, self.iterations)
-        return PointCloud(to_array(point_set)[inverse])
+        return put_back(cloud, kept, to_array(point_set)[inverse])

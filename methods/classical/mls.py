@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench import BadInput, PointCloud
+from bench import BadInput, PointCloud, Run
 
 from .inputs import distinct_oriented
+from .isolated import put_back, without_isolated
 
 if TYPE_CHECKING:
     import pymeshlab
@@ -35,19 +36,20 @@ def check_parameters(filterscale: float, resolution: int) -> None:
         raise ValueError(f"resolution: expected at least 2, got {resolution}")
 
 
-def project(cloud: PointCloud, kind: str, **parameters: Any) -> PointCloud:
-    """Every point projected to the surface; one beyond the support of the others stays where it is.
+def project(cloud: PointCloud, kind: str, run: Run, **parameters: Any) -> PointCloud:
+    """Every point projected to the surface; isolated ones, and those beyond the support of others, stay where they are.
 
     Raises
     ------
     BadInput
         See :func:`distinct_points`.
     """
-    points, normals, inverse = distinct_oriented(cloud, kind, AT_LEAST)
-    return PointCloud(_moved(points, normals, points, kind, parameters)[inverse])
+    rest, kept = without_isolated(cloud, kind, run)
+    points, normals, inverse = distinct_oriented(rest, kind, AT_LEAST)
+    return put_back(cloud, kept, _moved(points, normals, points, kind, parameters)[inverse])
 
 
-def upsample(cloud: PointCloud, ratio: int, kind: str, **parameters: Any) -> PointCloud:
+def upsample(cloud: PointCloud, ratio: int, kind: str, run: Run, **parameters: Any) -> PointCloud:
     """Exactly ``ratio`` times as many points of the surface, evenly; the projected ones of the input come first.
 
     Raises
@@ -57,15 +59,17 @@ def upsample(cloud: PointCloud, ratio: int, kind: str, **parameters: Any) -> Poi
     """
     from .refinement import refine
 
+    count = ratio * len(cloud)
+    cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
 
     def onto_surface(queries: np.ndarray) -> np.ndarray:
         return _moved(points, normals, queries, kind, parameters)
 
-    return PointCloud(refine(onto_surface(points), ratio * len(cloud), onto_surface))
+    return PointCloud(refine(onto_surface(points), count, onto_surface))
 
 
-def isosurface(cloud: PointCloud, kind: str, resolution: int, **parameters: Any) -> Trimesh:
+def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, **parameters: Any) -> Trimesh:
     """The surface by marching cubes; open where points are missing.
 
     Raises
@@ -76,6 +80,7 @@ def isosurface(cloud: PointCloud, kind: str, resolution: int, **parameters: Any)
     import pymeshlab
     from trimesh import Trimesh
 
+    cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, v_normals_matrix=normals))

@@ -11,6 +11,7 @@ from bench import PointCloud, Run, register
 
 from . import screened_poisson
 from .inputs import distinct_oriented
+from .isolated import without_isolated
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -43,6 +44,7 @@ class Poisson:
         """A closed surface; with ``trim`` or ``cut`` an open one where there were no points."""
         from trimesh import Trimesh
 
+        cloud, _ = without_isolated(cloud, "poisson", run)
         points, normals, _ = distinct_oriented(cloud, "poisson", at_least=4)
         vertices, faces, support = screened_poisson.solve(
             points,
