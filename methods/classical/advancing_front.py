@@ -11,6 +11,7 @@ from bench import BadInput, PointCloud, Run, register
 
 from .front import advancing_front
 from .inputs import distinct_oriented
+from .isolated import without_isolated
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -27,7 +28,7 @@ class AdvancingFront:
     """
 
     radius_ratio: float = 5.0  # how much larger than its neighbour a triangle's circle may be; larger closes more
-    beta: float = 0.8  # radians that a dihedral angle may deviate from flat before plausibility drops
+    beta: float = 0.52  # radians that a dihedral angle may deviate from flat before plausibility drops
 
     def __post_init__(self) -> None:
         if not self.radius_ratio > 0:
@@ -39,6 +40,7 @@ class AdvancingFront:
         """A manifold mesh, outward; holes with plausible lids are closed, wide openings stay."""
         from trimesh import Trimesh
 
+        cloud, _ = without_isolated(cloud, "advancing_front", run)
         points, normals, _ = distinct_oriented(cloud, "advancing_front", at_least=4)
         vertices, faces = advancing_front(points, self.radius_ratio, self.beta)
         if not len(faces):

@@ -14,6 +14,7 @@ import numpy as np
 from bench import BadInput, PointCloud, Run, register
 
 from .inputs import distinct_oriented
+from .isolated import without_isolated
 
 if TYPE_CHECKING:
     from scipy.spatial import Delaunay
@@ -46,6 +47,7 @@ class AlphaShape:
 
         from bench.geometry.spacing import mean_spacing
 
+        cloud, _ = without_isolated(cloud, "alpha_shape", run)
         points, normals, _ = distinct_oriented(cloud, "alpha_shape", at_least=4)
         origin = points.mean(axis=0)  # Qhull loses precision far from the origin
         try:

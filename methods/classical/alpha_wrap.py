@@ -10,6 +10,7 @@ import numpy as np
 from bench import BadInput, PointCloud, Run, register
 
 from .inputs import distinct_points
+from .isolated import without_isolated
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -47,6 +48,7 @@ class AlphaWrap:
 
         from bench.geometry.spacing import mean_spacing
 
+        cloud, _ = without_isolated(cloud, "alpha_wrap", run)
         points, _ = distinct_points(cloud.points, "alpha_wrap", at_least=4)
         spacing = mean_spacing(points)
         # The wrap costs by the square of the extent in units of alpha; a distant outlier would keep it busy for hours.

@@ -27,14 +27,14 @@ class Apss:
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
         """Every point projected to the surface."""
-        return mls.project(cloud, "apss", filterscale=self.filterscale, sphericalparameter=self.spherical)
+        return mls.project(cloud, "apss", run, filterscale=self.filterscale, sphericalparameter=self.spherical)
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points: midpoints between neighbours, projected and evenly thinned."""
-        return mls.upsample(cloud, ratio, "apss", filterscale=self.filterscale, sphericalparameter=self.spherical)
+        return mls.upsample(cloud, ratio, "apss", run, filterscale=self.filterscale, sphericalparameter=self.spherical)
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The surface by marching cubes; open where points are missing."""
         return mls.isosurface(
-            cloud, "apss", self.resolution, filterscale=self.filterscale, sphericalparameter=self.spherical
+            cloud, "apss", run, self.resolution, filterscale=self.filterscale, sphericalparameter=self.spherical
         )

@@ -10,6 +10,7 @@ import numpy as np
 from bench import BadInput, PointCloud, Run, register
 
 from .inputs import distinct_oriented
+from .isolated import without_isolated
 from .noise import noise_to_spacing
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class BallPivoting:
 
         from bench.geometry.spacing import mean_spacing
 
+        cloud, _ = without_isolated(cloud, "ball_pivoting", run)
         points, normals, _ = distinct_oriented(cloud, "ball_pivoting", at_least=4)
         oriented = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
         oriented.normals = o3d.utility.Vector3dVector(normals)

@@ -9,6 +9,7 @@ import numpy as np
 from bench import PointCloud, Run, register
 
 from .inputs import distinct_oriented
+from .isolated import put_back, without_isolated
 from .noise import noise_to_spacing
 
 
@@ -30,10 +31,11 @@ class Bilateral:
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
         """As many points as the input has, in its order, with the smoothed normals."""
-        points, normals, inverse = distinct_oriented(cloud, "bilateral", at_least=10)
+        rest, kept = without_isolated(cloud, "bilateral", run)
+        points, normals, inverse = distinct_oriented(rest, "bilateral", at_least=10)
         k = neighbours_for(points, normals) if self.k is None else self.k
         points, normals = smooth(points, normals, k, self.iterations, self.angle, run)
-        return PointCloud(points[inverse], normals[inverse])
+        return put_back(cloud, kept, points[inverse], normals[inverse])
 
 
 def neighbours_for(points: np.ndarray, normals: np.ndarray) -> int:

@@ -10,6 +10,7 @@ from bench import BadInput, PointCloud, Run, register
 
 from .bilateral import check_angle, smooth
 from .inputs import distinct_oriented
+from .isolated import without_isolated
 
 CELLS = 3e7  # of CGAL's grid: they cost more than half a microsecond each, however few points there are
 
@@ -50,9 +51,10 @@ class Ear:
 
         from .point_sets import to_array, to_normals, to_point_set
 
+        count = ratio * len(cloud)
+        cloud, _ = without_isolated(cloud, "ear", run)
         points, normals, _ = distinct_oriented(cloud, "ear", at_least=10)
         points, normals = smooth(points, normals, self.k, self.passes, self.smooth_angle, run)
-        count = ratio * len(cloud)
         if count > len(points):
             # CGAL's own choice of the radius leaves the points worse than they came.
             radius = self.radius * mean_spacing(points)

@@ -11,6 +11,7 @@ from bench import BadInput, PointCloud, Run, register
 
 from . import screened_poisson
 from .inputs import distinct_points
+from .isolated import without_isolated
 from .visibility import facing
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class Ipsr:
         """A closed surface, outward; the points with the normals that were found are kept as ``oriented``."""
         from trimesh import Trimesh
 
+        cloud, _ = without_isolated(cloud, "ipsr", run)
         points, _ = distinct_points(cloud.points, "ipsr", at_least=10)
         solution, normals = self._iterate(points, self._first(points, run), run)
         vertices, faces = solution.vertices, solution.faces

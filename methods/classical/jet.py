@@ -9,6 +9,7 @@ import numpy as np
 from bench import PointCloud, Run, register
 
 from .inputs import distinct_points
+from .isolated import put_back, without_isolated
 from .noise import noise_of
 
 
@@ -30,13 +31,14 @@ class Jet:
 
         from .point_sets import to_array, to_point_set
 
-        points, inverse = distinct_points(cloud.points, "jet", at_least=10)
-        k = neighbours_for(cloud) if self.k is None else self.k
+        rest, kept = without_isolated(cloud, "jet", run)
+        points, inverse = distinct_points(rest.points, "jet", at_least=10)
+        k = neighbours_for(rest) if self.k is None else self.k
         point_set = to_point_set(points)
         for done in range(self.iterations):
             jet_smooth_point_set(point_set, min(k, len(points) - 1))
             run.progress(done + 1, self.iterations)
-        return PointCloud(to_array(point_set)[inverse])
+        return put_back(cloud, kept, to_array(point_set)[inverse])
 
 
 def neighbours_for(cloud: PointCloud) -> int:

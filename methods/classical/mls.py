@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench import BadInput, PointCloud
+from bench import BadInput, PointCloud, Run
 
 from .inputs import distinct_oriented
+from .isolated import put_back, without_isolated
 from .noise import noise_to_spacing
 
 if TYPE_CHECKING:
@@ -38,20 +39,21 @@ def check_parameters(filterscale: float | None, resolution: int) -> None:
         raise ValueError(f"resolution: expected at least 2, got {resolution}")
 
 
-def project(cloud: PointCloud, kind: str, **parameters: Any) -> PointCloud:
-    """Every point projected to the surface; one beyond the support of the others stays where it is.
+def project(cloud: PointCloud, kind: str, run: Run, **parameters: Any) -> PointCloud:
+    """Every point projected to the surface; isolated ones, and those beyond the support of others, stay where they are.
 
     Raises
     ------
     BadInput
         See :func:`distinct_points`.
     """
-    points, normals, inverse = distinct_oriented(cloud, kind, AT_LEAST)
+    rest, kept = without_isolated(cloud, kind, run)
+    points, normals, inverse = distinct_oriented(rest, kind, AT_LEAST)
     _set_support(parameters, points, normals, LEAST)
-    return PointCloud(_moved(points, normals, points, kind, parameters)[inverse])
+    return put_back(cloud, kept, _moved(points, normals, points, kind, parameters)[inverse])
 
 
-def upsample(cloud: PointCloud, ratio: int, kind: str, **parameters: Any) -> PointCloud:
+def upsample(cloud: PointCloud, ratio: int, kind: str, run: Run, **parameters: Any) -> PointCloud:
     """Exactly ``ratio`` times as many points of the surface, evenly; the projected ones of the input come first.
 
     Raises
@@ -61,16 +63,18 @@ def upsample(cloud: PointCloud, ratio: int, kind: str, **parameters: Any) -> Poi
     """
     from .refinement import refine
 
+    count = ratio * len(cloud)
+    cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
     _set_support(parameters, points, normals, LEAST_OFF)
 
     def onto_surface(queries: np.ndarray) -> np.ndarray:
         return _moved(points, normals, queries, kind, parameters)
 
-    return PointCloud(refine(onto_surface(points), ratio * len(cloud), onto_surface))
+    return PointCloud(refine(onto_surface(points), count, onto_surface))
 
 
-def isosurface(cloud: PointCloud, kind: str, resolution: int, **parameters: Any) -> Trimesh:
+def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, **parameters: Any) -> Trimesh:
     """The surface by marching cubes; open where points are missing.
 
     Raises
@@ -81,6 +85,7 @@ def isosurface(cloud: PointCloud, kind: str, resolution: int, **parameters: Any)
     import pymeshlab
     from trimesh import Trimesh
 
+    cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
     _set_support(parameters, points, normals, LEAST_OFF)
     meshes = pymeshlab.MeshSet(verbose=False)

@@ -11,6 +11,7 @@ from bench import PointCloud, Run, register
 
 from . import screened_poisson
 from .inputs import distinct_oriented
+from .isolated import without_isolated
 from .noise import noise_to_spacing
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ class Poisson:
         """A closed surface; with ``trim`` or ``cut`` an open one where there were no points."""
         from trimesh import Trimesh
 
+        cloud, _ = without_isolated(cloud, "poisson", run)
         points, normals, _ = distinct_oriented(cloud, "poisson", at_least=4)
         weight = point_weight(points, normals) if self.point_weight is None else self.point_weight
         vertices, faces, support = screened_poisson.solve(

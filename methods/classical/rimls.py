@@ -29,12 +29,12 @@ class Rimls:
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
         """Every point projected to the surface."""
-        return mls.project(cloud, "rimls", filterscale=self.filterscale, sigman=self.sigma_n)
+        return mls.project(cloud, "rimls", run, filterscale=self.filterscale, sigman=self.sigma_n)
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points: midpoints between neighbours, projected and evenly thinned."""
-        return mls.upsample(cloud, ratio, "rimls", filterscale=self.filterscale, sigman=self.sigma_n)
+        return mls.upsample(cloud, ratio, "rimls", run, filterscale=self.filterscale, sigman=self.sigma_n)
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The surface by marching cubes; open where points are missing."""
-        return mls.isosurface(cloud, "rimls", self.resolution, filterscale=self.filterscale, sigman=self.sigma_n)
+        return mls.isosurface(cloud, "rimls", run, self.resolution, filterscale=self.filterscale, sigman=self.sigma_n)

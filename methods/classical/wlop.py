@@ -9,6 +9,7 @@ import numpy as np
 from bench import PointCloud, Run, register
 
 from .inputs import distinct_points
+from .isolated import without_isolated
 from .noise import noise_of
 
 
@@ -29,7 +30,7 @@ class Wlop:
             raise ValueError(f"radius: expected a number above 0, got {self.radius}")
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
-        """As many points as there are different ones in the input, or a share of them; in no order."""
+        """As many points as differ in the input, or a share of them, in no order; isolated ones last, unmoved."""
         from CGAL.CGAL_Point_set_3 import Point_set_3
         from CGAL.CGAL_Point_set_processing_3 import wlop_simplify_and_regularize_point_set
 
@@ -37,15 +38,16 @@ class Wlop:
 
         from .point_sets import to_array, to_point_set
 
-        points, _ = distinct_points(cloud.points, "wlop", at_least=10)
-        support = radius_for(cloud) if self.radius is None else self.radius
+        rest, kept = without_isolated(cloud, "wlop", run)
+        points, _ = distinct_points(rest.points, "wlop", at_least=10)
+        support = radius_for(rest) if self.radius is None else self.radius
         # CGAL's own choice of the radius was seen to leave the cloud worse than it came.
         radius = support * mean_spacing(points)
         output = Point_set_3()
         wlop_simplify_and_regularize_point_set(
             to_point_set(points), output, self.retain, radius, self.iterations, self.uniform
         )
-        return PointCloud(to_array(output))
+        return PointCloud(np.concatenate([to_array(output), np.unique(cloud.points[~kept], axis=0)]))
 
 
 def radius_for(cloud: PointCloud) -> float:

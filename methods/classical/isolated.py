@@ -1,0 +1,126 @@
+"""Points that stray far from all others: stray returns of a scanner, a point that was never set.
+
+A single one makes the bounding box, the octree or the local spacing of a method meaningless, whatever its distance.
+They are left out before, and put back unmoved where every point of the input has one in the output.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench import PointCloud, Run
+
+NEIGHBOURS = 8  # up to so many stray points may lie together
+LINK = 3.0  # neighbours belong together up to so many spacings of the denser one of them
+REACH = 10.0  # a point is not far up to so many typical spacings, or the radius of the largest piece
+CROWDED = 0.1  # a piece whose spacing is below this share of the distance to the others is an object of its own
+MOST = 0.1  # the share of the points up to which they are strays; more are a sparse part of the scene
+
+
+def isolated(points: np.ndarray) -> np.ndarray:
+    """Which points lie far from all others, alone or in scattered handfuls.
+
+    Neighbours are linked into pieces. What a piece beyond the largest 85 % of the points must have, to be isolated: its
+    distance to the others exceeds the radius of the largest piece and ten typical spacings, and it has fewer than
+    nine points, or is scattered (its spacing is more than a tenth of that distance). Sparse regions beside dense ones,
+    lines of a scanner and objects far apart fail one of these.
+
+    Parameters
+    ----------
+    points : (n, 3) array, finite
+
+    Returns
+    -------
+    (n,) bool array
+        At most a tenth of the points, without repetitions; more than that are not taken for strays at all.
+    """
+    from scipy.spatial import cKDTree
+
+    distinct, inverse = np.unique(points, axis=0, return_inverse=True)
+    strays = np.zeros(len(distinct), dtype=bool)
+    if len(distinct) < 4 * NEIGHBOURS:
+        return strays[inverse.ravel()]
+    distances, neighbours = cKDTree(distinct).query(distinct, NEIGHBOURS + 1)
+    spacing = distances[:, -1]
+    reach = REACH * np.median(spacing)
+    # Nothing that is far lies closer to its eighth neighbour than that, but a crowd, which is no stray.
+    if spacing.max() > reach:
+        piece = _pieces(distances, neighbours, spacing)
+        strays = _far_pieces(distinct, spacing, piece, reach)[piece]
+        if strays.mean() > MOST:
+            strays[:] = False
+    return strays[inverse.ravel()]
+
+
+def without_isolated(cloud: PointCloud, method: str, run: Run) -> tuple[PointCloud, np.ndarray]:
+    """The cloud without its isolated points, and which are kept, an (n,) bool array; a note says how many are not."""
+    if not np.isfinite(cloud.points).all():
+        return cloud, np.ones(len(cloud), dtype=bool)  # refused where it is used, by a message of its own
+    kept = ~isolated(cloud.points)
+    if kept.all():
+        return cloud, kept
+    count = int((~kept).sum())
+    run.note(f"{method}: {count} isolated point{'s' * (count > 1)}, far from all others, left out")
+    parts = (cloud.points, cloud.normals, cloud.colors)
+    return PointCloud(*(None if part is None else part[kept] for part in parts)), kept
+
+
+def put_back(cloud: PointCloud, kept: np.ndarray, points: np.ndarray, normals: np.ndarray | None = None) -> PointCloud:
+    """The moved ``points`` (and normals) at their places in the cloud, and the isolated ones as they came.
+
+    Isolated points without a normal of their own get that of the nearest other point.
+    """
+    from scipy.spatial import cKDTree
+
+    if kept.all():
+        return PointCloud(points, normals)
+    moved = np.array(cloud.points, dtype=np.float64)
+    moved[kept] = points
+    if normals is None:
+        return PointCloud(moved)
+    turned = np.empty_like(moved)
+    turned[kept] = normals
+    turned[~kept] = normals[cKDTree(points).query(moved[~kept])[1]]
+    if cloud.normals is not None:
+        own = cloud.normals[~kept]
+        lengths = np.linalg.norm(own, axis=1, keepdims=True)
+        good = np.isfinite(lengths) & (lengths > 0)
+        turned[~kept] = np.where(good, own / np.where(good, lengths, 1), turned[~kept])
+    return PointCloud(moved, turned)
+
+
+def _pieces(distances: np.ndarray, neighbours: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """The piece of every point: linked are neighbours that are not much farther apart than the denser one's spacing."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(spacing)
+    near = distances <= LINK * np.minimum(spacing[:, None], spacing[neighbours])
+    start, column = np.nonzero(near)
+    graph = coo_array((np.ones(len(start), dtype=bool), (start, neighbours[start, column])), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def _far_pieces(points: np.ndarray, spacing: np.ndarray, piece: np.ndarray, reach: float) -> np.ndarray:
+    """Which pieces are isolated, a bool array over their numbers."""
+    from scipy.spatial import cKDTree
+
+    sizes = np.bincount(piece)
+    order = np.argsort(-sizes, kind="stable")
+    bulk = np.zeros(len(sizes), dtype=bool)
+    bulk[order[: 1 + np.searchsorted(np.cumsum(sizes[order]), 0.85 * len(points))]] = True
+    largest = points[piece == order[0]]
+    # The median, not the farthest: one point that is linked by chance does not count.
+    reach = max(reach, 1.5 * float(np.median(np.linalg.norm(largest - np.median(largest, axis=0), axis=1))))
+    while not bulk.all():
+        rest = np.flatnonzero(~bulk[piece])
+        gap = np.full(len(sizes), np.inf)
+        np.minimum.at(gap, piece[rest], cKDTree(points[bulk[piece]]).query(points[rest])[0])
+        widest = np.zeros(len(sizes))
+        np.maximum.at(widest, piece[rest], spacing[rest])
+        crowd = (sizes > NEIGHBOURS) & (widest < CROWDED * gap)
+        joins = ~bulk & ((gap <= reach) | crowd)
+        if not joins.any():
+            break
+        bulk |= joins
+    return ~bulk
