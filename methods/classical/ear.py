@@ -11,8 +11,11 @@ from bench import BadInput, PointCloud, Run, register
 from .bilateral import check_angle, smooth
 from .inputs import distinct_oriented
 from .isolated import without_isolated
+from .noise import noise_to_spacing
 
 CELLS = 3e7  # of CGAL's grid: they cost more than half a microsecond each, however few points there are
+
+NOISY, VERY_NOISY = 0.05, 0.3  # noise over spacing from which one pass of smoothing pays, and a second one
 
 
 @register("method", cite="Huang et al. 2013", requires=("CGAL", "scipy"))
@@ -27,7 +30,7 @@ class Ear:
     sharpness_angle: float = 35.0  # degrees by which normals may differ on one side of an edge
     edge_sensitivity: float = 0.0  # 0 spreads points evenly, 1 gathers them at edges: in clusters, and far slower
     radius: float = 2.5  # support in mean spacings; below 2 leaves gaps, above 3 flattens detail
-    passes: int = 1  # of bilateral smoothing before; 0 for clean points
+    passes: int | None = None  # of bilateral smoothing before; None: by the noise, 0 for clean points to 2
     k: int = 24  # neighbours of the smoothing
     smooth_angle: float = 15.0  # degrees by which normals may differ in the smoothing before they count less
 
@@ -38,7 +41,7 @@ class Ear:
             raise ValueError(f"edge_sensitivity: expected 0 to 1, got {self.edge_sensitivity}")
         if not self.radius > 0:
             raise ValueError(f"radius: expected a number above 0, got {self.radius}")
-        if self.passes < 0:
+        if self.passes is not None and self.passes < 0:
             raise ValueError(f"passes: expected at least 0, got {self.passes}")
         if self.k < 3:
             raise ValueError(f"k: expected at least 3, got {self.k}")
@@ -54,7 +57,8 @@ class Ear:
         count = ratio * len(cloud)
         cloud, _ = without_isolated(cloud, "ear", run)
         points, normals, _ = distinct_oriented(cloud, "ear", at_least=10)
-        points, normals = smooth(points, normals, self.k, self.passes, self.smooth_angle, run)
+        passes = passes_for(points, normals) if self.passes is None else self.passes
+        points, normals = smooth(points, normals, self.k, passes, self.smooth_angle, run)
         if count > len(points):
             # CGAL's own choice of the radius leaves the points worse than they came.
             radius = self.radius * mean_spacing(points)
@@ -72,3 +76,9 @@ class Ear:
         chosen = np.resize(good, count)  # points that could not be set are made up for by repetitions
         lengths = np.linalg.norm(normals[chosen], axis=1, keepdims=True)
         return PointCloud(points[chosen], normals[chosen] / lengths)
+
+
+def passes_for(points: np.ndarray, normals: np.ndarray) -> int:
+    """The passes of smoothing that were best on the train shapes at the noise of these points, see docs/tuning.md."""
+    noise = noise_to_spacing(points, normals)
+    return int(noise >= NOISY) + int(noise >= VERY_NOISY)

@@ -109,7 +109,7 @@ def _set_support(parameters: dict[str, Any], points: np.ndarray, normals: np.nda
     """Set a support that is None to the one that was best on the train shapes at this noise, see docs/tuning.md."""
     if parameters["filterscale"] is None:
         noise = noise_to_spacing(points, normals)
-        parameters["filterscale"] = float(np.clip(1.6 + 6.4 * noise, least, MOST))
+        parameters["filterscale"] = float(np.clip(1.6 + 6.0 * noise, least, MOST))
 
 
 def _project(meshes: pymeshlab.MeshSet, kind: str, steps: int, parameters: dict[str, Any]) -> None:

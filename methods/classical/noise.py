@@ -9,7 +9,7 @@ from bench import PointCloud
 NEIGHBOURS = 8
 ON_ONE_SIDE = 0.7  # least cosine of two normals for their points to count as neighbours on the surface
 QUERIES = 10_000  # points whose neighbourhoods are looked at; more change the median in the third digit
-ROUGHNESS = 0.25  # of the turn between neighbouring normals, in radians: what rough detail leaves, over the spacing
+ROUGHNESS = 0.35  # of the turn between neighbouring normals, in radians: what rough detail leaves, over the spacing
 NORMAL_MEDIAN = 0.6745  # median |x| of a normal variable with standard deviation 1
 
 
