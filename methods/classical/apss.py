@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class Apss:
     """Algebraic point set surfaces: moving least squares with spheres instead of planes."""
 
-    filterscale: float | None = None  # support in local spacings; larger smooths more; None: by the noise, 1.6 to 4.8
+    filterscale: float | None = None  # support in local spacings; larger smooths more; None: by the noise, 1.6 to 6
     spherical: float = 1.0  # 1 fits spheres, 0 planes
     resolution: int = 150  # marching cubes cells along the longest side of the bounding box (reconstruct)
 

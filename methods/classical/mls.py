@@ -26,8 +26,10 @@ if TYPE_CHECKING:
 
 AT_LEAST = 20  # MeshLab measures the local spacing from 16 neighbours
 STEPS = 4  # of the projection; 15 differ from these by 5e-5 in the mean at 2 % noise, by less than 1e-9 at none
-LEAST, LEAST_OFF = 1.6, 2.0  # support without noise at the points, and away from them, where less leaves holes
-MOST = 4.8
+# The support without noise, and what it grows by with it. A surface wants more than points that only move onto it: less
+# than 2 leaves holes, and bumps of the noise are worse between points than at them.
+AT_POINTS, OF_SURFACE = (1.6, 6.0), (1.9, 8.0)
+MOST = 6.0
 CONTROL, PROXY = 0, 1  # indices in the mesh set: the points that define the surface, and what moves
 
 
@@ -49,7 +51,7 @@ def project(cloud: PointCloud, kind: str, run: Run, **parameters: Any) -> PointC
     """
     rest, kept = without_isolated(cloud, kind, run)
     points, normals, inverse = distinct_oriented(rest, kind, AT_LEAST)
-    _set_support(parameters, points, normals, LEAST)
+    _set_support(parameters, points, normals, AT_POINTS)
     return put_back(cloud, kept, _moved(points, normals, points, kind, parameters)[inverse])
 
 
@@ -66,7 +68,7 @@ def upsample(cloud: PointCloud, ratio: int, kind: str, run: Run, **parameters: A
     count = ratio * len(cloud)
     cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
-    _set_support(parameters, points, normals, LEAST_OFF)
+    _set_support(parameters, points, normals, OF_SURFACE)
 
     def onto_surface(queries: np.ndarray) -> np.ndarray:
         return _moved(points, normals, queries, kind, parameters)
@@ -87,7 +89,7 @@ def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, **parame
 
     cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
-    _set_support(parameters, points, normals, LEAST_OFF)
+    _set_support(parameters, points, normals, OF_SURFACE)
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, v_normals_matrix=normals))
     meshes.apply_filter(f"generate_marching_cubes_{kind}", resolution=resolution, maxprojectioniters=1, **parameters)
@@ -105,11 +107,12 @@ def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, **parame
     return Trimesh(vertices[used], faces.reshape(-1, 3), process=False)
 
 
-def _set_support(parameters: dict[str, Any], points: np.ndarray, normals: np.ndarray, least: float) -> None:
+def _set_support(
+    parameters: dict[str, Any], points: np.ndarray, normals: np.ndarray, line: tuple[float, float]
+) -> None:
     """Set a support that is None to the one that was best on the train shapes at this noise, see docs/tuning.md."""
     if parameters["filterscale"] is None:
-        noise = noise_to_spacing(points, normals)
-        parameters["filterscale"] = float(np.clip(1.6 + 6.0 * noise, least, MOST))
+        parameters["filterscale"] = min(line[0] + line[1] * noise_to_spacing(points, normals), MOST)
 
 
 def _project(meshes: pymeshlab.MeshSet, kind: str, steps: int, parameters: dict[str, Any]) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class Rimls:
     """Robust implicit moving least squares: a kernel regression that keeps sharp features."""
 
-    filterscale: float | None = None  # support in local spacings; larger smooths more; None: by the noise, 1.6 to 4.8
+    filterscale: float | None = None  # support in local spacings; larger smooths more; None: by the noise, 1.6 to 6
     sigma_n: float = 0.5  # how far normals may differ before they count less; smaller is sharper
     resolution: int = 150  # marching cubes cells along the longest side of the bounding box (reconstruct)
 

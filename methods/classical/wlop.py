@@ -19,7 +19,7 @@ class Wlop:
     """Weighted locally optimal projection: points are drawn to local medians and pushed apart evenly."""
 
     retain: float = 100.0  # how many points come back, in percent of the input (of its distinct points)
-    radius: float | None = None  # support in mean spacings; larger smooths more; None: by the noise, 2 to 3.9
+    radius: float | None = None  # support in mean spacings; larger smooths more; None: by the noise, 2 to 4
     iterations: int = 10  # passes; with 35 the error is the same to 2 %
     uniform: bool = False  # weigh by density, for unevenly sampled input; slower
 
@@ -52,4 +52,4 @@ class Wlop:
 
 def radius_for(cloud: PointCloud) -> float:
     """The support that was best on the train shapes at the noise of this cloud, see docs/tuning.md."""
-    return float(np.clip(2 + 6 * noise_of(cloud), 2, 3.9))
+    return float(np.clip(2 + 6 * noise_of(cloud), 2, 4))
