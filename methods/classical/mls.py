@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 
 AT_LEAST = 20  # MeshLab measures the local spacing from 16 neighbours
 STEPS = 4  # of the projection; 15 differ from these by 5e-5 in the mean at 2 % noise, by less than 1e-9 at none
-# The support without noise, and what it grows by with it. A surface wants more than points that only move onto it: less
-# than 2 leaves holes, and bumps of the noise are worse between points than at them.
-AT_POINTS, OF_SURFACE = (1.6, 6.0), (1.9, 8.0)
+# The support as a polynomial of the noise. Less than 2 leaves holes in a surface; points that only move onto it need less.
+AT_POINTS, OF_SURFACE = (1.6, 6.0, 0.0), (1.9, 2.0, 18.0)
 MOST = 6.0
 CONTROL, PROXY = 0, 1  # indices in the mesh set: the points that define the surface, and what moves
 
@@ -107,12 +106,10 @@ def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, **parame
     return Trimesh(vertices[used], faces.reshape(-1, 3), process=False)
 
 
-def _set_support(
-    parameters: dict[str, Any], points: np.ndarray, normals: np.ndarray, line: tuple[float, float]
-) -> None:
+def _set_support(parameters: dict[str, Any], points: np.ndarray, normals: np.ndarray, curve: tuple[float, ...]) -> None:
     """Set a support that is None to the one that was best on the train shapes at this noise, see docs/tuning.md."""
     if parameters["filterscale"] is None:
-        parameters["filterscale"] = min(line[0] + line[1] * noise_to_spacing(points, normals), MOST)
+        parameters["filterscale"] = min(float(np.polyval(curve[::-1], noise_to_spacing(points, normals))), MOST)
 
 
 def _project(meshes: pymeshlab.MeshSet, kind: str, steps: int, parameters: dict[str, Any]) -> None:
