@@ -78,4 +78,4 @@ class Poisson:
 
 def point_weight(points: np.ndarray, normals: np.ndarray) -> float:
     """The weight that was best on the train shapes at the noise of these points, see docs/tuning.md."""
-    return float(np.clip(0.22 / max(noise_to_spacing(points, normals), 1e-9), 0.3, 10.0))
+    return float(np.clip(0.26 / max(noise_to_spacing(points, normals), 1e-9), 0.3, 10.0))
