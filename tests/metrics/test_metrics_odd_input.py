@@ -6,25 +6,27 @@ import trimesh
 
 from bench import Case, PointCloud, Shape, generator
 from bench.commands.score import _overlap, read
-from bench.datasets.files import Files
 from bench.engine.call import score
 from bench.geometry.comparison import set_samples
 from bench.geometry.io.files import save
 from bench.geometry.laplacian import cotangent_laplacian, slivers
-from bench.metrics.box_scaled_distances import BoxScaledDistances
-from bench.metrics.cot_laplacian import CotLaplacian
-from bench.metrics.directed import Directed
-from bench.metrics.hausdorff import Hausdorff
-from bench.metrics.hausdorff_sq_sum import HausdorffSqSum
-from bench.metrics.iou import Iou
-from bench.metrics.p2f_spread import P2fSpread
-from bench.metrics.s2f import S2f
-from bench.metrics.sampled_distances import SampledDistances
 from bench.plan.cell import Choice
 from bench.plugins.metric_sets import metric_set
-from bench.plugins.registry import load_plugins, registry
-from bench.tasks.detail_transfer import DetailTransfer
-from bench.tasks.reconstruct import Reconstruct
+from bench.plugins.registry import registry
+
+# By name: a plugin that is imported before all others are loaded does not count as an installed one.
+Files = registry().find("dataset", "files").cls
+BoxScaledDistances = registry().find("metric", "box_scaled_distances").cls
+CotLaplacian = registry().find("metric", "cot_laplacian").cls
+Directed = registry().find("metric", "directed").cls
+Hausdorff = registry().find("metric", "hausdorff").cls
+HausdorffSqSum = registry().find("metric", "hausdorff_sq_sum").cls
+Iou = registry().find("metric", "iou").cls
+P2fSpread = registry().find("metric", "p2f_spread").cls
+S2f = registry().find("metric", "s2f").cls
+SampledDistances = registry().find("metric", "sampled_distances").cls
+DetailTransfer = registry().find("task", "detail_transfer").cls
+Reconstruct = registry().find("task", "reconstruct").cls
 
 BALL = trimesh.creation.icosphere(3)
 STRAYS = {
@@ -57,7 +59,6 @@ def case_of(mesh, samples=3000, source=None):
 
 # -- vertices that no face uses ----------------------------------------------------------------------------------------
 
-load_plugins([])
 ALL = [Choice.of("metric", {"_name_": name}) for name in metric_set("full")]
 
 
