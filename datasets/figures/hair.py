@@ -13,6 +13,7 @@ from .heads import Face, head
 
 SKULL = (0.0, 0.12, 0.22)  # the centres that hair and beard are seen from
 JAW = (0.0, -0.30, -0.62)
+BUN = (0.0, 0.979, -0.203)  # the direction of a bun from the skull's centre
 STYLES = ("waves", "curls", "bun", "bald")
 
 
@@ -55,7 +56,7 @@ def draw_hair(rng: np.random.Generator, style: str, *, beard: bool) -> Hair:
 def volumes(body: Dual, at: Point, hair: Hair) -> Dual:
     """Large forms below the strands: a bun, a beard."""
     if hair.style == "bun":
-        body = add(body, at, (0, 1.02, 0.05), 0.45, 0.12, lambda p: ellipsoid(p, (0, 1.02, 0.05), (0.36, 0.30, 0.34)))
+        body = add(body, at, (0, 0.94, 0.05), 0.45, 0.14, lambda p: ellipsoid(p, (0, 0.94, 0.05), (0.34, 0.30, 0.32)))
     if hair.beard:
         body = add(body, at, (0, -0.55, -0.95), 0.6, 0.16,
                    lambda p: ellipsoid(p, (0, -0.52, -0.98), (0.36, 0.26, 0.42)))  # fmt: skip
@@ -81,10 +82,10 @@ def _scalp(p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
     grows = ease((z + y * 0.95 - hair.line + 0.665 + ragged + _temple(x, y)) * (1 / 0.20))
     sides = soft_abs(x, 0.03)
     ear = length(sides - 0.72, (y - 0.02) * 0.9, (z + 0.10) * 0.62)
-    grows = grows * ease((ear - 0.16) * (1 / 0.12)) * ease((z + 0.74) * (1 / 0.14))
+    grows = grows * ease((ear - 0.18) * (1 / 0.18)) * ease((z + 0.74) * (1 / 0.14))
     if hair.style == "bald":  # a wreath about the head
         grows = grows * ease((0.56 - z + y * 0.12) * (1 / 0.4))
-    return masked(grows, (*d, *p), lambda q: _locks(q[:3], q[3:], hair, carver, detail))
+    return masked(grows, (*d, grows), lambda q: _locks(q[:3], q[3], hair, carver, detail))
 
 
 def _temple(x: Dual, y: Dual) -> Dual:
@@ -92,20 +93,20 @@ def _temple(x: Dual, y: Dual) -> Dual:
     return (x.square() * 0.9 - 0.12) * ease((-0.1 - y) * 2.0)
 
 
-def _locks(d: Point, p: Point, hair: Hair, carver: Carver, detail: float) -> Dual:
+def _locks(d: Point, grown: Dual, hair: Hair, carver: Carver, detail: float) -> Dual:
     if hair.style == "curls":
         fine = carver.noise(tuple(a * 22.0 for a in d), 30) * 0.010
-        return hair.curls.height(d) * (0.12 * detail) + 0.04 + fine * detail
+        return hair.curls.height(d) * grown * (0.12 * detail) + 0.04 + fine * detail
     c, s, way = about_axis(d, hair.axes, hair.wave, hair.turns, hair.swirl)
     # At the axis strands would be infinitely thin: they fade out there.
     fade = ease(way * (1 / 0.5))
     locks = carver.locks(c * 3.8, s * 3.8, way * 1.4, 21, 3) * fade
-    height = locks * (0.125 * detail) + hair.lift
+    height = locks * grown * (0.125 * detail) + hair.lift  # flatter towards its edge
     if hair.style == "bun":
-        b = moved(p, (0, 1.02, 0.05))
-        knot = ease((0.56 - length(*b)) * (1 / 0.12))
-        twist = b[0] * 3.2 + b[2] * 3.2 * (1.0 + 0.0)
-        coil = carver.locks(length(b[0], b[2]) * 7, twist * 0.3, twist * 0.4, 26, 2) * (0.07 * detail)
+        u, v, w = (a - c for a, c in zip(d, BUN, strict=True))
+        knot = ease((0.50 - length(u, v, w)) * (1 / 0.13))
+        twist = (u + w) * 2.9
+        coil = carver.locks(length(u, w) * 6.3, twist * 0.3, twist * 0.4, 26, 2) * (0.07 * detail)
         return height * (1 - knot) + coil * knot
     return height
 

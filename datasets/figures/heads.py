@@ -203,6 +203,6 @@ def _ear(body: Dual, p: Point, wide: float) -> Dual:
         tragus = ball((u, v, w), (0.02, -0.125, -0.04), 0.035)
         return smooth_min(smooth_min(smooth_min(plate, inner, 0.035), lobe, 0.05), tragus, 0.04)
 
-    root = [np.array([0.60 * wide, 0.20, z]) for z in (0.06, -0.20)]  # no gap is left behind the ear
-    body = add(body, p, (0.6 * wide, 0.2, -0.07), 0.3, 0.1, lambda q: limb(q, *root, 0.115, 0.105))
+    root = [np.array([0.575 * wide, 0.22, z]) for z in (0.06, -0.20)]  # no gap is left behind the ear
+    body = add(body, p, (0.575 * wide, 0.22, -0.07), 0.3, 0.22, lambda q: limb(q, *root, 0.12, 0.11))
     return add(body, p, centre, 0.36, 0.09, part)

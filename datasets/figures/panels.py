@@ -58,7 +58,7 @@ def panel(at: Point, it: Panel, carver: Carver, detail: float) -> Dual:
     inner = tuple(a + c for a, c in zip(moved(inner, (0, 0, 0), it.turn), pivot, strict=True))
     scale = 1 / (unit * (0.4 + 0.6 * it.flat))
     body = body * scale
-    body = add(body, inner, (0, 0.15, -1.3), 1.4, 0.12, lambda p: _neck(p, carver, detail))
+    body = add(body, inner, (0, 0.15, -1.3), 1.4, 0.12, lambda p: _neck(p, it.hair.beard, carver, detail))
     body = add_head(body, inner, it.face, it.hair, carver, detail)
     body = body * (1 / scale)
     # The back is flat: nothing of the head stands out behind.
@@ -69,10 +69,12 @@ def _front(y: Dual) -> Dual:
     return ease((0.08 - y) * (1 / 0.1))
 
 
-def _neck(p: Point, carver: Carver, detail: float) -> Dual:
+def _neck(p: Point, beard: bool, carver: Carver, detail: float) -> Dual:
     """Neck and shoulders under cloth."""
     x, y, z = p
     neck = limb(p, (0, 0.20, -0.5), (0, 0.2, -1.5), 0.40, 0.44)
+    if beard:  # it rests on the breast
+        neck = smooth_min(neck, ellipsoid(p, (0, -0.22, -1.28), (0.32, 0.34, 0.42)), 0.2)
     shoulders = ellipsoid(p, (0, 0.18, -1.86), (0.92, 0.52, 0.50))
     covers = ease((-1.36 - z - x.square() * 0.5) * 8)
     folds = masked(covers, p, lambda q: carver.folds(
