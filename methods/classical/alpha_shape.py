@@ -13,7 +13,7 @@ import numpy as np
 
 from bench import BadInput, PointCloud, Run, register
 
-from .inputs import distinct_oriented
+from .inputs import distinct_oriented, plane_axes
 from .isolated import without_isolated
 
 if TYPE_CHECKING:
@@ -50,17 +50,11 @@ class AlphaShape:
         cloud, _ = without_isolated(cloud, "alpha_shape", run)
         points, normals, _ = distinct_oriented(cloud, "alpha_shape", at_least=4)
         origin = points.mean(axis=0)  # Qhull loses precision far from the origin
+        radius = self.alpha * mean_spacing(points)
         try:
-            cells = Delaunay(points - origin)
-        except QhullError:
-            raise BadInput(
-                f"alpha_shape: all {len(points)} points lie in one plane; expected points of a surface in space"
-            ) from None
-        closed = facet_values(cells) <= self.alpha * mean_spacing(points)
-        reached = _reached_from_outside(~closed, cells.neighbors)
-        inner, outer = ~reached[:-1, None], reached[cells.neighbors]  # the last entry, -1, is the space around
-        border = _facets(cells, inner & outer)
-        sheet = _facets(cells, closed & ~inner & outer & (cells.neighbors < np.arange(len(cells.simplices))[:, None]))
+            border, sheet = sheets(Delaunay(points - origin), radius)
+        except QhullError:  # all points lie in one plane
+            border, sheet = np.empty((0, 3), dtype=int), flat_sheet(points - origin, radius)
         a, b, c = (points[sheet[:, k]] for k in range(3))
         wrong = np.einsum("ni,ni->n", np.cross(b - a, c - a), normals[sheet].sum(axis=1)) < 0
         faces = np.concatenate([border, np.where(wrong[:, None], sheet[:, ::-1], sheet)])
@@ -68,6 +62,23 @@ class AlphaShape:
             raise BadInput(f"alpha_shape: no three of {len(points)} points lie on an empty ball; raise alpha")
         used, faces = np.unique(faces, return_inverse=True)
         return Trimesh(points[used], faces.reshape(-1, 3), process=False)
+
+
+def sheets(cells: Delaunay, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """The faces around solids, outward, and those with space on both sides, of either sign: two (f, 3) int arrays."""
+    closed = facet_values(cells) <= radius
+    reached = _reached_from_outside(~closed, cells.neighbors)
+    inner, outer = ~reached[:-1, None], reached[cells.neighbors]  # the last entry, -1, is the space around
+    once = cells.neighbors < np.arange(len(cells.simplices))[:, None]
+    return _facets(cells, inner & outer), _facets(cells, closed & ~inner & outer & once)
+
+
+def flat_sheet(points: np.ndarray, radius: float) -> np.ndarray:
+    """The triangles (f, 3) between points of a plane, an (n, 3) array, that lie on an empty ball of that radius."""
+    from scipy.spatial import Delaunay
+
+    faces = Delaunay(points @ plane_axes(points)[0][:2].T).simplices
+    return faces[circumcircles(*(points[faces[:, corner]] for corner in range(3)))[1] <= radius]
 
 
 def facet_values(cells: Delaunay) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Alpha wrapping, by CGAL, drawn onto the points."""
+"""Alpha wrapping, by CGAL, and a fit to the points that refines it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from bench import BadInput, PointCloud, Run, register
 
-from .inputs import distinct_points
+from .inputs import distinct_points, note_flat
 from .isolated import without_isolated
 
 if TYPE_CHECKING:
@@ -23,15 +23,19 @@ LEVELS = 4  # subdivisions at most
 @register("method", cite="Portaneri et al. 2022; fit: Cazals and Pouget 2005", requires=("CGAL", "scipy", "trimesh"))
 @dataclass(frozen=True)
 class AlphaWrap:
-    """Alpha wrapping: a ball that is too large for the gaps between the points carves a closed surface around them.
+    """Alpha wrapping, refined: a closed surface carved around the points, then subdivided and fitted to them.
 
-    What is wrapped lies outside of the points, in coarse triangles. It is subdivided and drawn onto quadrics that are
-    fitted to the points, and spans what is missing. Needs no normals. Always closed, whatever the points.
+    A ball that is too large for the gaps between the points carves the wrap from outside, and spans what is missing.
+    The cited method (Portaneri et al. 2022) ends there, with coarse triangles outside of the points: that is
+    ``fit=False``, preset ``alpha_wrap_plain``. With ``fit`` this plugin goes on: it subdivides the wrap, and draws it
+    onto quadrics fitted to the points (Cazals and Pouget 2005). Needs no normals. Always closed, whatever the points.
     """
 
     alpha: float = 3.0  # size of the ball in mean spacings: it must not fit through holes, nor skip narrow gaps
     offset: float = 0.5  # distance of the wrap from the points, in mean spacings; thinner parts than this fuse
-    fit: bool = True  # whether the wrap is drawn onto the points
+    fit: bool = (
+        True  # whether the wrap is refined: subdivided and drawn onto the points; false is the cited method alone
+    )
     k: int = 18  # neighbours of a quadric; more smooth noise away, and detail with it
 
     def __post_init__(self) -> None:
@@ -50,6 +54,7 @@ class AlphaWrap:
 
         cloud, _ = without_isolated(cloud, "alpha_wrap", run)
         points, _ = distinct_points(cloud.points, "alpha_wrap", at_least=4)
+        note_flat(points, "alpha_wrap", run, "the wrap is a closed surface of two sides that meet")
         spacing = mean_spacing(points)
         # The wrap costs by the square of the extent in units of alpha; a distant outlier would keep it busy for hours.
         if np.ptp(points, axis=0).max() > 3000 * self.alpha * spacing:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench import BadInput, PointCloud
+from bench import BadInput, PointCloud, Run
 from bench.geometry.check import check_points
+
+FLAT = 0.02  # the ratio of thickness to width (standard deviations) below which points have no inside
 
 
 def distinct_points(points: np.ndarray, method: str, at_least: int) -> tuple[np.ndarray, np.ndarray]:
@@ -57,3 +59,16 @@ def distinct_oriented(cloud: PointCloud, method: str, at_least: int) -> tuple[np
     np.minimum.at(first, inverse, np.arange(len(inverse)))
     normals = with_normals(cloud).normals
     return distinct, np.array(normals[first]), inverse
+
+
+def plane_axes(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """The principal axes of points (n, 3), rows of a rotation, widest first; and the ratio of thickness to width."""
+    _, widths, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    axes[2] *= np.sign(np.linalg.det(axes))
+    return axes, float(widths[2] / widths[1])
+
+
+def note_flat(points: np.ndarray, method: str, run: Run, what: str) -> None:
+    """Note that points (n, 3) lie in a plane, and what that means for the surface."""
+    if plane_axes(points)[1] < FLAT:
+        run.note(f"{method}: the points lie in a plane, which has no volume: {what}")

@@ -16,7 +16,7 @@ import numpy as np
 
 from bench import BadInput, PointCloud, Run
 
-from .inputs import distinct_oriented
+from .inputs import distinct_oriented, plane_axes
 from .isolated import put_back, without_isolated
 from .noise import noise_to_spacing
 
@@ -29,6 +29,7 @@ STEPS = 4  # of the projection; 15 differ from these by 5e-5 in the mean at 2 % 
 # The support as a polynomial of the noise: less than 2 leaves holes in a surface, points that move onto it need less.
 AT_POINTS, OF_SURFACE = (1.6, 6.0, 0.0), (2.0, 0.0, 20.0)
 MOST = 6.0
+FEW = 4  # cells of the grid through the thickness of the points, at least
 CONTROL, PROXY = 0, 1  # indices in the mesh set: the points that define the surface, and what moves
 
 
@@ -89,8 +90,9 @@ def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, **parame
     cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
     _set_support(parameters, points, normals, OF_SURFACE)
+    axes = _upright(points, resolution)
     meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, v_normals_matrix=normals))
+    meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points @ axes.T, v_normals_matrix=normals @ axes.T))
     meshes.apply_filter(f"generate_marching_cubes_{kind}", resolution=resolution, maxprojectioniters=1, **parameters)
     if meshes.mesh(PROXY).face_number():
         _project(meshes, kind, STEPS - 1, parameters)
@@ -100,10 +102,22 @@ def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, **parame
     if not len(faces):
         raise BadInput(
             f"{kind}: found no surface in a grid of resolution {resolution} over {len(points)} points; expected points "
-            "that enclose a volume and fill their bounding box (remove far outliers, or raise resolution)"
+            "of a surface that fill their bounding box (raise resolution, or take distant pieces one by one)"
         )
     used, faces = np.unique(faces, return_inverse=True)
-    return Trimesh(vertices[used], faces.reshape(-1, 3), process=False)
+    return Trimesh(vertices[used] @ axes, faces.reshape(-1, 3), process=False)
+
+
+def _upright(points: np.ndarray, resolution: int) -> np.ndarray:
+    """A rotation for the grid: none, or, where the bounding box is flatter than a few cells, its plane to the diagonal.
+
+    MeshLab lays its grid over the bounding box, and a box without a thickness has no cells.
+    """
+    extent = np.ptp(points, axis=0)
+    if extent.min() > FEW * extent.max() / resolution:
+        return np.eye(3)
+    diagonal = np.array([[1.0, -1, 0], [1, 1, -2], [1, 1, 1]]) / np.sqrt([[2.0], [6], [3]])
+    return diagonal.T @ plane_axes(points)[0]
 
 
 def _set_support(parameters: dict[str, Any], points: np.ndarray, normals: np.ndarray, curve: tuple[float, ...]) -> None:
