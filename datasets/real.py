@@ -33,7 +33,6 @@ class Mesh(NamedTuple):
     group: str  # closed, crossing (closed, but some faces cross others) or open
     package: str
     file: str
-    tags: list[str]  # by hand: sharp edges, or no edge above 40 degrees; a tenth of the area thinner than 3 %
     vertices: int
     faces: int
     genus: int | None
@@ -164,7 +163,7 @@ class Real:
             "sha256": mesh.sha256,
             "genus": mesh.genus,
         }
-        return Shape(f"real-{mesh.name}", lambda: self._read(mesh), tags=tuple(mesh.tags), info=info)
+        return Shape(f"real-{mesh.name}", lambda: self._read(mesh), info=info)
 
     def _read(self, mesh: Mesh) -> Trimesh:
         from bench.geometry.io.files import load_mesh
@@ -216,7 +215,6 @@ class Real:
         return Shape(
             id,
             lambda: _mesh(*made(kind, self._surface_of)),
-            tags=("multiscale",) if kind != "inflated" else ("smooth",),
             info=info,
             attributes=lambda: {"base_vertices": made("inflated", self._surface_of)[0]},
         )

@@ -279,7 +279,7 @@ def small(tmp_path, monkeypatch, server):
     )
 
     def line(name: str, group: str, package: str, file: str, content: bytes) -> dict:
-        facts = {"tags": [], "vertices": 0, "faces": 0, "genus": 0, "about": "a ball", "sha256": sha(content)}
+        facts = {"vertices": 0, "faces": 0, "genus": 0, "about": "a ball", "sha256": sha(content)}
         return {"name": name, "group": group, "package": package, "file": file, **facts}
 
     meshes = [
