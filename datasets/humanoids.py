@@ -72,7 +72,8 @@ class Humanoids:
         for index in count():
             rng = generator("humanoids", split, index)
             key = self._key(index)
-            build, pose = draw_build(rng, self.variety), draw_pose(key, rng, self.jitter)
+            build = draw_build(rng, self.variety)
+            pose = draw_pose(key, rng, self.jitter, [build])
             pose[0] = rotation_about(np.array([0, 0, 1.0]), rng.uniform(0, 2 * pi)) @ pose[0]
             yield _shape(f"humanoids-{split}-{index:03d}-{key}", build, pose, key)
 
@@ -81,14 +82,14 @@ class Humanoids:
         for index in count():
             rng = generator("humanoids pairs", split, index)
             key, id = self._key(index), f"humanoids-{split}-{index:03d}"
-            build, pose = draw_build(rng, self.variety), draw_pose(key, rng, self.jitter)
+            build = draw_build(rng, self.variety)
+            pose = draw_pose(key, rng, self.jitter, [build])
             if index % 2 == 0:
                 source = _shape(f"{id}-source", build, None, "rest")
             else:
                 other = list(KEYS)[int(rng.integers(len(KEYS)))]
-                source = _shape(
-                    f"{id}-source", draw_build(rng, self.variety), draw_pose(other, rng, self.jitter), other
-                )
+                body = draw_build(rng, self.variety)
+                source = _shape(f"{id}-source", body, draw_pose(other, rng, self.jitter, [body]), other)
             yield ShapePair(id, source, _shape(f"{id}-target", build, pose, key), Landmarks())
 
     def transfers(self, split: str) -> Iterator[PoseTransfer]:
@@ -96,7 +97,8 @@ class Humanoids:
         for index in count():
             rng = generator("humanoids transfers", split, index)
             key, id = self._key(index), f"humanoids-{split}-{index:03d}"
-            build, pose = draw_build(rng, self.variety), draw_pose(key, rng, self.jitter)
+            build = draw_build(rng, self.variety)
+            pose = draw_pose(key, rng, self.jitter, [Build(), build])
             yield PoseTransfer(
                 id,
                 _shape(f"{id}-template", Build(), None, "rest"),

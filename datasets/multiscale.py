@@ -7,21 +7,20 @@ from dataclasses import dataclass
 
 from bench import Shape, register
 
-from .branches import Branches
 from .fbm import Fbm
 from .fractals import Fractals
 from .reliefs import Reliefs
 
-FAMILIES = (Fbm, Reliefs, Fractals, Branches)
+FAMILIES = (Fbm, Reliefs, Fractals)
 
 
-@register("dataset", requires=("igl", "manifold3d", "scipy", "skimage", "trimesh"))
+@register("dataset", requires=("igl", "manifold3d", "scipy", "trimesh"))
 @dataclass(frozen=True)
 class Multiscale:
-    """Shapes with detail on several scales: the rough of `fbm`, the fine of `reliefs`, `fractals` and `branches`.
+    """Shapes with detail on several scales: the rough of `fbm`, the fine of `reliefs`, and `fractals`.
 
-    What a method does with fine detail on a coarse shape, in one dataset: rough, carved, stacked and grown. The shapes
-    are those of their families, under their ids, one of each family in turn.
+    What a method does with fine detail on a coarse shape, in one dataset: rough, carved and stacked. The shapes are
+    those of their families, under their ids, one of each family in turn.
     """
 
     def shapes(self, split: str) -> Iterator[Shape]:

@@ -27,7 +27,7 @@ PATTERNS = ("hexagons", "letters", "knurl", "weave")
 AMPLITUDES = (1e-1, 1e-2, 1e-3)
 PERIODS = {1e-1: 5, 1e-2: 18, 1e-3: 36}  # of a pattern around the body: it gets finer as it gets lower
 HIGH = 10  # fewer periods than these are those of the highest amplitude
-FINE = 0.06  # a pattern with a period below this fraction of the diagonal is detail on another scale than its base
+FINE = 0.12  # a pattern with a period below this fraction of the diagonal is detail on another scale than its base
 
 
 @register("dataset", requires=("igl", "scipy", "trimesh"))

@@ -22,7 +22,7 @@ THICKNESS, THIN = 0.06, 0.03  # radii; the share of the surface above a wall thi
 GAP, CONTACT = 0.06, 0.01  # radii; the share of the surface across a gap narrower than that
 HIGH_GENUS = 10
 OCTAVES = 5  # of radii of patches: NEAR, twice that, ...
-DETAIL, MULTISCALE = 4.5, 0.5  # degrees that normals vary by in an octave; the share of the surface where they do
+DETAIL, MULTISCALE = 3.75, 0.5  # degrees that normals vary by in an octave; the share of the surface where they do
 
 POINTS, SOME = 2000, 400  # for turns and walls; for the octaves
 WAYS, STOPS = 8, 3  # directions from each point; where on the way to NEAR the normal is looked at

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import radians
 
 import numpy as np
 
+from .builds import Build
 from .skeleton import ENDS, NAMES, PARENTS, REST, forward, rotation_about
 
 X, Y, Z = np.eye(3)
@@ -174,22 +176,39 @@ KEYS = {
 """Degrees by name; what is not named is as in the rest pose."""
 
 
-def draw_pose(name: str, rng: np.random.Generator, jitter: float = 6.0) -> np.ndarray:
+def bend_limits(builds: Sequence[Build]) -> dict[str, float]:
+    """How far knees and elbows bend before the flesh of one of these builds meets itself, in degrees.
+
+    Measured: limbs that are thick for their length meet earlier, forearms earlier than calves, and more so twisted.
+    """
+    limits = {}
+    for joint, most, fall, muscle, length in (("elbow", 106, 80, 0.1, "arms"), ("knee", 110, 70, 0.05, "legs")):
+        thick = [
+            (1 + 0.13 * b.bulk) * (1 + muscle * b.muscle) / (1 + 0.1 * getattr(b, length)) for b in (Build(), *builds)
+        ]
+        limits |= {f"{side}_{joint}": most - fall * (max(thick) - 1) for side in ("left", "right")}
+    return limits
+
+
+def draw_pose(
+    name: str, rng: np.random.Generator, jitter: float = 6.0, builds: Sequence[Build] = (Build(),)
+) -> np.ndarray:
     """The joint rotations (joints, 3, 3) of a pose near a key pose, perhaps mirrored, within the limits.
 
-    Every angle is off by a normal deviate of ``jitter`` degrees. Where bones come too close, the pose is taken back
-    towards rest.
+    Every angle is off by a normal deviate of ``jitter`` degrees. Knees and elbows bend as far as the flesh of all
+    ``builds`` lets them. Where bones come too close, the pose is taken back towards rest.
     """
+    limits = bend_limits(builds)
     angles = dict(KEYS[name])
     if rng.random() < 0.5:
         angles = {_mirrored(k): -v if k.endswith(("twist", "turn", "side", "tilt", "tip")) and k in _CENTRAL else v
                   for k, v in angles.items()}  # fmt: skip
     for freedom, (_, _, low, high) in FREEDOMS.items():
         angle = angles.get(freedom, 0.0) + jitter * rng.normal() * (0.5 if freedom in _CENTRAL else 1.0)
-        angles[freedom] = float(np.clip(angle, low, high))
+        angles[freedom] = float(np.clip(angle, low, min(high, limits.get(freedom, high))))
     for _ in range(12):
         rotations = joint_rotations(angles)
-        if clearance(rotations) > 0:
+        if clearance(rotations, builds) > 0:
             break
         angles = {freedom: 0.85 * angle for freedom, angle in angles.items()}
     return rotations
@@ -215,13 +234,19 @@ _RADII = {"pelvis": 0.13, "spine": 0.11, "chest": 0.12, "neck": 0.06, "head": 0.
           "toes": 0.04}  # fmt: skip
 
 
-def clearance(rotations: np.ndarray) -> float:
-    """How far the closest two bones of the template that are not neighbours are from touching, in metres."""
+def clearance(rotations: np.ndarray, builds: Sequence[Build] = (Build(),)) -> float:
+    """How far the closest two bones of the template that are not neighbours are from touching, in metres.
+
+    They are as thick as in the thickest of the builds, and as in the template at least.
+    """
+    thick = max(
+        (1 + 0.13 * max(b.bulk, 0)) * (1 + 0.12 * max(b.hips, 0)) * (1 + 0.1 * max(b.muscle, 0)) for b in builds
+    )
     turns, shifts = forward(REST, rotations)
     t = np.linspace(0, 1, 7)[:, None, None]
     points = REST + t * (ENDS - REST)
     posed = np.einsum("jab,tjb->tja", turns, points) + shifts
-    radii = np.array([_RADII[name.split("_")[-1]] for name in NAMES])
+    radii = thick * np.array([_RADII[name.split("_")[-1]] for name in NAMES])
 
     def gaps(p: np.ndarray) -> np.ndarray:
         d = np.linalg.norm(p[:, None, :, None] - p[None, :, None, :], axis=-1).min(axis=(0, 1))

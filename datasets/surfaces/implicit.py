@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from .band import sample_near_zero
+from .basins import Basins, best_of
 from .field import Field
 from .tangents import dot, tangents
 
@@ -239,7 +240,8 @@ class ImplicitSurface:
 
         Newton's method along the surface from the closest point of the mesh, with curvatures from differences of the
         exact gradient; a step that comes no nearer is shortened. Where another side of the surface may be as near, it
-        is tried, too, from the nearest vertex there.
+        is tried, too, from the nearest vertex there; far from the surface, from every vertex that is nearer than its
+        neighbours, among the nearest 64.
         """
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
@@ -250,7 +252,23 @@ class ImplicitSurface:
             other, other_normals = self._descend(points[again], starts)
             nearer = _square(points[again] - other) < _square(points[again] - x[again])
             x[again[nearer]], normals[again[nearer]] = other[nearer], other_normals[nearer]
+        self._other_basins(points, x, normals)
         return x, normals
+
+    def _other_basins(self, points: np.ndarray, x: np.ndarray, normals: np.ndarray) -> None:
+        """Start again from other parts that may be as near; what is nearer is written into the arrays."""
+        square = _square(points - x)
+        rows, starts = self._basins.starts(points, np.sqrt(square))
+        if not len(rows):
+            return
+        trial, trial_normals = self._descend(points[rows], self._corners[0][starts])
+        best = best_of(rows, _square(points[rows] - trial))
+        best = best[_square(points[rows[best]] - trial[best]) < square[rows[best]]]
+        x[rows[best]], normals[rows[best]] = trial[best], trial_normals[best]
+
+    @cached_property
+    def _basins(self) -> Basins:
+        return Basins(self._corners[0], self._corners[2], self._vertex_tree)
 
     def _other_starts(self, points: np.ndarray, x: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Points (indices) with a vertex of the mesh on another side that may be nearer than x, and these vertices."""

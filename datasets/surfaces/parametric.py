@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .basins import Basins, best_of
 from .foot_points import refine
 from .jets import Jet
 from .patch_mesh import WeldedMesh, patch_grid, weld
@@ -229,7 +230,8 @@ class ParametricSurface:
         """The foot point of each of ``points`` (n, 3) and its outward unit normal: two (n, 3) arrays.
 
         From the closest point of the tessellation, by Newton's method in (u, v). Where that ends on the border of a
-        patch, it starts again from the nearest places on other borders, and the best end counts.
+        patch, it starts again from the nearest places on other borders, and the best end counts; far from the surface,
+        from every vertex that is nearer than its neighbours, among the nearest 64.
         """
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
@@ -253,11 +255,29 @@ class ParametricSurface:
             other = border[first[nearest[rows]] + k * number[nearest[rows]] // sides[rows]]
             twin, at = grid_patch[other], np.stack([u[other], v[other]], axis=1)
             trial, trial_square = self._refine(points[stuck[rows]], twin, at)
-            order = np.lexsort((trial_square, rows))  # the best of each first
-            best = order[np.unique(rows[order], return_index=True)[1]]
+            best = best_of(rows, trial_square)
             best = best[trial_square[best] < square[stuck]]
             patch[stuck[rows[best]]], places[stuck[rows[best]]] = twin[best], trial[best]
+            square[stuck[rows[best]]] = trial_square[best]
+        self._other_basins(points, patch, places, square)
         return patch, places
+
+    def _other_basins(self, points: np.ndarray, patch: np.ndarray, places: np.ndarray, square: np.ndarray) -> None:
+        """Start again from other bumps that may be as near; what is nearer is written into the arrays."""
+        rows, starts = self._basins.starts(points, np.sqrt(square))
+        if not len(rows):
+            return
+        welded, grid_patch, u, v, _ = self.grid
+        at = welded.representative[starts]
+        there, from_ = grid_patch[at], np.stack([u[at], v[at]], axis=1)
+        trial, trial_square = self._refine(points[rows], there, from_)
+        best = best_of(rows, trial_square)
+        best = best[trial_square[best] < square[rows[best]]]
+        patch[rows[best]], places[rows[best]], square[rows[best]] = there[best], trial[best], trial_square[best]
+
+    @cached_property
+    def _basins(self) -> Basins:
+        return Basins(self.grid[0].vertices, self.grid[0].faces)
 
     def _start(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Patch and parameters (n, 2) of the closest point of the tessellation."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .basins import Basins, best_of
 from .harmonics import HarmonicSum
 from .tangents import dot, tangents
 
@@ -109,10 +110,27 @@ class StarSurface:
         """The foot point of each of ``points`` (n, 3) and its outward unit normal: two (n, 3) arrays.
 
         Newton's method on the sphere for ``min |p - r(u) u|^2``, from the nearest vertex of a fine tessellation; it
-        never leaves the valley of that vertex for a worse point.
+        never leaves the valley of that vertex for a worse point. Far from the surface, from all of the nearest 64
+        vertices that are nearer than their neighbours.
         """
         points = np.asarray(points, dtype=np.float64)
-        return self.at(self._foot_directions(points)) if len(points) else (np.empty((0, 3)), np.empty((0, 3)))
+        if not len(points):
+            return np.empty((0, 3)), np.empty((0, 3))
+        tree = self._start[2]
+        distance, nearest = tree.query(points)
+        x, normals = self.at(self._foot_directions(points, nearest))
+        rows, starts = self._basins.starts(points, distance)
+        if len(rows):
+            trial, trial_normals = self.at(self._foot_directions(points[rows], starts))
+            square = ((points[rows] - trial) ** 2).sum(axis=1)
+            best = best_of(rows, square)
+            best = best[square[best] < ((points - x)[rows[best]] ** 2).sum(axis=1)]
+            x[rows[best]], normals[rows[best]] = trial[best], trial_normals[best]
+        return x, normals
+
+    @cached_property
+    def _basins(self) -> Basins:
+        return Basins(self._start[2].data, icosphere(6)[1], self._start[2])
 
     @cached_property
     def _start(self) -> tuple[np.ndarray, Terms, cKDTree]:
@@ -123,9 +141,9 @@ class StarSurface:
         terms = self.radius.hessian(directions)
         return directions, terms, cKDTree(terms[0][:, None] * directions)
 
-    def _foot_directions(self, points: np.ndarray, *, iterations: int = 50) -> np.ndarray:
-        directions, known, tree = self._start
-        nearest = tree.query(points)[1]
+    def _foot_directions(self, points: np.ndarray, nearest: np.ndarray, *, iterations: int = 50) -> np.ndarray:
+        """Of each of ``points`` (n, 3), from the vertex ``nearest`` (n,) of the tessellation: an (n, 3) array."""
+        directions, known, _ = self._start
         result = directions[nearest]
         active, p, u, terms = np.arange(len(points)), points, result, tuple(term[nearest] for term in known)
         damping = np.ones(len(points))
