@@ -112,10 +112,10 @@ def _meshlab(cloud: PointCloud) -> Any:
     return meshes
 
 
-def _marching_cubes(cloud: PointCloud, kind: str) -> Trimesh:
+def _marching_cubes(cloud: PointCloud, kind: str, **parameters: Any) -> Trimesh:
     meshes = _meshlab(cloud)
     meshes.set_current_mesh(0)
-    meshes.apply_filter(f"generate_marching_cubes_{kind}")
+    meshes.apply_filter(f"generate_marching_cubes_{kind}", **parameters)
     mesh = meshes.current_mesh()
     vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
     return Trimesh(vertices, faces[np.isfinite(vertices).all(axis=1)[faces].all(axis=1)], process=False)
@@ -128,14 +128,14 @@ def _projected(cloud: PointCloud, kind: str) -> PointCloud:
     return PointCloud(meshes.mesh(1).vertex_matrix())
 
 
-def apss(cloud: PointCloud) -> Trimesh:
+def apss(cloud: PointCloud, **parameters: Any) -> Trimesh:
     """MeshLab's defaults: support of 2 local spacings, 200 cells, 15 steps of projection."""
-    return _marching_cubes(cloud, "apss")
+    return _marching_cubes(cloud, "apss", **parameters)
 
 
-def rimls(cloud: PointCloud) -> Trimesh:
+def rimls(cloud: PointCloud, **parameters: Any) -> Trimesh:
     """MeshLab's defaults: support of 2 local spacings, 200 cells, sigma_n .75."""
-    return _marching_cubes(cloud, "rimls")
+    return _marching_cubes(cloud, "rimls", **parameters)
 
 
 def denoise_apss(cloud: PointCloud) -> PointCloud:
@@ -195,7 +195,7 @@ def upsample_ear(cloud: PointCloud) -> PointCloud:
     return PointCloud(to_array(points), to_normals(points))
 
 
-BARE: dict[str, dict[str, Callable[[PointCloud], Any]]] = {
+BARE: dict[str, dict[str, Callable[..., Any]]] = {
     "reconstruct": {
         f.__name__: f for f in (poisson, ipsr, ball_pivoting, alpha_shape, alpha_wrap, advancing_front, apss, rimls)
     },
@@ -203,15 +203,16 @@ BARE: dict[str, dict[str, Callable[[PointCloud], Any]]] = {
     | {"wlop": denoise_wlop},
     "upsample": {"ear": upsample_ear},
 }
-# The parameters at which each method is the bare call; alpha_shape is another implementation, and ipsr has none.
+# The parameters at which each method is the bare call, for ball_pivoting up to the farthest hundredth of the distances,
+# which mean spacings leave out. alpha_wrap takes spacings, not diagonals; alpha_shape and ipsr are not the library's.
 AS_BARE: dict[tuple[str, str], dict[str, Any]] = {
     ("reconstruct", "poisson"): {"depth": 8, "point_weight": 2.0, "samples_per_node": 1.5, "scale": 1.1},
     ("reconstruct", "ball_pivoting"): {"radii": [1.0, 2.0, 4.0]},
     ("reconstruct", "advancing_front"): {"radius_ratio": 5.0, "beta": 0.52},
-    ("reconstruct", "apss"): {"filterscale": 2.0, "resolution": 200},
-    ("reconstruct", "rimls"): {"filterscale": 2.0, "sigma_n": 0.75, "resolution": 200},
-    ("denoise", "apss"): {"filterscale": 2.0},
-    ("denoise", "rimls"): {"filterscale": 2.0, "sigma_n": 0.75},
+    ("reconstruct", "apss"): {"filterscale": 2.0, "resolution": 200, "steps": 15},
+    ("reconstruct", "rimls"): {"filterscale": 2.0, "sigma_n": 0.75, "resolution": 200, "steps": 15},
+    ("denoise", "apss"): {"filterscale": 2.0, "steps": 15},
+    ("denoise", "rimls"): {"filterscale": 2.0, "sigma_n": 0.75, "steps": 15},
     ("denoise", "jet"): {"k": 24},
     ("denoise", "bilateral"): {"k": 120, "angle": 25.0, "iterations": 3},
     ("denoise", "wlop"): {"radius": 4.0, "iterations": 35},

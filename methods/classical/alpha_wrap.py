@@ -33,9 +33,7 @@ class AlphaWrap:
 
     alpha: float = 3.0  # size of the ball in mean spacings: it must not fit through holes, nor skip narrow gaps
     offset: float = 0.5  # distance of the wrap from the points, in mean spacings; thinner parts than this fuse
-    fit: bool = (
-        True  # whether the wrap is refined: subdivided and drawn onto the points; false is the cited method alone
-    )
+    fit: bool = True  # whether the wrap is subdivided and drawn onto the points; false is the cited method alone
     k: int = 18  # neighbours of a quadric; more smooth noise away, and detail with it
 
     def __post_init__(self) -> None:

@@ -35,7 +35,7 @@ class Ipsr:
 
     depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
     rounds: int = 12  # Poisson solves at most; fewer if the normals settle
-    # Normals of the first round: outward where the space around is visible, along a tree of neighbours, or random.
+    # normals of the first round: outward where the space around is visible, along a tree of neighbours, or random.
     start: Literal["visible", "estimated", "random"] = "visible"
     k: int = 6  # points that each face tells its normal; the paper's are 10
     point_weight: float = 4.0  # how strongly the surface is held to the points; 0 is unscreened Poisson

@@ -256,6 +256,7 @@ for name, parameters in json.loads(sys.argv[1]).items():
             print("HASH", name, what, digest, flush=True)
 """
 QUICK = {"poisson": {"depth": 5}, "apss": {"resolution": 30}, "rimls": {"resolution": 30}}
+QUICK["ipsr"] = {"depth": 5, "rounds": 3}
 TIMEOUT = 300  # seconds
 
 

@@ -139,11 +139,6 @@ def test_circumscribed_circles_and_balls():
     assert np.isinf(circumradii(flat)).all()
 
 
-def test_coplanar_points_have_no_alpha_shape():
-    with pytest.raises(BadInput, match="alpha_shape: all 200 points lie in one plane"):
-        AlphaShape().reconstruct(PointCloud(np.random.default_rng(0).random((200, 3)) * [1, 1, 0]), Run())
-
-
 def test_a_cut_opens_what_has_no_points_and_nothing_else():
     cloud = even_cloud(2000)
     assert Poisson(depth=6, cut=0.7).reconstruct(cloud, Run()).is_watertight
