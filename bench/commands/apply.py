@@ -9,7 +9,8 @@ as PLY, OBJ, STL, OFF or GLB. Parameters that are lengths refer to the frame in 
 A detail transfer takes three meshes that are aligned with each other, or two where the source has no base; OUTPUT and
 that frame are the target base's.
 What other tasks take, their `read` says (detailbench list task NAME); an input may be a folder.
-Where a method solves several tasks, task= says which. Further keys: seed, threads, device, limit.seconds,
+Where a method solves several tasks, task= says which. normals=file (the default) takes the normals of a cloud from its
+file, where it has any; normals=estimate takes none of them. Further keys: seed, threads, device, limit.seconds,
 limit.memory_gb.
 """
 
@@ -21,10 +22,11 @@ from pathlib import Path
 from typing import Any
 
 from ..cli import add_plugin_argument
-from ..errors import DetailbenchError, UsageError
+from ..errors import DetailbenchError, UsageError, did_you_mean
 from ..plugins.registry import load_plugins, registry
 
 CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".csv")
+NORMALS = ("file", "estimate")
 MESH_SUFFIXES = (".obj", ".stl", ".off", ".glb")
 
 
@@ -74,6 +76,7 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     from ..sweep.composition import compose
     from ..sweep.overrides import check_overrides, chosen
 
+    overrides, normals = _normals_of(overrides)
     check_overrides(overrides, multirun=False)
     if not any(w.startswith("method=") for w in overrides):
         raise UsageError("choose a method: detailbench apply method=NAME INPUT OUTPUT (detailbench list methods)")
@@ -103,10 +106,20 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
         seed=values["seed"],
         threads=values["threads"],
         device=values["device"],
+        normals=normals,
         limit=Limits(**({"seconds": 86400.0, "memory_gb": _memory_gb()} | limit)),
         plugins=plugins,
         verbose=values["verbose"],
     )
+
+
+def _normals_of(overrides: list[str]) -> tuple[list[str], str]:
+    """The overrides without ``normals=``, which no benchmark has, and its value."""
+    given = [w.partition("=")[2] for w in overrides if w.partition("=")[0] == "normals"]
+    for value in given:
+        if value not in NORMALS:
+            raise UsageError(f"normals={value}: expected one of {', '.join(NORMALS)}. {did_you_mean(value, NORMALS)}")
+    return [w for w in overrides if w.partition("=")[0] != "normals"], given[-1] if given else NORMALS[0]
 
 
 def _memory_gb() -> float:

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..cli import add_plugin_argument
 from ..errors import DetailbenchError, MissingLibrary, UsageError, did_you_mean
+from ..notices import collected
 from ..plan.cell import Choice
 from ..plugins.metric_sets import metric_set
 from ..plugins.registry import load_plugins, registry
@@ -63,7 +64,10 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--metric {args.metric}: the convention {args.convention} says which metrics it needs")
     convention = load_convention(args.convention) if args.convention else None
     chosen = _of_convention(convention) if convention else _of_names(args.metric or DEFAULT)
-    case, output = read(args.output, args.reference, seed=args.seed, samples=args.samples, source=args.source)
+    with collected() as notices:
+        case, output = read(args.output, args.reference, seed=args.seed, samples=args.samples, source=args.source)
+    for text in notices:
+        print(f"note: {text}", file=sys.stderr)
     if not _overlap(output, case.reference.mesh):
         hint = "are they in the same coordinates?"
         print(f"warning: the boxes of {args.output} and {args.reference} do not overlap; {hint}", file=sys.stderr)

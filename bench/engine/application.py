@@ -17,6 +17,8 @@ from .isolate import Isolation
 if TYPE_CHECKING:
     from .channel import Channel
 
+UNORIENTED = 0.05  # share of contradicting normals above which the user is told
+
 
 @dataclass(frozen=True)
 class Application:
@@ -29,6 +31,7 @@ class Application:
     seed: int = 0
     threads: int = 1
     device: str = "cpu"
+    normals: str = "file"  # of an input cloud: those of the file where it has any, or "estimate", as if it had none
     limit: Limits = field(default_factory=Limits)
     plugins: tuple[str, ...] = ()
     verbose: bool = False
@@ -50,6 +53,7 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
         "output": job.output,
         "seed": job.seed,
         "device": job.device,
+        "normals": job.normals,
     }
     with Isolation(job.method.plugin.requires, job.plugins, job.threads) as isolation:
         return isolation.call(
@@ -60,6 +64,7 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
 def call(spec: Mapping[str, Any], channel: Channel) -> None:
     """The worker's side: read, call, validate, write."""
     from ..geometry.io.files import check_target
+    from ..notices import collected
     from .call import MeasuredCall
     from .channel import plain
     from .devices import check_device
@@ -74,7 +79,9 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
         solver = task.build()
         check_target(asked["output"], solver.output)  # nobody should wait for what cannot be written
         channel.enter("case", 0)
-        inputs, frame = solver.read(asked["inputs"])
+        with collected() as notices:
+            inputs, frame = solver.read(asked["inputs"])
+            inputs = {name: _with_normals_of(asked["normals"], value) for name, value in inputs.items()}
         call = MeasuredCall(
             task=task,
             method=method,
@@ -87,11 +94,32 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
         )
         output = call()
         channel.enter("write", 0)
-        row = call.columns | _write(solver.restore(output, frame), asked["output"])
+        with collected() as written:
+            row = call.columns | _write(solver.restore(output, frame), asked["output"])
+        row["message"] = "; ".join(filter(None, [*notices, row["message"], *written]))
         row |= {"status": "ok", "input": _words(inputs.values())}
     except BaseException as error:  # the boundary: shown as one message
         row = {"stage": channel.stage} | failure(error, channel.stage)
     channel.send("result", row=plain(row))
+
+
+def _with_normals_of(source: str, value: Any) -> Any:
+    """An input as it is given to a method: a cloud without its normals, or with a notice if they are not oriented."""
+    from ..geometry.cloud import PointCloud
+    from ..geometry.normals import disagreement
+    from ..notices import notice
+
+    if not isinstance(value, PointCloud) or value.normals is None:
+        return value
+    if source == "estimate":
+        return PointCloud(value.points, None, value.colors)
+    share = disagreement(value.points, value.normals)
+    if share > UNORIENTED:
+        notice(
+            f"{share:.0%} of the normals point the other way than those around them, as if they were not oriented; "
+            "orient them, or add normals=estimate"
+        )
+    return value
 
 
 def _write(output: Any, path: str) -> dict[str, Any]:

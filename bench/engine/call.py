@@ -20,6 +20,7 @@ from ..contract.run import Run
 from ..contract.shape import Shape
 from ..errors import InvalidOutput
 from ..geometry.cloud import PointCloud
+from ..notices import collected
 from ..plan.cell import Choice
 from .channel import Channel, plain
 from .devices import make_context
@@ -76,11 +77,14 @@ class MeasuredCall:
         seed_globals(self.seed)
         run = self._new_run()
         self.channel.enter("method", self.index)
+        notices: list[str] = []
         try:
             with self.meter:
                 run._started, run._paused = time.perf_counter(), 0.0
-                return self.solver.solve(method, self.task.name, dict(self.inputs), run)
+                with collected() as notices:
+                    return self.solver.solve(method, self.task.name, dict(self.inputs), run)
         finally:
+            run.notes.extend(text for text in notices if text not in run.notes)
             self.columns |= self.meter.figures() | self._reported(run)
 
     def _new_run(self) -> Run:

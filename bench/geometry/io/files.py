@@ -12,7 +12,6 @@ import io
 import os
 import re
 import uuid
-import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,8 +19,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import BadInput, UsageError
+from ...notices import notice
 from ..check import check_mesh, check_points
 from ..cloud import PointCloud
+from ..normals import completed
 from .obj_off import read_obj, read_off
 from .ply import read_ply, write_ply
 from .raw import NO_FACES, RawGeometry
@@ -58,8 +59,8 @@ def load_cloud(path: str | Path) -> PointCloud:
     Normals and colours are those that the file itself stores for each point; none are computed. The last three of six
     columns are colours if all are whole numbers from 0 to 255 and some exceed 1, otherwise normals.
 
-    Normals are scaled to unit length. If some have none (zero, NaN), all are left out, with a warning: a method that
-    is told that there are normals must be able to trust them.
+    Normals are scaled to unit length. The few that have no direction (zero, NaN) become those of the nearest point that
+    has one; if more than half have none, all are left out. A notice says so (:mod:`bench.notices`).
 
     Raises
     ------
@@ -70,9 +71,10 @@ def load_cloud(path: str | Path) -> PointCloud:
     check_points(raw.vertices, str(path), at_least=3)
     colors = raw.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
-        warnings.warn(f"{path}: its colours are not in 0..1; they are left out", stacklevel=2)
+        notice(f"{path}: its colours are not in 0..1; they are left out")
         colors = None
-    return PointCloud(raw.vertices, _unit_normals(raw.normals, str(path)), colors)
+    normals = None if raw.normals is None else completed(raw.vertices, raw.normals, str(path))
+    return PointCloud(raw.vertices, normals, colors)
 
 
 def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
@@ -191,19 +193,6 @@ CLOUD_READERS = MESH_READERS | {".xyz": _read_xyz, ".txt": _read_xyz}
 MESH_SUFFIXES = tuple(MESH_READERS)
 
 
-def _unit_normals(normals: np.ndarray | None, name: str) -> np.ndarray | None:
-    if normals is None:
-        return None
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    bad = int((~((lengths > 0) & np.isfinite(lengths))).sum())
-    if bad:
-        warnings.warn(
-            f"{name}: {bad} of {len(normals)} normals have no direction; the normals are left out", stacklevel=3
-        )
-        return None
-    return normals / lengths
-
-
 # -- writing -----------------------------------------------------------------------------------------------------------
 
 
@@ -238,10 +227,9 @@ def _exported(kind: str) -> Callable[[Trimesh], bytes]:
     def export(mesh: Trimesh) -> bytes:
         extent, furthest = np.ptp(mesh.vertices, axis=0).max(), np.abs(mesh.vertices).max()
         if furthest * np.finfo(np.float32).eps > 1e-4 * extent:
-            warnings.warn(
+            notice(
                 f"{kind.upper()} rounds to float32, which at {furthest:.3g} from the origin is visible on a mesh "
-                f"{extent:.3g} across; write a PLY, or move the mesh to the origin",
-                stacklevel=4,
+                f"{extent:.3g} across; write a PLY, or move the mesh to the origin"
             )
         return mesh.export(file_type=kind)
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from ...errors import BadInput
+from ...notices import notice
 
 STRAIGHT = 1e-6  # sine of the angle by which a corner may turn back and still count as straight: what float32 rounds
 
@@ -33,7 +32,7 @@ def triangulate(sizes: np.ndarray, corners: np.ndarray, vertices: np.ndarray, na
     Raises
     ------
     BadInput
-        If an index names no vertex. Polygons of fewer than three corners are left out, with a warning.
+        If an index names no vertex. Polygons of fewer than three corners are left out, with a notice.
     """
     bad = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
     if len(bad):
@@ -42,7 +41,7 @@ def triangulate(sizes: np.ndarray, corners: np.ndarray, vertices: np.ndarray, na
             f"{len(vertices)} vertices counted from 0); the file is damaged, export it again"
         )
     if (sizes < 3).any():
-        warnings.warn(f"{name}: {int((sizes < 3).sum())} faces of fewer than 3 corners are left out", stacklevel=2)
+        notice(f"{name}: {int((sizes < 3).sum())} faces of fewer than 3 corners are left out")
     starts = np.cumsum(sizes) - sizes
     triangles = np.maximum(sizes - 2, 0)
     rows = np.cumsum(triangles) - triangles  # where the triangles of each polygon begin

@@ -1,0 +1,38 @@
+"""What the reader of a result should know about its input: one line each, from wherever it is found.
+
+Functions on arrays and readers of files call :func:`notice`. Who runs them collects the lines and shows them: as the
+message of a row, below a leaderboard, or in the terminal.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Iterator
+from contextvars import ContextVar
+
+_collector: ContextVar[list[str] | None] = ContextVar("notices", default=None)
+
+
+class InputWarning(UserWarning):
+    """What a :func:`notice` is where nobody collects them."""
+
+
+def notice(text: str) -> None:
+    """Say something about an input that its reader should know; said twice, it counts once."""
+    collected = _collector.get()
+    if collected is None:
+        warnings.warn(text, InputWarning, stacklevel=3)
+    elif text not in collected:
+        collected.append(text)
+
+
+@contextlib.contextmanager
+def collected() -> Iterator[list[str]]:
+    """The notices of what is done inside, in the order of their coming; those around get none of them."""
+    found: list[str] = []
+    token = _collector.set(found)
+    try:
+        yield found
+    finally:
+        _collector.reset(token)
