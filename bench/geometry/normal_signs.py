@@ -69,8 +69,9 @@ def _edges(neighbours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The undirected edges of a neighbour graph, each once."""
     n, k = neighbours.shape
     start, end = np.repeat(np.arange(n, dtype=np.int64), k), neighbours.ravel().astype(np.int64)
-    # One number for each edge: rows are a good deal slower to sort.
-    i, j = np.divmod(np.unique(np.minimum(start, end) * n + np.maximum(start, end)), n)
+    # One number for each edge: rows are a good deal slower to sort, and so is numpy's hashing of many that differ.
+    edges = np.sort(np.minimum(start, end) * n + np.maximum(start, end))
+    i, j = np.divmod(edges[np.append(True, edges[1:] != edges[:-1])], n)
     return i[i != j], j[i != j]
 
 
