@@ -10,7 +10,7 @@ import numpy as np
 from bench import Effect, PointCloud, Shape, register
 from bench.geometry.normals import estimate_normals, oriented_normals
 
-from .checks import expect_choice
+from .checks import expect, expect_choice
 from .spoiling import with_normals
 
 
@@ -19,19 +19,22 @@ from .spoiling import with_normals
 class NormalsPca(Effect):
     """Normals estimated from the points as they are: planes through the neighbours, oriented along a spanning tree.
 
-    The number of neighbours grows with the noise, from 16 to 64. With ``orientation=exact`` the signs are those of the
-    exact surface, as data sets for denoising have them; what the estimate gets wrong is then the direction alone.
+    The number of neighbours is chosen point by point, from 12 to 256, by the noise and the shape, or is ``k`` for all.
+    With ``orientation=exact`` the signs are those of the exact surface, as data sets for denoising have them; what the
+    estimate gets wrong is then the direction alone.
     """
 
     orientation: Literal["tree", "exact"] = "tree"  # signs from the points alone, or from the exact surface
+    k: int = 0  # neighbours of a plane, the point itself included, at least 3; 0 chooses for each point
 
     def __post_init__(self) -> None:
+        expect(self.k == 0 or self.k >= 3, "k", "0, or at least 3", self.k)
         expect_choice("orientation", self.orientation, ("tree", "exact"))
 
     def spoil(self, cloud: PointCloud, shape: Shape, rng: np.random.Generator) -> PointCloud:
         """The same points, with estimated normals."""
         if self.orientation == "tree":
-            return with_normals(cloud, oriented_normals(cloud.points))
-        normals, _, _ = estimate_normals(cloud.points)
+            return with_normals(cloud, oriented_normals(cloud.points, self.k))
+        normals = estimate_normals(cloud.points, self.k).normals
         inward = np.einsum("ni,ni->n", normals, shape.surface.closest(cloud.points)[1]) < 0
         return with_normals(cloud, np.where(inward[:, None], -normals, normals))

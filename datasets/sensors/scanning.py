@@ -135,7 +135,7 @@ class Scanner:
         if self.normals == "none":
             return None
         if self.normals == "pca":
-            normals, _, _ = estimate_normals(np.concatenate([scan.points for scan in scans]))
+            normals = estimate_normals(np.concatenate([scan.points for scan in scans])).normals
             toward = np.concatenate([scan.center - scan.points for scan in scans])
             away = np.einsum("ni,ni->n", normals, toward) < 0
             return np.where(away[:, None], -normals, normals)

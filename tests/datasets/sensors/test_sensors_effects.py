@@ -304,6 +304,23 @@ def test_estimated_normals_are_near_the_true_ones(orientation):
     assert np.array_equal(estimated.points, cloud.points)
 
 
+@pytest.mark.parametrize("k", [15, 32])
+def test_normals_of_a_fixed_number_of_neighbours_count_the_point_itself(k):
+    """As in the clouds that were released with DSS, whose signs are those of the true normals."""
+    points, truth = BUMPS.surface.sample(300, generator(0))
+    estimated = spoil(NormalsPca(orientation="exact", k=k), BUMPS, cloud=PointCloud(points)).normals
+    for point, normal, true in zip(points, estimated, truth, strict=True):
+        nearest = points[np.argsort(np.linalg.norm(points - point, axis=1))[:k]]
+        axis = np.linalg.svd(nearest - nearest.mean(axis=0))[2][2]
+        assert normal @ axis * np.sign(true @ axis) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("k", [-1, 1, 2])
+def test_a_plane_has_three_points(k):
+    with pytest.raises(ValueError, match="k: expected 0, or at least 3"):
+        NormalsPca(k=k)
+
+
 def test_normals_can_be_taken_away_and_missing_ones_are_refused():
     bare = spoil(NormalsNone())
     assert bare.normals is None and np.array_equal(bare.points, CLEAN["box"].points)

@@ -384,12 +384,19 @@ def test_normals_and_colours_of_a_ply(write):
 
 
 @pytest.mark.parametrize("bad", ["0 0 0", "nan 0 0"])
-def test_normals_without_a_direction_are_left_out_with_a_warning(write, bad):
-    rows = f"0 0 0 0 0 1\n1 0 0 {bad}\n0 1 0 1 0 0\n"
+def test_a_normal_without_a_direction_becomes_that_of_the_nearest_point(write, bad):
+    rows = f"0 0 0 0 0 1\n1 0 0 {bad}\n0 1.5 0 1 0 0\n"
     for path in (write("z.ply", ply(rows, columns="x y z nx ny nz")), write("z.xyz", rows)):
-        with pytest.warns(UserWarning, match="1 of 3 normals have no direction"):
+        with pytest.warns(UserWarning, match="1 of 3 normals have no direction; the nearest"):
             cloud = load_cloud(path)
-        assert cloud.normals is None and len(cloud) == 3
+        assert cloud.normals.tolist() == [[0, 0, 1], [0, 0, 1], [1, 0, 0]]
+
+
+def test_normals_are_left_out_with_a_warning_when_most_have_no_direction(write):
+    rows = "0 0 0 0 0 1\n1 0 0 0 0 0\n0 1 0 0 0 0\n"
+    with pytest.warns(UserWarning, match="2 of 3 normals have no direction; all normals are left out"):
+        cloud = load_cloud(write("z.ply", ply(rows, columns="x y z nx ny nz")))
+    assert cloud.normals is None and len(cloud) == 3
 
 
 def test_colours_out_of_range_are_left_out_with_a_warning(write):
