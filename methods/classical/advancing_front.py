@@ -10,7 +10,7 @@ import numpy as np
 from bench import BadInput, PointCloud, Run, register
 
 from .front import advancing_front
-from .inputs import distinct_oriented
+from .inputs import ROUNDING, distinct_oriented, in_plane
 from .isolated import without_isolated
 
 if TYPE_CHECKING:
@@ -42,10 +42,23 @@ class AdvancingFront:
 
         cloud, _ = without_isolated(cloud, "advancing_front", run)
         points, normals, _ = distinct_oriented(cloud, "advancing_front", at_least=4)
-        vertices, faces = advancing_front(points, self.radius_ratio, self.beta)
+        vertices, faces = self._front(points)
         if not len(faces):
             raise BadInput(f"advancing_front: {len(points)} points, and no triangle is plausible; expected a surface")
         return Trimesh(*in_order(vertices, turn_pieces(vertices, faces, points, normals)), process=False)
+
+    def _front(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The vertices (v, 3), all of them among the points (n, 3), and triangles (f, 3) of the front."""
+        from scipy.spatial import cKDTree
+
+        from bench.geometry.spacing import mean_spacing
+
+        plane = in_plane(points, ROUNDING * mean_spacing(points))
+        if plane is None:
+            return advancing_front(points, self.radius_ratio, self.beta)
+        level = np.column_stack([plane, np.zeros(len(plane))])
+        vertices, faces = advancing_front(level, self.radius_ratio, self.beta)
+        return points[cKDTree(level).query(vertices)[1]] if len(vertices) else vertices, faces
 
 
 def in_order(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from bench import BadInput, PointCloud, Run, register
 
-from .inputs import distinct_oriented, plane_axes
+from .inputs import ROUNDING, distinct_oriented, in_plane, note_flat
 from .isolated import without_isolated
 
 if TYPE_CHECKING:
@@ -42,19 +42,21 @@ class AlphaShape:
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """Closed and outward, though it may touch itself; open single sheets face along the normals of the points."""
-        from scipy.spatial import Delaunay, QhullError
+        from scipy.spatial import Delaunay
         from trimesh import Trimesh
 
         from bench.geometry.spacing import mean_spacing
 
         cloud, _ = without_isolated(cloud, "alpha_shape", run)
         points, normals, _ = distinct_oriented(cloud, "alpha_shape", at_least=4)
-        origin = points.mean(axis=0)  # Qhull loses precision far from the origin
-        radius = self.alpha * mean_spacing(points)
-        try:
-            border, sheet = sheets(Delaunay(points - origin), radius)
-        except QhullError:  # all points lie in one plane
-            border, sheet = np.empty((0, 3), dtype=int), flat_sheet(points - origin, radius)
+        spacing = mean_spacing(points)
+        plane = in_plane(points, ROUNDING * spacing)
+        if plane is None:
+            note_flat(points, "alpha_shape", run, "noise gives its surface two sides")
+            # Qhull loses precision far from the origin.
+            border, sheet = sheets(Delaunay(points - points.mean(axis=0)), self.alpha * spacing)
+        else:
+            border, sheet = np.empty((0, 3), dtype=int), flat_sheet(plane, self.alpha * spacing)
         a, b, c = (points[sheet[:, k]] for k in range(3))
         wrong = np.einsum("ni,ni->n", np.cross(b - a, c - a), normals[sheet].sum(axis=1)) < 0
         faces = np.concatenate([border, np.where(wrong[:, None], sheet[:, ::-1], sheet)])
@@ -73,11 +75,12 @@ def sheets(cells: Delaunay, radius: float) -> tuple[np.ndarray, np.ndarray]:
     return _facets(cells, inner & outer), _facets(cells, closed & ~inner & outer & once)
 
 
-def flat_sheet(points: np.ndarray, radius: float) -> np.ndarray:
-    """The triangles (f, 3) between points of a plane, an (n, 3) array, that lie on an empty ball of that radius."""
+def flat_sheet(plane: np.ndarray, radius: float) -> np.ndarray:
+    """The triangles (f, 3) between points of a plane, an (n, 2) array, that lie on an empty ball of that radius."""
     from scipy.spatial import Delaunay
 
-    faces = Delaunay(points @ plane_axes(points)[0][:2].T).simplices
+    faces = Delaunay(plane).simplices
+    points = np.column_stack([plane, np.zeros(len(plane))])
     return faces[circumcircles(*(points[faces[:, corner]] for corner in range(3)))[1] <= radius]
 
 

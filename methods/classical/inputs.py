@@ -8,6 +8,8 @@ from bench import BadInput, PointCloud, Run
 from bench.geometry.check import check_points
 
 FLAT = 0.02  # the ratio of thickness to width (standard deviations) below which points have no inside
+COARSE = 5.0  # mean spacings; a cell that is wider loses what the points show
+ROUNDING = 0.01  # mean spacings by which points may lie off a plane that still triangulate as its points
 
 
 def distinct_points(points: np.ndarray, method: str, at_least: int) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +70,29 @@ def plane_axes(points: np.ndarray) -> tuple[np.ndarray, float]:
     return axes, float(widths[2] / widths[1])
 
 
+def in_plane(points: np.ndarray, tolerance: float) -> np.ndarray | None:
+    """Points (n, 3) as an (n, 2) array within the plane that they all lie in up to ``tolerance``; None if they do not.
+
+    Triangulations in space find thin tetrahedra, and none that is right, where rounding lifts points off a plane.
+    """
+    center = points.mean(axis=0)
+    local = (points - center) @ plane_axes(points)[0].T
+    return local[:, :2] if np.abs(local[:, 2]).max() <= tolerance else None
+
+
 def note_flat(points: np.ndarray, method: str, run: Run, what: str) -> None:
     """Note that points (n, 3) lie in a plane, and what that means for the surface."""
     if plane_axes(points)[1] < FLAT:
         run.note(f"{method}: the points lie in a plane, which has no volume: {what}")
+
+
+def note_coarse(points: np.ndarray, cells: float, method: str, parameter: str, run: Run) -> None:
+    """Note that a grid of so many ``cells`` along the longest side of the points (n, 3) cannot resolve them."""
+    from bench.geometry.spacing import mean_spacing
+
+    spacings = float(np.ptp(points, axis=0).max() / cells / mean_spacing(points))
+    if spacings > COARSE:
+        run.note(
+            f"{method}: a cell of the grid is {spacings:.2g} mean spacings of the points wide, and no finer detail is "
+            f"kept; raise {parameter}, or take distant pieces one by one"
+        )

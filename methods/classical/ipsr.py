@@ -10,7 +10,7 @@ import numpy as np
 from bench import BadInput, PointCloud, Run, register
 
 from . import screened_poisson
-from .inputs import distinct_points, note_flat
+from .inputs import distinct_points, note_coarse, note_flat
 from .isolated import without_isolated
 from .visibility import facing
 
@@ -55,6 +55,7 @@ class Ipsr:
 
         cloud, _ = without_isolated(cloud, "ipsr", run)
         points, _ = distinct_points(cloud.points, "ipsr", at_least=10)
+        note_coarse(points, 2**self.depth / self.scale, "ipsr", "depth", run)
         note_flat(points, "ipsr", run, "the surface goes on beyond them, to the border of the box")
         solution, normals = self._iterate(points, self._first(points, run), run)
         vertices, faces = solution.vertices, solution.faces

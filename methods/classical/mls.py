@@ -16,7 +16,7 @@ import numpy as np
 
 from bench import BadInput, PointCloud, Run
 
-from .inputs import distinct_oriented, plane_axes
+from .inputs import distinct_oriented, note_coarse, plane_axes
 from .isolated import put_back, without_isolated
 from .noise import noise_to_spacing
 
@@ -91,6 +91,7 @@ def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, steps: i
     cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
     _set_support(parameters, points, normals, OF_SURFACE)
+    note_coarse(points, resolution, kind, "resolution", run)
     axes = _upright(points, resolution)
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points @ axes.T, v_normals_matrix=normals @ axes.T))

@@ -10,7 +10,7 @@ import numpy as np
 from bench import PointCloud, Run, register
 
 from . import screened_poisson
-from .inputs import distinct_oriented, note_flat
+from .inputs import distinct_oriented, note_coarse, note_flat
 from .isolated import without_isolated
 from .noise import noise_to_spacing
 
@@ -50,6 +50,7 @@ class Poisson:
         cloud, _ = without_isolated(cloud, "poisson", run)
         points, normals, _ = distinct_oriented(cloud, "poisson", at_least=4)
         weight = point_weight(points, normals) if self.point_weight is None else self.point_weight
+        note_coarse(points, 2**self.depth / self.scale, "poisson", "depth", run)
         note_flat(points, "poisson", run, "the surface goes on beyond them, to the border of the box")
         vertices, faces, support = screened_poisson.solve(
             points,
