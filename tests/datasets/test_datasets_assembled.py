@@ -142,7 +142,7 @@ def test_a_category_has_one_topology(category):
         for shape in (pair.source, pair.target):
             assert (shape.mesh.faces == faces).all()
             counts = count_topology(shape.mesh.vertices, shape.mesh.faces)
-            assert counts == (len(shape.info["parts"]), 0, 0, True)
+            assert counts == (len(shape.info["parts"]), 0, 0, True, 0)
             assert shape.mesh.volume > 0
             feet = [shape.mesh.vertices[v] for name, v in pair.landmarks.items() if name.endswith("foot")]
             assert len(feet) == 4 and np.allclose(np.array(feet)[:, 2], 0, atol=0.01)
@@ -157,7 +157,7 @@ def test_a_category_has_one_topology(category):
 def test_the_template_is_on_the_implicit_body():
     V, F = template()
     assert 6_800 < len(V) < 7_200 and np.abs(body()(V)).max() < 2e-4
-    assert count_topology(V, F) == (1, 0, 0, True)
+    assert count_topology(V, F) == (1, 0, 0, True, 0)
     assert not self_intersecting_faces(V, F).any()
 
 

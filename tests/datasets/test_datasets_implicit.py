@@ -74,7 +74,7 @@ def torus_distance(points, major, minor):
 def test_the_torus_is_that_of_its_formulas():
     made = implicit(placed(torus(1.0, 0.4)), 0.04)
     mesh = made.mesh
-    assert tuple(count_topology(mesh.vertices, mesh.faces)) == (1, 1, 0, True)
+    assert tuple(count_topology(mesh.vertices, mesh.faces)) == (1, 1, 0, True, 0)
     assert np.abs(torus_distance(mesh.vertices, 1.0, 0.4)).max() < 1e-14
     assert mesh.volume == pytest.approx(2 * np.pi**2 * 0.4**2, rel=4e-3)
     assert made._faces[1][-1] / 2 == pytest.approx(4 * np.pi**2 * 0.4, rel=1e-3)  # area, by the midpoints of faces
@@ -110,7 +110,7 @@ def test_symmetric_shapes_on_symmetric_grids_are_manifold():
     """Corners and faces of this box would fall on grid points."""
     for step in (0.1, 0.125):
         mesh = implicit(placed(box(np.array([1.0, 0.5, 0.25]), 0.25)), step, 2.0).mesh
-        assert tuple(count_topology(mesh.vertices, mesh.faces)) == (1, 0, 0, True)
+        assert tuple(count_topology(mesh.vertices, mesh.faces)) == (1, 0, 0, True, 0)
         assert (mesh.area_faces > 0).all() and len(np.unique(mesh.vertices, axis=0)) == len(mesh.vertices)
 
 

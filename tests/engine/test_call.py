@@ -151,4 +151,4 @@ def test_what_a_metric_raises_names_it(plugin):
         score([Choice("metric", "choosy")], case.perfect(toy_cloud("toy")), case)
     assert caught.value.__notes__ == ["while scoring choosy"]
     found = score([Choice("metric", "choosy")], toy_cloud("toy"), case, floors=False)
-    assert found == ({"choosy": 1.0}, {}, {"choosy": "lower"}) and found.columns == {"score.choosy": 1.0}
+    assert found == ({"choosy": 1.0}, {}, {"choosy": "lower"}, {}) and found.columns == {"score.choosy": 1.0}

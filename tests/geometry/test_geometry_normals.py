@@ -9,8 +9,8 @@ from normal_cases import degrees, noisy, plain, rings, scans
 
 from bench import PointCloud
 from bench.geometry.neighbourhood_size import SIZES
-from bench.geometry.normals import completed, disagreement, estimate_normals, oriented_normals, with_normals
 from bench.geometry.normal_signs import consistent_signs
+from bench.geometry.normals import completed, disagreement, estimate_normals, oriented_normals, with_normals
 from bench.notices import InputWarning, collected
 
 NOISY = [("sphere", 5000, 0.0), ("sphere", 5000, 0.02), ("cube", 5000, 0.0), ("cube", 5000, 0.01)]
