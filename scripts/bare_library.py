@@ -206,7 +206,13 @@ BARE: dict[str, dict[str, Callable[..., Any]]] = {
 # The parameters at which each method is the bare call, for ball_pivoting up to the farthest hundredth of the distances,
 # which mean spacings leave out. alpha_wrap takes spacings, not diagonals; alpha_shape and ipsr are not the library's.
 AS_BARE: dict[tuple[str, str], dict[str, Any]] = {
-    ("reconstruct", "poisson"): {"depth": 8, "point_weight": 2.0, "samples_per_node": 1.5, "scale": 1.1},
+    ("reconstruct", "poisson"): {
+        "depth": 8,
+        "point_weight": 2.0,
+        "samples_per_node": 1.5,
+        "scale": 1.1,
+        "linear_fit": False,
+    },
     ("reconstruct", "ball_pivoting"): {"radii": [1.0, 2.0, 4.0]},
     ("reconstruct", "advancing_front"): {"radius_ratio": 5.0, "beta": 0.52},
     ("reconstruct", "apss"): {"filterscale": 2.0, "resolution": 200, "steps": 15},

@@ -12,8 +12,9 @@ import numpy as np
 WALLS = (2, 3, 4, 6)  # half of the thickness of the wall that is tried, in mean spacings
 LEAKY = 0.1  # the share of the points with the same region on both sides, equally near, up to which a wall is tight
 OPEN = 0.5  # and from which on the points enclose nothing
-CELLS = 128  # of the grid along the longest side of the box, at most
+CELLS = 160  # of the grid along the longest side of the box, at most
 FAR = 5  # cells beyond the wall in which a region is looked for
+NEAR = 2  # and within which it must begin on one side: what begins beyond lies behind another wall
 LEAST = 3  # points between two regions that make them neighbours
 
 
@@ -55,7 +56,7 @@ def _signs(points: np.ndarray, normals: np.ndarray, wall: float) -> tuple[np.nda
     at_front, at_back = outward[front], outward[back]
     # Between a solid and what is not, the side is clear; between two of a kind, across a thin sheet, the nearer counts.
     signs = np.where(at_front != at_back, np.sign(at_front - at_back), nearer * at_front)
-    return signs, leak
+    return np.where(np.minimum(near_front, near_back) <= NEAR, signs, 0), leak
 
 
 def _regions(points: np.ndarray, wall: float) -> tuple[np.ndarray, np.ndarray, float, float]:
@@ -63,7 +64,7 @@ def _regions(points: np.ndarray, wall: float) -> tuple[np.ndarray, np.ndarray, f
     from scipy import ndimage
 
     extent = np.ptp(points, axis=0)
-    cell = max(wall / 2, extent.max() / CELLS)
+    cell = max(wall / 3, extent.max() / CELLS)
     wall = max(wall, 1.5 * cell)
     margin = wall + (FAR + 1) * cell
     origin = points.min(axis=0) - margin
