@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 TOP = 0.001  # the share of the normals, those that turned farthest, that decides whether all have settled
+NEIGHBOURS = 16  # of the first normals: few, lest thin walls mix with their other side
 SETTLED = 0.175  # the mean change of these, as a distance of unit vectors, below which the iteration ends: 10 degrees
 
 
@@ -74,7 +75,7 @@ class Ipsr:
             normals = run.rng.standard_normal(points.shape)
             return normals / np.linalg.norm(normals, axis=1, keepdims=True)
         if self.start == "visible":
-            normals = estimate_normals(points)[0]
+            normals = estimate_normals(points, NEIGHBOURS)[0]
             signs = facing(points, normals)
             if signs is not None:
                 return signs[:, None] * normals

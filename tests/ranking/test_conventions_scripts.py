@@ -72,7 +72,7 @@ def ours(convention, mesh, output, seed, floors=False):
     else:
         output = trimesh.Trimesh(frame.apply(output.vertices), output.faces, process=False)
     paper = load_convention(convention)
-    values, perfect, _ = score(_of_convention(paper), output, case, floors=floors)
+    values, perfect, *_ = score(_of_convention(paper), output, case, floors=floors)
     found = in_convention(paper, {key: Score(values[key], perfect.get(key), "lower") for key in values})
     return {title: s.value for title, s in found.items()}, {title: s.floor for title, s in found.items()}
 

@@ -187,7 +187,8 @@ if CGAL:
 
     def test_a_wrap_refuses_points_too_far_apart():
         with pytest.raises(BadInput, match="remove far outliers"):
-            AlphaWrap().reconstruct(PointCloud(np.vstack([even_cloud(200).points, [[1e6, 0, 0]]])), Run())
+            objects = [even_cloud(200).points + shift for shift in ([0, 0, 0], [1e6, 0, 0], [0, 1e6, 0])]
+            AlphaWrap().reconstruct(PointCloud(np.vstack(objects)), Run())
 
     def test_a_front_does_not_depend_on_what_the_process_did_before(tmp_path, monkeypatch):
         # Two sheets closer than the spacing: many triangles are as plausible as others.

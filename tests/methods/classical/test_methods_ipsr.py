@@ -135,7 +135,7 @@ def test_normals_settle_when_hardly_any_turns():
 @pytest.mark.parametrize("shape", SHAPES)
 def test_what_is_visible_faces_outward(shape):
     _, points, truth = cloud_of(shape, 0.005)
-    normals = estimate_normals(points)[0]
+    normals = estimate_normals(points, 16)[0]
     signs = facing(points, normals)
     seen = signs != 0
     # Between blades, and where two balls nearly touch, less is visible.

@@ -186,7 +186,7 @@ if CGAL:
 
     def test_ear_refuses_points_whose_extent_its_grid_cannot_hold():
         cloud = even_cloud(BALL, 500)
-        far = PointCloud(np.vstack([cloud.points, [[300.0, 400, 500]]]))
+        far = PointCloud(np.vstack([cloud.points, cloud.points + [300.0, 400, 500]]))  # no stray points: an object
         with pytest.raises(BadInput, match="remove far outliers"):
             Ear().upsample(far, 4, Run())
 
