@@ -20,24 +20,24 @@ def eggs_and_darts(along: Dual, across: Dual, period: float, width: float) -> Du
     """Eggs in their shells with darts between them, 0..1; a band of ``width`` about ``across`` = 0."""
     t, r = repeated(along, period), across * (1 / width)
     oval = length(t * (1 / 0.36), (r - 0.05) * (1 / 0.46), r * 0.0 + 0.02)
-    egg = ease((1.0 - oval) * 1.4)
-    shell = ease(1 - soft_abs(oval - 1.22, 0.02) * (1 / 0.24)) * 0.55
-    dart = ease(1 - (0.5 - soft_abs(t, 0.001)) * (1 / (0.10)) - (r + 0.5) * 0.25)
-    return (egg + shell + dart * 0.6) * ease((0.5 - soft_abs(r, 0.01)) * 8)
+    egg = ease((1.0 - oval) * 1.1)
+    shell = ease(1 - soft_abs(oval - 1.3, 0.03) * (1 / 0.42)) * 0.5
+    dart = ease(1 - (0.5 - soft_abs(t, 0.001)) * (1 / 0.20) - (r + 0.5) * 0.25)
+    return (egg + shell + dart * 0.6) * ease((0.5 - soft_abs(r, 0.01)) * 4)
 
 
 def beads(along: Dual, across: Dual, period: float, width: float) -> Dual:
     """A string of beads, 0..1."""
     t, r = repeated(along, period), across * (1 / width)
-    return ease((1 - length(t * (1 / 0.44), r * (1 / 0.5), r * 0.0 + 0.05)) * 1.6)
+    return ease((1 - length(t * (1 / 0.44), r * (1 / 0.5), r * 0.0 + 0.05)) * 1.1)
 
 
 def volute(u: Dual, v: Dual, radius: float, turns: float, sense: float) -> Dual:
     """A spiral ridge that winds inward to an eye, 0..1."""
     r = length(u, v, u * 0.0 + 1e-3 * radius)
     wind = cos(atan2(v, u) * sense + r * (2 * np.pi * turns / radius))
-    rim = ease((radius - r) * (1 / (0.16 * radius)))
-    eye = ease((0.15 * radius - r) * (1 / (0.08 * radius)))
+    rim = ease((radius - r) * (1 / (0.4 * radius)))
+    eye = ease((0.30 * radius - r) * (1 / (0.26 * radius)))
     return rim * ((wind * 0.5 + 0.5) * (1 - eye) + eye)
 
 
@@ -46,8 +46,8 @@ def rosette(u: Dual, v: Dual, radius: float, petals: int) -> Dual:
     r = length(u, v, u * 0.0 + 1e-3 * radius) * (1 / radius)
     angle = atan2(v, u)
     edge = soft_abs(cos(angle * (petals / 2)), 0.08) * 0.45 + 0.55
-    leaf = ease((edge - r) * 3.5) * (0.55 + r * 0.45)
-    return leaf * ease((r - 0.22) * 8) + ease((0.26 - r) * 8)
+    leaf = ease((edge - r) * 2.2) * (0.55 + r * 0.45)
+    return leaf * ease((r - 0.18) * 3.5) + ease((0.36 - r) * 3.5)
 
 
 def inscription(u: Dual, v: Dual, text: np.ndarray, height: float) -> Dual:
@@ -68,7 +68,7 @@ def inscription(u: Dual, v: Dual, text: np.ndarray, height: float) -> Dual:
         t = (x - ax) * (dx / square) + (y - ay) * (dy / square)
         t = t.compose(np.clip(t.v, 0, 1), (t.v > 0) & (t.v < 1))
         away = length(x - ax - t * dx, y - ay - t * dy)
-        groove = ease(1 - away * (1 / 0.15))
+        groove = ease(1 - away * (1 / 0.17))
         total = total + groove - total * groove
     return total
 

@@ -87,7 +87,7 @@ def _ground(p: Point, it: Panel, carver: Carver, detail: float) -> Dual:
     x, _, z = p
     ax, az = abs_of(x), abs_of(z)
     edge = smooth_min(WIDE - ax, HIGH - az, 0.02)  # from the rim inwards
-    frame = ease((0.30 - edge) * (1 / 0.07)) * 0.075 + ease((0.085 - edge) * (1 / 0.04)) * 0.035
+    frame = ease((0.30 - edge) * (1 / 0.09)) * 0.070 + ease((0.085 - edge) * (1 / 0.04)) * 0.035
     hollow = masked(ease((edge - 0.26) * 20), p, lambda q: _inside(q, it, carver, detail))
     return frame + masked(ease((0.40 - edge) * 12), p, lambda q: _frame(q, it)) * detail + hollow
 
@@ -97,22 +97,22 @@ def _frame(p: Point, it: Panel) -> Dual:
     ax, az = abs_of(x), abs_of(z)
     # Where the corner blocks are, the bands of both directions end.
     block = 0.28
-    upright = ease((ax - (WIDE - block)) * 30) * ease((HIGH - block - az) * 30)
-    level = ease((az - (HIGH - block)) * 30) * ease((WIDE - block - ax) * 30)
-    corner = ease((ax - (WIDE - block)) * 30) * ease((az - (HIGH - block)) * 30)
+    upright = ease((ax - (WIDE - block)) * 20) * ease((HIGH - block - az) * 20)
+    level = ease((az - (HIGH - block)) * 20) * ease((WIDE - block - ax) * 20)
+    corner = ease((ax - (WIDE - block)) * 20) * ease((az - (HIGH - block)) * 20)
     long, short = (HIGH - block) / 8, (WIDE - block) / 6
-    relief = masked(upright, p, lambda q: eggs_and_darts(q[2], WIDE - 0.155 - abs_of(q[0]), long, 0.125) * 0.04)
-    relief = relief + masked(level, p, lambda q: eggs_and_darts(q[0], HIGH - 0.155 - abs_of(q[2]), short, 0.125) * 0.04)
+    relief = masked(upright, p, lambda q: eggs_and_darts(q[2], WIDE - 0.155 - abs_of(q[0]), long, 0.125) * 0.03)
+    relief = relief + masked(level, p, lambda q: eggs_and_darts(q[0], HIGH - 0.155 - abs_of(q[2]), short, 0.125) * 0.03)
     relief = relief + masked(corner, p, lambda q: rosette(
-        abs_of(q[0]) - (WIDE - 0.15), abs_of(q[2]) - (HIGH - 0.15), 0.115, it.petals) * 0.05)  # fmt: skip
+        abs_of(q[0]) - (WIDE - 0.15), abs_of(q[2]) - (HIGH - 0.15), 0.115, it.petals) * 0.036)  # fmt: skip
     inner = smooth_min(WIDE - ax, HIGH - az, 0.01) - 0.325
     along = masked(
-        ease((HIGH - az - (WIDE - ax)) * 30), p, lambda q: beads(q[2], WIDE - 0.325 - abs_of(q[0]), 0.0666, 0.055)
+        ease((HIGH - az - (WIDE - ax)) * 20), p, lambda q: beads(q[2], WIDE - 0.325 - abs_of(q[0]), 0.0666, 0.055)
     )
     across = masked(
-        ease((WIDE - ax - (HIGH - az)) * 30), p, lambda q: beads(q[0], HIGH - 0.325 - abs_of(q[2]), 0.0666, 0.055)
+        ease((WIDE - ax - (HIGH - az)) * 20), p, lambda q: beads(q[0], HIGH - 0.325 - abs_of(q[2]), 0.0666, 0.055)
     )
-    return relief + (along + across) * ease((0.05 - soft_abs(inner, 0.002)) * 60) * 0.03
+    return relief + (along + across) * ease((0.05 - soft_abs(inner, 0.002)) * 25) * 0.022
 
 
 def _inside(p: Point, it: Panel, carver: Carver, detail: float) -> Dual:
@@ -121,7 +121,7 @@ def _inside(p: Point, it: Panel, carver: Carver, detail: float) -> Dual:
     tablet = masked(ease((-0.66 - z) * 30), p, lambda q: _tablet(q, it)) * detail
     high = ease((z + 0.60) * 20)
     oval = _oval(p, it)
-    rim = masked(high, p, lambda q: ease(1 - soft_abs(_oval(q, it) - 1, 0.01) * (1 / 0.075)) * 0.05)
+    rim = masked(high, p, lambda q: ease(1 - soft_abs(_oval(q, it) - 1, 0.01) * (1 / 0.09)) * 0.038)
     scrolls = masked(high * ease((oval - 1.06) * 12), p, lambda q: _scrolls(q, it)) * detail
     return marks * ease((oval - 0.5) * 4) + tablet + rim + scrolls
 
@@ -140,14 +140,14 @@ def _tablet(p: Point, it: Panel) -> Dual:
     cut_in = masked(
         plate, p, lambda q: inscription(q[0], q[2] + 0.815, it.text, 0.115) * ease((0.55 - abs_of(q[0])) * 40)
     )
-    return plate * 0.03 - cut_in * 0.028
+    return plate * 0.03 - cut_in * 0.018
 
 
 def _scrolls(p: Point, it: Panel) -> Dual:
     x, _, z = p
     ax = abs_of(x)
-    up = volute(ax - 0.525, z - 0.80, 0.135, 2.3, it.sense)
-    small = volute(ax - 0.59, z - 0.575, 0.075, 1.6, -it.sense)
-    low = volute(ax - 0.525, z + 0.38, 0.135, 2.3, -it.sense)
-    tiny = volute(ax - 0.59, z + 0.165, 0.075, 1.6, it.sense)
-    return (up + small + low + tiny) * 0.045
+    up = volute(ax - 0.525, z - 0.80, 0.135, 1.8, it.sense)
+    small = volute(ax - 0.59, z - 0.575, 0.075, 1.2, -it.sense)
+    low = volute(ax - 0.525, z + 0.38, 0.135, 1.8, -it.sense)
+    tiny = volute(ax - 0.59, z + 0.165, 0.075, 1.2, it.sense)
+    return (up + small + low + tiny) * 0.034
