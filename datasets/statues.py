@@ -54,7 +54,7 @@ class Statues(Family):
             f"statues-{split}-{index:03d}-{kind}",
             lambda: surface.mesh,
             surface=surface,
-            tags=("multiscale", "smooth"),
+            tags=(kind,),
             info={"kind": kind, "genus": 0, "symmetry": "none", "detail": self.detail},
             exactness="implicit",
         )
