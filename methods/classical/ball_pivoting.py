@@ -24,9 +24,7 @@ NOISY = 0.15  # noise over spacing from which small balls do harm
 class BallPivoting:
     """Ball pivoting: a ball rolls over the points, and the triples that it rests on become triangles."""
 
-    radii: tuple[float, ...] | None = (
-        None  # of the balls, in mean spacings, ascending; None: 1.0, 1.5, 2, 4, or with noise 1.5, 3, 6
-    )
+    radii: tuple[float, ...] | None = None  # of the balls, in mean spacings, ascending; None: by the noise
 
     def __post_init__(self) -> None:
         if self.radii is None:

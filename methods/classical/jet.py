@@ -43,4 +43,4 @@ class Jet:
 
 def neighbours_for(cloud: PointCloud) -> int:
     """The number of neighbours that was best on the train shapes at the noise of this cloud, see docs/tuning.md."""
-    return int(np.clip(12 + 30 * noise_of(cloud), 12, 30))
+    return int(np.clip(12 + 30 * noise_of(cloud, "jet", at_least=10), 12, 30))

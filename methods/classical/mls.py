@@ -52,7 +52,7 @@ def project(cloud: PointCloud, kind: str, run: Run, steps: int, **parameters: An
     """
     rest, kept = without_isolated(cloud, kind, run)
     points, normals, inverse = distinct_oriented(rest, kind, AT_LEAST)
-    _set_support(parameters, points, normals, AT_POINTS)
+    parameters = _supported(parameters, points, normals, AT_POINTS)
     return put_back(cloud, kept, _moved(points, normals, points, kind, steps, parameters)[inverse])
 
 
@@ -69,7 +69,7 @@ def upsample(cloud: PointCloud, ratio: int, kind: str, run: Run, steps: int, **p
     count = ratio * len(cloud)
     cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
-    _set_support(parameters, points, normals, OF_SURFACE)
+    parameters = _supported(parameters, points, normals, OF_SURFACE)
 
     def onto_surface(queries: np.ndarray) -> np.ndarray:
         return _moved(points, normals, queries, kind, steps, parameters)
@@ -90,7 +90,7 @@ def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, steps: i
 
     cloud, _ = without_isolated(cloud, kind, run)
     points, normals, _ = distinct_oriented(cloud, kind, AT_LEAST)
-    _set_support(parameters, points, normals, OF_SURFACE)
+    parameters = _supported(parameters, points, normals, OF_SURFACE)
     note_coarse(points, resolution, kind, "resolution", run)
     axes = _upright(points, resolution)
     meshes = pymeshlab.MeshSet(verbose=False)
@@ -122,10 +122,13 @@ def _upright(points: np.ndarray, resolution: int) -> np.ndarray:
     return diagonal.T @ plane_axes(points)[0]
 
 
-def _set_support(parameters: dict[str, Any], points: np.ndarray, normals: np.ndarray, curve: tuple[float, ...]) -> None:
-    """Set a support that is None to the one that was best on the train shapes at this noise, see docs/tuning.md."""
-    if parameters["filterscale"] is None:
-        parameters["filterscale"] = min(float(np.polyval(curve[::-1], noise_to_spacing(points, normals))), MOST)
+def _supported(
+    parameters: dict[str, Any], points: np.ndarray, normals: np.ndarray, curve: tuple[float, ...]
+) -> dict[str, Any]:
+    """The parameters; a support of None becomes the best one on the train shapes at this noise, see docs/tuning.md."""
+    if parameters["filterscale"] is not None:
+        return parameters
+    return parameters | {"filterscale": min(float(np.polyval(curve[::-1], noise_to_spacing(points, normals))), MOST)}
 
 
 def _project(meshes: pymeshlab.MeshSet, kind: str, steps: int, parameters: dict[str, Any]) -> None:

@@ -6,6 +6,8 @@ import numpy as np
 
 from bench import PointCloud
 
+from .inputs import distinct_oriented
+
 NEIGHBOURS = 8
 ON_ONE_SIDE = 0.7  # least cosine of two normals for their points to count as neighbours on the surface
 QUERIES = 10_000  # points whose neighbourhoods are looked at; more change the median in the third digit
@@ -13,12 +15,10 @@ ROUGHNESS = 0.35  # of the turn between neighbouring normals, in radians: what r
 NORMAL_MEDIAN = 0.6745  # median |x| of a normal variable with standard deviation 1
 
 
-def noise_of(cloud: PointCloud) -> float:
-    """:func:`noise_to_spacing` of a cloud, with estimated normals where it has none."""
-    from bench.geometry.normals import with_normals
-
-    points, first = np.unique(cloud.points, axis=0, return_index=True)
-    return noise_to_spacing(points, with_normals(cloud).normals[first])
+def noise_of(cloud: PointCloud, method: str, at_least: int) -> float:
+    """:func:`noise_to_spacing` of a cloud, with estimated normals where it has none; see :func:`distinct_oriented`."""
+    points, normals, _ = distinct_oriented(cloud, method, at_least)
+    return noise_to_spacing(points, normals)
 
 
 def noise_to_spacing(points: np.ndarray, normals: np.ndarray) -> float:

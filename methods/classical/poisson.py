@@ -29,9 +29,7 @@ class Poisson:
     depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
     trim: float = 0.0  # drop this quantile of least supported vertices, 0..1; opens what the method closes
     cut: float = 0.0  # drop vertices that lie so many octree levels below the median one; 0.7 opens holes, 0 keeps all
-    point_weight: float | None = (
-        None  # how strongly points hold the surface, 0 not at all; None: by their noise, 0.3 to 10
-    )
+    point_weight: float | None = None  # how strongly points hold the surface; 0: not; None: by their noise, 0.3 to 10
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
     samples_per_node: float = 1.5  # points per octree cell; 5 to 20 smooths noise away
     linear_fit: bool = False  # whether vertices are set by linear interpolation along the edges of the octree
@@ -49,7 +47,7 @@ class Poisson:
 
         cloud, _ = without_isolated(cloud, "poisson", run)
         points, normals, _ = distinct_oriented(cloud, "poisson", at_least=4)
-        weight = point_weight(points, normals) if self.point_weight is None else self.point_weight
+        weight = weight_for(points, normals) if self.point_weight is None else self.point_weight
         note_coarse(points, 2**self.depth / self.scale, "poisson", "depth", run)
         note_flat(points, "poisson", run, "the surface goes on beyond them, to the border of the box")
         vertices, faces, support = screened_poisson.solve(
@@ -78,6 +76,6 @@ class Poisson:
         return PointCloud(*eliminate(*MeshSurface(mesh).sample(CANDIDATES * count, run.rng), mesh, count))
 
 
-def point_weight(points: np.ndarray, normals: np.ndarray) -> float:
+def weight_for(points: np.ndarray, normals: np.ndarray) -> float:
     """The weight that was best on the train shapes at the noise of these points, see docs/tuning.md."""
     return float(np.clip(0.26 / max(noise_to_spacing(points, normals), 1e-9), 0.3, 10.0))

@@ -52,4 +52,4 @@ class Wlop:
 
 def radius_for(cloud: PointCloud) -> float:
     """The support that was best on the train shapes at the noise of this cloud, see docs/tuning.md."""
-    return float(np.clip(2 + 6 * noise_of(cloud), 2, 4))
+    return float(np.clip(2 + 6 * noise_of(cloud, "wlop", at_least=10), 2, 4))
