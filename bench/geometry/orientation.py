@@ -149,7 +149,7 @@ def _mended(
     turned = np.where(turn[:, None], F[:, ::-1], F)
     turn = turn ^ _facing_in(V, turned, patches(len(F), Edges(position)))
     if Edges(np.where(turn[:, None], position[:, ::-1], position)).balance.any():
-        raise NoSides("its faces are wound inconsistently, and its parts cannot be told apart")
+        raise NoSides("its faces are wound inconsistently, and no winding makes its parts agree")
     return turn
 
 
@@ -174,7 +174,7 @@ def _facing_in(V: np.ndarray, F: np.ndarray, patch: np.ndarray) -> np.ndarray:
     within = _crossings_are_odd(V, F, np.concatenate([middle + step, middle - step]))
     before, behind = within[: len(largest)], within[len(largest) :]
     if (before == behind).any():
-        raise NoSides("its faces are wound inconsistently, and its sides cannot be told apart")
+        raise NoSides("its faces are wound inconsistently, and its inner side cannot be found")
     return before[patch]
 
 

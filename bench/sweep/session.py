@@ -10,13 +10,10 @@ import shutil
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import StoreError
 from ..results.files import write_atomically
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

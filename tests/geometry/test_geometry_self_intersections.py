@@ -12,7 +12,8 @@ from bench.geometry.self_intersections import self_intersecting_faces
 
 def by_meshlab(mesh):
     """The crossing faces, and the CPU seconds that it took."""
-    pymeshlab = pytest.importorskip("pymeshlab")
+    import pymeshlab
+
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(np.array(mesh.vertices), np.array(mesh.faces)))
     start = time.process_time()

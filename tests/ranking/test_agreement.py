@@ -13,7 +13,8 @@ from scipy.stats import kendalltau
 from bench.cli import main
 from bench.errors import UsageError
 from bench.ranking.agreement import Scores, agreement, compare, family_of, places, tau_b
-from bench.ranking.report.agreement import FORMATS, render_agreement
+from bench.ranking.report import FORMATS
+from bench.ranking.report.agreement import render_agreement
 
 METHODS = "abcde"
 

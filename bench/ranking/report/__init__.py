@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 FORMATS = ("terminal", "markdown", "latex", "csv")
 
 
+def check_format(format: str) -> None:
+    """Raise :class:`UsageError` unless it is one of :data:`FORMATS`."""
+    if format not in FORMATS:
+        raise UsageError(f"format {format!r} is unknown. {did_you_mean(format, FORMATS)}")
+
+
 def render(
     board: pd.DataFrame,
     format: str = "terminal",
@@ -59,8 +65,7 @@ def render(
     UsageError
         For an unknown format.
     """
-    if format not in FORMATS:
-        raise UsageError(f"format {format!r} is unknown. {did_you_mean(format, FORMATS)}")
+    check_format(format)
     if convention is not None:
         board, metrics = convention.view(board), list(convention.digits)
     if format == "csv":

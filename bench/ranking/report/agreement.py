@@ -8,15 +8,12 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from ...errors import UsageError, did_you_mean
 from ..agreement import Agreement, Tau, as_records
-from . import latex, markdown
+from . import check_format, latex, markdown
 from .labels import label, setup, shown_setup
 from .numbers import unit_exponent, with_interval
 from .tables import title_of
 from .terminal import ARROWS, wrapped
-
-FORMATS = ("terminal", "markdown", "latex", "csv")
 
 
 @dataclass(frozen=True)
@@ -49,8 +46,7 @@ def render_agreement(
     UsageError
         For an unknown format.
     """
-    if format not in FORMATS:
-        raise UsageError(f"format {format!r} is unknown. {did_you_mean(format, FORMATS)}")
+    check_format(format)
     if format == "csv":
         return pd.DataFrame(as_records(list(found))).to_csv(index=False, lineterminator="\n")
     grids = [grid for one in found for grid in grids_of(one, level)]
