@@ -17,6 +17,7 @@ import pytest
 
 from bench.datasets.real import Real
 from bench.errors import MissingData
+from bench.plugins.registry import KINDS, load_plugins, plugin_module_name, registry
 
 COMMAND = [str(Path(sys.prefix) / "bin" / "detailbench")]
 MARK = "DETAILBENCH_TEST_MARK"  # in the environment of a command: all that descends from it carries it
@@ -202,3 +203,24 @@ def shells(tmp_path_factory):
     yield make
     for shell in made:
         shell.kill_all()
+
+
+@pytest.fixture(scope="module")
+def plugin_file():
+    """Loads a plugin's file into this process, until the module's tests have ended.
+
+    Other tests of the process look at all plugins there are, and at what stored results of a toy's name are made with.
+    """
+    paths = []
+
+    def load(path: Path) -> Path:
+        load_plugins([str(path)])
+        paths.append(Path(path).resolve())
+        return path
+
+    yield load
+    for kind in KINDS:
+        plugins = registry()._plugins[kind]
+        for name in [name for name, plugin in plugins.items() if plugin.file in paths]:
+            del plugins[name]
+    registry()._loaded.difference_update(plugin_module_name(path) for path in paths)

@@ -16,7 +16,7 @@ from bench.engine.call import score
 from bench.engine.isolate import Isolation
 from bench.geometry.io.files import load_cloud
 from bench.plan.cell import Choice
-from bench.plugins.registry import load_plugins, registry
+from bench.plugins.registry import registry
 
 PLUGINS = '''
 import random
@@ -69,15 +69,10 @@ def shuffled(points: np.ndarray, seed: int) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def plugin(tmp_path_factory):
+def plugin(tmp_path_factory, plugin_file):
     path = tmp_path_factory.mktemp("plugin") / "ordered.py"
     path.write_text(PLUGINS)
-    known = {kind: dict(plugins) for kind, plugins in registry()._plugins.items()}
-    load_plugins([str(path)])
-    yield path
-    for kind, plugins in known.items():  # other tests of this process look at all there is
-        registry()._plugins[kind].clear()
-        registry()._plugins[kind].update(plugins)
+    return plugin_file(path)
 
 
 @pytest.fixture(scope="module")

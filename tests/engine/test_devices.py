@@ -233,20 +233,19 @@ def test_what_a_launcher_runs_elsewhere_is_checked_there():
     assert devices_of(["method=jet"]) == []
 
 
-def test_plan_why_and_run_agree_on_rows_of_a_gpu_that_was_not_there(shell, monkeypatch):
+def test_plan_why_and_run_agree_on_rows_of_a_gpu_that_was_not_there(shell, plugin_file, monkeypatch):
     """As earlier versions stored them: failed in the plan of the cases, with the fingerprint of today."""
     from dataclasses import replace
 
     from conftest import TOYS
 
     from bench.plan.cell import Cell
-    from bench.plugins.registry import load_plugins
     from bench.results.provenance import fingerprint, ingredients
     from bench.results.store import Record, Results
 
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
     assert shell.run("method=fine", sweep=False).returncode == 0
-    load_plugins([str(TOYS)])
+    plugin_file(TOYS)
     results = Results(shell.results)
     path = shell.files()[0]
     stored = results.read(*path.stem.split("-"))

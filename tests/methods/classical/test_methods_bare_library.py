@@ -17,8 +17,10 @@ BY_CGAL = {"advancing_front", "alpha_wrap", "jet", "bilateral", "wlop", "ear"}
 POINTS = 1000
 COARSE = {"resolution": 40}  # of 200 cells, for both calls: marching cubes take half a minute there
 # Open3D's solver computes in single precision. MeshLab stops the projection of APSS early, at an accuracy that depends
-# on memory (see mls.py), and that the method does not ask for.
-TOLERANCE = {"poisson": 1e-6, "apss": 2e-3}
+# on what is in memory (see mls.py), and that the method does not ask for: half of the points agree to 1e-3, all to a
+# tenth of their spacing.
+TOLERANCE = {"poisson": 1e-6, "apss": 1e-2}
+TYPICAL = {"apss": 1e-3}
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +75,7 @@ def test_a_method_at_the_library_s_parameters_is_the_library(task, method, cloud
     if task != "reconstruct":
         first, second = (rows(ours.points), rows(library.points)) if method == "wlop" else (ours.points, library.points)
         assert np.abs(first - second).max() < tolerance
+        assert np.median(np.abs(first - second)) < TYPICAL.get(method, tolerance)
         return
     assert len(ours.faces) == len(library.faces)
     # By the corners of the faces: the vertices may be in another order, and some in no face.
