@@ -61,7 +61,7 @@ class Fbm(Family):
         hurst = self.hurst_low + (self.hurst_high - self.hurst_low) * spread(index, 0.1)
         base = kind_of(self.base, BASES, index)
         rough = Rough(base, hurst, self, int(rng.integers(2**31)))
-        surface = ParametricSurface(rough.parts, random_rotation(rng))
+        surface = ParametricSurface(rough.parts, random_rotation(rng), refine=True)
         info = {
             "base": base,
             "genus": int(base == "torus"),

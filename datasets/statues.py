@@ -49,7 +49,11 @@ class Statues(Family):
     def _shape(self, split: str, index: int) -> Shape:
         kind = kind_of(self.kind, KINDS, index)
         variant = index // (len(KINDS) if self.kind == "all" else 1)
-        surface = ImplicitSurface(lambda: self._body(generator("statues", split, index), kind, variant))
+
+        def body() -> Body:
+            return self._body(generator("statues", split, index), kind, variant)
+
+        surface = ImplicitSurface(body, refine=False)  # the grid resolves the carving; halving takes most of a minute
         return Shape(
             f"statues-{split}-{index:03d}-{kind}",
             lambda: surface.mesh,

@@ -15,6 +15,7 @@ import numpy as np
 from .band import sample_near_zero
 from .basins import Basins, best_of
 from .field import Field
+from .refining import refined
 from .tangents import dot, tangents
 
 if TYPE_CHECKING:
@@ -48,10 +49,12 @@ class ImplicitSurface:
         Called on first use, so that a list of shapes costs nothing.
     largest : bool
         Whether the surface is the largest connected part of ``f = 0`` (by faces) instead of all parts.
+    refine : bool
+        Whether the mesh gets finer where the surface bends away from the grid, see :func:`refining.refined`.
     """
 
-    def __init__(self, make_body: Callable[[], Body], *, largest: bool = True):
-        self._make_body, self._largest = make_body, largest
+    def __init__(self, make_body: Callable[[], Body], *, largest: bool = True, refine: bool = True):
+        self._make_body, self._largest, self._fine = make_body, largest, refine
 
     @cached_property
     def body(self) -> Body:
@@ -61,6 +64,8 @@ class ImplicitSurface:
     @cached_property
     def mesh(self) -> Trimesh:
         """A closed manifold tessellation whose vertices lie on the surface, with edges of about the grid's step.
+
+        Where asked for, edges that the surface bends away from are halved.
 
         Raises
         ------
@@ -77,7 +82,10 @@ class ImplicitSurface:
                 vertices, faces = _largest_component(vertices, faces)
             counts = count_topology(vertices, faces)
             if counts.watertight and counts.genus is not None:
-                return Trimesh(self._settle(vertices, faces), faces, process=False)
+                vertices = self._settle(vertices, faces)
+                if self._fine:
+                    vertices, faces = refined(vertices, faces, lambda middles, _: self.project(middles)[0])
+                return Trimesh(vertices, faces, process=False)
         raise ValueError(f"step: expected a grid that resolves the surface, got {self.body.step}; try a smaller one")
 
     def _march(self, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

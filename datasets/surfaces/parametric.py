@@ -13,6 +13,7 @@ from .basins import Basins, best_of
 from .foot_points import refine
 from .jets import Jet
 from .patch_mesh import WeldedMesh, patch_grid, weld
+from .refining import refined
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -53,11 +54,15 @@ class ParametricSurface:
         Called on first use, so that a list of shapes costs nothing.
     rotation : (3, 3) array, optional
         Applied last.
+    refine : bool
+        Whether the mesh gets finer where the surface bends away from the grid, see :func:`refining.refined`. For
+        charts without poles.
     """
 
-    def __init__(self, make: Callable[[], tuple[Sequence[Chart], Sequence[Patch]]], rotation: Any = None):
-        self._make = make
-        self._rotation = rotation
+    def __init__(
+        self, make: Callable[[], tuple[Sequence[Chart], Sequence[Patch]]], rotation: Any = None, *, refine: bool = False
+    ):
+        self._make, self._rotation, self._fine = make, rotation, refine
 
     @cached_property
     def parts(self) -> tuple[list[Chart], list[Patch]]:
@@ -144,11 +149,19 @@ class ParametricSurface:
         return weld(points, grids, flips, fixed), patch, u, v, border
 
     def mesh(self) -> Trimesh:
-        """The tessellation; its vertices lie on the surface."""
+        """The tessellation; its vertices lie on the surface. Where asked for, edges that cut it off are halved."""
         from trimesh import Trimesh
 
-        welded = self.grid[0]
-        return Trimesh(welded.vertices, welded.faces, process=False)
+        welded, patch, u, v, _ = self.grid
+        if not self._fine:
+            return Trimesh(welded.vertices, welded.faces, process=False)
+        places = np.stack([patch, u, v], axis=1)[welded.corners]
+        return Trimesh(*refined(welded.vertices, welded.faces, self._at_places, places), process=False)
+
+    def _at_places(self, _: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """The points (n, 3) at patch, u, v (n, 3)."""
+        patch = np.rint(places[:, 0]).astype(np.int64)
+        return self.evaluate(self._table["chart"][patch], *places[:, 1:].T, 0)[0]
 
     @cached_property
     def _size(self) -> float:
