@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 AT_LEAST = 20  # MeshLab measures the local spacing from 16 neighbours
 # The support as a polynomial of the noise: less than 2 leaves holes in a surface, points that move onto it need less.
-AT_POINTS, OF_SURFACE = (1.6, 6.0, 0.0), (2.0, 0.0, 20.0)
+AT_POINTS, OF_SURFACE = (1.6, 6.0, 0.0), (2.0, 3.5, 5.0)
 MOST = 6.0
 FEW = 4  # cells of the grid through the thickness of the points, at least
 CONTROL, PROXY = 0, 1  # indices in the mesh set: the points that define the surface, and what moves

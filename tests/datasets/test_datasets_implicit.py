@@ -102,7 +102,7 @@ def test_samples_of_a_torus_are_uniform_by_area():
 
 def test_the_mesh_converges_with_second_order():
     exact = 2 * np.pi**2 * 0.4**2
-    errors = [exact - implicit(placed(torus(1.0, 0.4)), step).mesh.volume for step in (0.1, 0.05, 0.025)]
+    errors = [exact - implicit(placed(torus(1.0, 0.4)), step, refine=False).mesh.volume for step in (0.1, 0.05, 0.025)]
     assert np.array(errors[:-1]) / errors[1:] == pytest.approx([4, 4], rel=0.12)
 
 

@@ -255,8 +255,12 @@ for name, parameters in json.loads(sys.argv[1]).items():
             digest = hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
             print("HASH", name, what, digest, flush=True)
 """
-QUICK = {"poisson": {"depth": 5}, "apss": {"resolution": 30}, "rimls": {"resolution": 30}}
-QUICK["ipsr"] = {"depth": 5, "rounds": 3}
+QUICK = {
+    "poisson": {"depth": 5},
+    "ipsr": {"depth": 5, "rounds": 2},
+    "apss": {"resolution": 30},
+    "rimls": {"resolution": 30},
+}
 TIMEOUT = 300  # seconds
 
 
