@@ -38,6 +38,7 @@ _EXPORTS = {
     "UsageError": "errors",
     "build_parts": "plugins.parts",
     "generator": "seeds",
+    "notice": "notices",
     "snake_case": "plugins.registry",
     "Plugin": "plugins.registry",
     "Step": "contract.sensors",
@@ -67,6 +68,7 @@ __all__ = [
     "build_steps",
     "generator",
     "given_by",
+    "notice",
     "register",
     "snake_case",
     "validate_cloud",
@@ -82,6 +84,7 @@ if TYPE_CHECKING:
     from .contract.views import Views
     from .errors import BadInput, InvalidOutput, MissingData, MissingLibrary, UsageError
     from .geometry.cloud import Frame, PointCloud
+    from .notices import notice
     from .plugins.parts import build_parts
     from .plugins.registry import Plugin, register, snake_case
     from .seeds import generator

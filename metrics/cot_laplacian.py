@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench import Case, register
+from bench import Case, notice, register
 from bench.geometry.laplacian import cotangent_laplacian, slivers
 from bench.geometry.used import is_used, used_vertices
 
@@ -34,7 +33,7 @@ class CotLaplacian:
     source itself is perfect. Robust as a mean is.
 
     Slivers of the source (:func:`bench.geometry.laplacian.slivers`: far thinner than the faces that make up its area)
-    are left out, with a warning: their cotangents have no bound, so that one would decide the score. The code of Neural
+    are left out, with a notice: their cotangents have no bound, so that one would decide the score. The code of Neural
     Cages adds 1e-10 under the root of Heron's formula instead. Vertices that no face with an area uses do not count.
 
     Scores ``{}`` without a ``source`` mesh in the case's input, or where the output has other faces than it.
@@ -47,9 +46,8 @@ class CotLaplacian:
             return {}
         thin = int(slivers(source.vertices, source.faces).sum())
         if thin:
-            warnings.warn(
-                f"cot_laplacian: {thin} of the {len(source.faces)} faces of the source are slivers; they are left out",
-                stacklevel=2,
+            notice(
+                f"cot_laplacian: {thin} of the {len(source.faces)} faces of the source are slivers; they are left out"
             )
         count = int(source.faces.max()) + 1  # behind these there may be vertices that no face uses, in either mesh
         L = cotangent_laplacian(source.vertices[:count], source.faces)

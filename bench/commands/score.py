@@ -66,12 +66,13 @@ def run(args: argparse.Namespace) -> int:
     chosen = _of_convention(convention) if convention else _of_names(args.metric or DEFAULT)
     with collected() as notices:
         case, output = read(args.output, args.reference, seed=args.seed, samples=args.samples, source=args.source)
-    for text in notices:
-        print(f"note: {text}", file=sys.stderr)
+    _show(notices)
     if not _overlap(output, case.reference.mesh):
         hint = "are they in the same coordinates?"
         print(f"warning: the boxes of {args.output} and {args.reference} do not overlap; {hint}", file=sys.stderr)
-    scores, left_out = score(case, output, chosen)
+    with collected() as said:
+        scores, left_out = score(case, output, chosen)
+    _show(said)
     if convention:
         scores = in_convention(convention, scores)
     if args.json:
@@ -141,6 +142,11 @@ def load(path: str) -> PointCloud | Trimesh:
     reader = MESH_READERS.get(Path(path).suffix.lower())
     has_faces = reader is not None and len(reader(Path(path).read_bytes(), path).faces)
     return load_mesh(path) if has_faces else cloud
+
+
+def _show(notices: list[str]) -> None:
+    for text in notices:
+        print(f"note: {text}", file=sys.stderr)
 
 
 def _overlap(output: PointCloud | Trimesh, reference: Trimesh) -> bool:

@@ -26,6 +26,7 @@ from ..contract.sensors import noun_of
 from ..errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from ..geometry.cloud import PointCloud
 from ..geometry.traits import Traits, all_tags, measure_traits
+from ..notices import collected
 from ..plan.cell import Cell, Choice
 from ..plugins.registry import missing_library
 from ..results import imputation
@@ -142,11 +143,14 @@ class _Session:
             finally:
                 row |= call.columns
             self.channel.enter("score", index)
-            scores = self.score(output, case)
+            with collected() as notices:
+                scores = self.score(output, case)
             row |= sizes(output) | scores.columns | {"directions": json.dumps(scores.directions, sort_keys=True)}
             row |= self.keep(index, case, output)
             reasons = [f"no {name}: {reason}" for name, reason in scores.left_out.items() if reason]
-            row["message"] = "; ".join(filter(None, [row.get("message", ""), *reasons]))
+            said = row.get("message", "")
+            notices = [text for text in notices if text not in said]  # a traced output may have been scored before
+            row["message"] = "; ".join(filter(None, [said, *notices, *reasons]))
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
                 os._exit(1)

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench import PointCloud, register
+from bench import PointCloud, notice, register
 
 
 @register("method")
@@ -59,6 +59,16 @@ class Choosy:
         if output is case.perfect(output):
             raise RuntimeError("not the perfect one")
         return {"choosy": 1.0}
+
+
+@register("metric", version=1, better="lower", outputs=("cloud",))
+@dataclass(frozen=True)
+class Remarking:
+    """Has something to say."""
+
+    def score(self, output, case):
+        notice(f"remarking: {len(output)} points are few")
+        return {"remarking": 1.0}
 '''
 
 
@@ -79,7 +89,7 @@ def plugin(tmp_path_factory, plugin_file):
 def ran(shells, plugin):
     """A shell with the method's results, and the row of its second case."""
     shell = shells("call")
-    metrics = "metric=[spread,p2f_mean,chamfer_l1_mean]"
+    metrics = "metric=[spread,p2f_mean,chamfer_l1_mean,remarking]"
     done = shell.run("method=shuffled", "outputs=all", metrics, sweep=False, plugins=(TOYS, plugin))
     assert done.returncode == 0, done.stderr
     table = pq.read_table(shell.files()[0])
@@ -119,11 +129,12 @@ def test_check_calls_as_run_does(plugin):
     assert done["seconds"] < 0.2  # neither preparing nor the true distances are the method's
 
 
-def test_score_says_of_the_kept_output_what_run_said(ran):
+def test_score_says_of_the_kept_output_what_run_said(ran, plugin):
     shell, row = ran
     (reference,) = shell.results.glob(f"outputs/references/*{row['case']}-*.ply")
     shutil.copy(reference, shell.work / f"{row['case']}.ply")  # the name seeds the samples, as the case's id does
-    words = ("score", "--plugin", TOYS, "--json", "--metric", "spread,p2f_mean,chamfer_l1_mean")
+    metrics = "spread,p2f_mean,chamfer_l1_mean,remarking"
+    words = ("score", "--plugin", TOYS, "--plugin", plugin, "--json", "--metric", metrics)
     done = shell.call(*words, shell.results / row["output"], f"{row['case']}.ply")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
@@ -131,6 +142,7 @@ def test_score_says_of_the_kept_output_what_run_said(ran):
         stored = {key.removeprefix(prefix): value for key, value in row.items() if key.startswith(prefix)}
         assert stored and found[kind] == {key: pytest.approx(value, rel=1e-9) for key, value in stored.items()}
     assert found["better"] == json.loads(row["directions"])
+    assert row["message"].startswith("remarking: ") and f"note: {row['message']}" in done.stderr
 
 
 def test_check_scores_as_run_does(plugin):

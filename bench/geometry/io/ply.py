@@ -6,11 +6,10 @@ writers round coordinates to float32, which at a distance of 1e6 from the origin
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from ...errors import BadInput
+from ...notices import notice
 from .ply_tables import AsciiSource, BinarySource, Columns, Element, Property, Ragged
 from .polygons import triangulate
 from .raw import NO_FACES, RawGeometry
@@ -37,7 +36,7 @@ def read_ply(data: bytes, name: str) -> RawGeometry:
     source = AsciiSource(body, name) if form == "ascii" else BinarySource(body, name, "<" if "little" in form else ">")
     tables = {element.name: source.table(element) for element in elements}
     if source.left_over():
-        warnings.warn(f"{name}: there is more in the file than its header says; the rest is ignored", stacklevel=3)
+        notice(f"{name}: there is more in the file than its header says; the rest is ignored")
     vertex = tables.get("vertex", {})
     if any(axis not in vertex for axis in "xyz"):
         raise BadInput(f"{name}: its header names no vertices with x, y and z; {EXPECTED} of a mesh or point cloud")
