@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 import warnings
+from pathlib import Path
 from typing import Any
 
 # What most commands import in the end; nothing that registers a plugin or computes.
@@ -23,7 +24,9 @@ IMPORTS = (
     "hydra.core.override_parser.overrides_parser",
     "hydra._internal.core_plugins.basic_launcher",
     "hydra._internal.core_plugins.basic_sweeper",
+    "hydra_plugins.hydra_joblib_launcher.joblib_launcher",
     "pandas",
+    "pyarrow.parquet",
     "bench.cli",
     "bench.commands.leaderboard",
     "bench.commands.run",
@@ -31,6 +34,8 @@ IMPORTS = (
     "bench.ranking.report.tables",
     "bench.ranking.report.terminal",
     "bench.engine.runner",
+    "bench.engine.worker",
+    "bench.results.index",
 )
 
 
@@ -74,8 +79,16 @@ def ended(child: int, deadline: float) -> int | None:
     return None
 
 
-if __name__ == "__main__":
+def warm_up() -> None:
+    """Import what commands import, and take the sources apart that plugins import: for their digests."""
     for name in IMPORTS:
         importlib.import_module(name)
+    from bench.results.sources import source_digest
+
+    source_digest(Path(__file__).parent / "faults" / "toys.py")
+
+
+if __name__ == "__main__":
+    warm_up()
     for line in iter(sys.stdin.readline, ""):
         print(json.dumps(answer(json.loads(line))), flush=True)

@@ -186,10 +186,11 @@ def _known_source(path: str, _: Stamp) -> Source:
         return Source(((raw, True),), (), hashlib.sha256(raw).hexdigest())
     lines = text.encode().split(b"\n")
     runs = list(_runs(tree.body))
-    hidden = list(_for_type_checkers(tree))
+    nodes = list(_walk(tree))
+    hidden = list(_for_type_checkers(nodes))
     if os.path.basename(path) == "__init__.py" and _is_hollow(tree):
         hidden += [node for node in tree.body if isinstance(node, ast.Expr)]
-    inside = _lines_of_strings(tree)
+    inside = _lines_of_strings(nodes)
     for node, hole in sorted(_cuts(runs, hidden), key=lambda cut: (cut[0].lineno, cut[0].col_offset), reverse=True):
         _cut(lines, node, hole)
         inside -= set(range(node.lineno, node.end_lineno + 1))
@@ -209,21 +210,29 @@ def _is_type_checking(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and "TYPE_CHECKING" in (getattr(test, "id", ""), getattr(test, "attr", ""))
 
 
-def _for_type_checkers(tree: ast.AST) -> Iterator[ast.stmt]:
+def _for_type_checkers(nodes: Iterable[ast.AST]) -> Iterator[ast.stmt]:
     """What only type checkers see: a whole ``if``, or its first branch where it has another."""
-    for node in _walk(tree):
+    for node in nodes:
         if _is_type_checking(node):
             yield from node.body if node.orelse else [node]
 
 
 def _walk(tree: ast.AST) -> Iterator[ast.AST]:
-    """Every node outside f-strings, whose inner positions differ between versions of Python."""
+    """Every node outside f-strings, whose inner positions differ between versions of Python.
+
+    Every command does this for some thirty files: ``ast.walk`` takes twice as long.
+    """
     todo = [tree]
     while todo:
         node = todo.pop()
         yield node
-        if not isinstance(node, ast.JoinedStr):
-            todo.extend(ast.iter_child_nodes(node))
+        if isinstance(node, ast.JoinedStr):
+            continue
+        for value in vars(node).values():
+            if isinstance(value, ast.AST):
+                todo.append(value)
+            elif isinstance(value, list):
+                todo.extend(one for one in value if isinstance(one, ast.AST))
 
 
 def _runs(body: Sequence[ast.stmt]) -> Iterator[list[ast.stmt]]:
@@ -260,11 +269,11 @@ def _is_hollow(tree: ast.Module) -> bool:
     )
 
 
-def _lines_of_strings(tree: ast.AST) -> set[int]:
+def _lines_of_strings(nodes: Iterable[ast.AST]) -> set[int]:
     """The numbers of the lines that are part of a string of several lines: there, blank lines count."""
     return {
         number
-        for node in _walk(tree)
+        for node in nodes
         if isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str | bytes))
         if node.end_lineno > node.lineno
         for number in range(node.lineno, node.end_lineno + 1)
@@ -303,11 +312,11 @@ def _imports(node: ast.stmt, importer: str) -> Iterator[Import]:
         return
     assert isinstance(node, ast.ImportFrom)
     module = node.module or ""
+    found = _locate(importer, node.level, module)
+    package = _file(found, importer)
     for alias in node.names:
         if (module, alias.name) == ("typing", "TYPE_CHECKING"):
             continue
-        found = _locate(importer, node.level, module)
-        package = _file(found, importer)
         inner = _file((found[0], (*found[1], alias.name)), importer) if found and alias.name != "*" else None
         if found and found[0] == BENCH and not package:
             told = f"bench:{alias.name}"
@@ -320,7 +329,7 @@ def _imports(node: ast.stmt, importer: str) -> Iterator[Import]:
 def _locate(importer: str, level: int, module: str) -> tuple[Path, tuple[str, ...]] | None:
     """A folder, and the parts of a module's name below it; None for what is not our own."""
     here, parts = Path(importer).parent, tuple(module.split(".")) if module else ()
-    package = _place_in_bench(here)
+    package = _place_in(BENCH, here)
     if level:
         if package is None:
             return here.joinpath(*[".."] * (level - 1)), parts
@@ -339,9 +348,10 @@ def _locate(importer: str, level: int, module: str) -> tuple[Path, tuple[str, ..
     return None
 
 
-def _place_in_bench(folder: Path) -> tuple[str, ...] | None:
+@functools.lru_cache(maxsize=1024)
+def _place_in(bench: Path, folder: Path) -> tuple[str, ...] | None:
     """The package of a folder below ``bench``, also where it is reached by a link; None for other folders."""
-    for name, real in _folders(BENCH):
+    for name, real in _folders(bench):
         if folder == real or real in folder.parents:
             return (*((name,) if name else ()), *folder.relative_to(real).parts)
     return None
