@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from bench.geometry.topology import Edges
+
 PASSES, TRIES = 6, 4  # of halving edges; of doing so without crossings
 TOLERANCE = 2.5e-4  # of a middle, relative to the radius about the middle of the box
 MOST_FACES = 200_000
@@ -127,10 +129,9 @@ def _edges(F: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     Half-edge 3 f + k runs from corner k of face f on.
     """
-    start, end = F.ravel(), np.roll(F, -1, axis=1).ravel()
-    key = (np.minimum(start, end) << 32) + np.maximum(start, end)
-    key, one, sides = np.unique(key, return_index=True, return_inverse=True)
-    return np.stack([key >> 32, key & 0xFFFFFFFF], axis=1), sides.reshape(-1, 3), one
+    edges = Edges(F)
+    one = np.unique(edges.at, return_index=True)[1]
+    return np.sort(np.stack([edges.start[one], edges.end[one]], axis=1), axis=1), edges.at.reshape(-1, 3), one
 
 
 def _known(key: np.ndarray, known: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
