@@ -58,7 +58,7 @@ class Shell:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self.mark = uuid.uuid4().hex
+        self.mark = uuid.uuid4().hex[:15]  # so many letters does Linux keep of a process's name
         self.work, self.results, self.log = folder / "work", folder / "results", folder / "calls.log"
         self.work.mkdir()
 
@@ -109,7 +109,8 @@ class Shell:
         found = []
         for process in psutil.process_iter():
             try:
-                if process.environ().get(MARK) == self.mark and process.status() != psutil.STATUS_ZOMBIE:
+                marks = process.environ().get(MARK), process.name()  # see forks.py
+                if self.mark in marks and process.status() != psutil.STATUS_ZOMBIE:
                     found.append(process)
             except (psutil.Error, OSError):
                 continue
@@ -165,7 +166,7 @@ class Shell:
 @functools.cache
 def _forks() -> subprocess.Popen[str]:
     """The process that answers commands in forks; it ends with this one, whose end of the pipe it reads."""
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # no threads that a fork would leave behind
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # a fork leaves threads behind
     return subprocess.Popen(
         [sys.executable, str(FORKS)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, text=True
     )
@@ -177,6 +178,7 @@ def in_a_fork(
     """Run ``detailbench WORDS`` to its end, like :func:`subprocess.run`."""
     forks = _forks()
     request = {"words": words, "folder": str(folder), "environment": environment, "timeout": timeout}
+    request["mark"] = environment.get(MARK, "")
     print(json.dumps(request), file=forks.stdin, flush=True)
     code, out, err = json.loads(forks.stdout.readline())
     if code is None:

@@ -1,8 +1,11 @@
 """Answers command lines, one per line of its input, each in a fork that has its imports already.
 
-Of a short command's time, a third is Python's imports; the tests give hundreds. A request is JSON: ``words``,
-``folder`` (the current directory), ``environment`` and ``timeout``. The answer is JSON, too: the exit code (null when
-time ran out), standard output and standard error.
+Of a short command's time, most is Python's imports, its own and its fork server's; the tests give hundreds. A request
+is JSON: ``words``, ``folder`` (the current directory), ``environment``, ``timeout`` and ``mark``. The answer is JSON,
+too: the exit code (null when time ran out), standard output and standard error.
+
+What is forked here has the environment of this process in ``/proc``; it is known by the first letters of the mark,
+which are its name there, and that of its descendants.
 """
 
 from __future__ import annotations
@@ -11,6 +14,8 @@ import importlib
 import json
 import os
 import signal
+import socket
+import subprocess
 import sys
 import tempfile
 import time
@@ -34,9 +39,9 @@ IMPORTS = (
     "bench.ranking.report.tables",
     "bench.ranking.report.terminal",
     "bench.engine.runner",
-    "bench.engine.worker",
     "bench.results.index",
 )
+SERVERS = 2  # that a command may need: one for each set of libraries
 
 
 def answer(request: dict[str, Any]) -> tuple[int | None, str, str]:
@@ -59,12 +64,78 @@ def become_command(request: dict[str, Any], out: int, err: int) -> None:
     for name, file in ((0, os.open(os.devnull, os.O_RDONLY)), (1, out), (2, err)):
         os.dup2(file, name)
     os.chdir(request["folder"])
+    same_path = os.environ.get("PYTHONPATH") == request["environment"].get("PYTHONPATH")  # of libraries, too
     os.environ.clear()
     os.environ.update(request["environment"])
-    sys.argv = ["detailbench", *request["words"]]
+    Path("/proc/self/comm").write_text(request["mark"])
     from bench import cli
+    from bench.engine import forkserver
+
+    ready, start = [WarmServer() for _ in range(SERVERS if same_path else 0)], forkserver.start_process
+
+    def start_process(channel: int, threads: int, printed: int) -> Any:
+        if threads > 1 or not ready:  # the libraries are there already, for one thread
+            return start(channel, threads, printed)
+        return ready.pop().begin(channel, printed)
+
+    forkserver.start_process = start_process
+    sys.argv = ["detailbench", *request["words"]]
 
     sys.exit(cli.main())
+
+
+class WarmServer:
+    """A child that becomes a fork server when it is told to, and ends with this process: like a ``Popen`` of it."""
+
+    def __init__(self) -> None:
+        self._tell, told = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.returncode: int | None = None
+        self.pid = os.fork()
+        if self.pid:
+            told.close()
+            return
+        os.setsid()
+        os.dup2(told.fileno(), 3)
+        os.closerange(4, os.sysconf("SC_OPEN_MAX"))  # what this process has open is not to stay open for that
+        _serve(socket.socket(fileno=3))
+
+    def begin(self, channel: int, printed: int) -> WarmServer:
+        from bench.safe_path import environment
+
+        socket.send_fds(self._tell, [json.dumps(environment()).encode()], [channel, printed])
+        self._tell.close()
+        return self
+
+    def wait(self, timeout: float | None = None) -> int:
+        end = time.monotonic() + (timeout or float("inf"))
+        while self.returncode is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                self.returncode = os.waitstatus_to_exitcode(status)
+            elif time.monotonic() > end:
+                raise subprocess.TimeoutExpired("fork server", timeout or 0)
+            else:
+                time.sleep(0.005)
+        return self.returncode
+
+    def kill(self) -> None:
+        if self.returncode is None:
+            os.kill(self.pid, signal.SIGKILL)
+
+
+def _serve(told: socket.socket) -> None:
+    """Wait to be told, and be a fork server to the end."""
+    from bench.engine.forkserver import THREAD_VARIABLES, serve
+
+    words, fds, _, _ = socket.recv_fds(told, 1 << 17, 2)
+    if words:
+        channel, printed = fds
+        os.dup2(printed, 2)
+        os.environ.clear()
+        os.environ.update({**json.loads(words), **dict.fromkeys(THREAD_VARIABLES, "1")})
+        sys.argv = ["-c", str(channel), "1"]
+        serve()
+    os._exit(0)
 
 
 def ended(child: int, deadline: float) -> int | None:
@@ -80,11 +151,17 @@ def ended(child: int, deadline: float) -> int | None:
 
 
 def warm_up() -> None:
-    """Import what commands import, and take the sources apart that plugins import: for their digests."""
-    for name in IMPORTS:
+    """Import what commands and fork servers import, and take the sources apart that most plugins import."""
+    from bench.engine.forkserver import ALWAYS
+
+    for name in (*IMPORTS, *ALWAYS):
         importlib.import_module(name)
+    import bench
     from bench.results.sources import source_digest
 
+    for folder in ("geometry", "tasks", "metrics"):
+        for file in sorted(Path(bench.__path__[0], folder).glob("**/*.py")):
+            source_digest(file)
     source_digest(Path(__file__).parent / "faults" / "toys.py")
 
 

@@ -66,6 +66,19 @@ def _prctl(option: int, value: int) -> None:
 # -- the side of the runner --------------------------------------------------------------------------------------------
 
 
+def start_process(channel: int, threads: int, printed: int) -> subprocess.Popen[bytes]:
+    """Start the process of a server: its end of the socket, and the file of its standard error, as descriptors."""
+    code = "from bench.engine.forkserver import serve; serve()"
+    return subprocess.Popen(
+        [sys.executable, "-P", "-c", code, str(channel), str(threads)],  # -P: see bench/safe_path.py
+        pass_fds=[channel],
+        stdin=subprocess.DEVNULL,
+        stderr=printed,
+        env={**environment(), **dict.fromkeys(THREAD_VARIABLES, str(threads))},
+        start_new_session=True,  # Ctrl-C in the terminal is the runner's business
+    )
+
+
 class ForkServer:
     """The runner's handle on one server, which at once begins to import what every worker needs.
 
@@ -81,15 +94,7 @@ class ForkServer:
         self._printed = tempfile.TemporaryFile()  # noqa: SIM115  its standard error; a worker has one of its own
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with there:
-            code = "from bench.engine.forkserver import serve; serve()"
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-c", code, str(there.fileno()), str(threads)],  # -P: see bench/safe_path.py
-                pass_fds=[there.fileno()],
-                stdin=subprocess.DEVNULL,
-                stderr=self._printed,
-                env={**environment(), **dict.fromkeys(THREAD_VARIABLES, str(threads))},
-                start_new_session=True,  # Ctrl-C in the terminal is the runner's business
-            )
+            self._process = start_process(there.fileno(), threads, self._printed.fileno())
         self._socket = here
 
     def load(self, preload: tuple[str, ...], plugins: tuple[str, ...]) -> None:
