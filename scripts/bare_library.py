@@ -299,7 +299,7 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--as-bare", action="store_true", help="the methods with the parameters of the bare call")
-    args = parser.parse_args()
+    args = parser.parse_intermixed_args()
     shapes, parameters = overrides(args.words)
     levels = [float(level) for level in args.levels.split(",")]
     heads = [
