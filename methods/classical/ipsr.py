@@ -12,6 +12,7 @@ from bench import BadInput, PointCloud, Run, register
 from . import screened_poisson
 from .inputs import distinct_points, note_coarse, note_flat
 from .isolated import without_isolated
+from .poisson import weight_for
 from .visibility import facing
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 TOP = 0.001  # the share of the normals, those that turned farthest, that decides whether all have settled
+SEEKING = 4.0  # the weight of the points while normals are sought: less fuses thin walls, more follows the noise
 NEIGHBOURS = 16  # of the first normals: few, lest thin walls mix with their other side
 SETTLED = 0.175  # the mean change of these, as a distance of unit vectors, below which the iteration ends: 10 degrees
 
@@ -39,12 +41,13 @@ class Ipsr:
     # normals of the first round: outward where the space around is visible, along a tree of neighbours, or random.
     start: Literal["visible", "estimated", "random"] = "visible"
     k: int = 6  # points that each face tells its normal; the paper's are 10
-    point_weight: float = 4.0  # how strongly the surface is held to the points; 0 is unscreened Poisson
+    # how strongly the surface is held to the points, in all rounds; None: 4, and in the last by their noise, 0.3 to 10
+    point_weight: float | None = None
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
     samples_per_node: float = 1.0  # points per octree cell; more smooths noise away, and fuses thin sheets
 
     def __post_init__(self) -> None:
-        screened_poisson.check_octree(self.depth, self.scale, self.point_weight, self.samples_per_node)
+        screened_poisson.check_octree(self.depth, self.scale, self.point_weight or 0.0, self.samples_per_node)
         if self.rounds < 1:
             raise ValueError(f"rounds: expected at least 1, got {self.rounds}")
         if self.k < 1:
@@ -89,25 +92,31 @@ class Ipsr:
         from scipy.spatial import cKDTree
 
         tree = cKDTree(points)
-        for done in range(1, self.rounds + 1):
+        weight = SEEKING if self.point_weight is None else self.point_weight
+        for done in range(1, self.rounds):
             before = run.elapsed()
-            known = normals.any(axis=1)
-            solution = screened_poisson.solve(
-                points[known],
-                normals[known],
-                depth=self.depth,
-                scale=self.scale,
-                samples_per_node=self.samples_per_node,
-                point_weight=self.point_weight,
-            )
+            solution = self._solve(points, normals, weight)
             last, normals = normals, told_normals(solution.vertices, solution.faces, tree, self.k, normals)
             run.progress(done, self.rounds)
             if settled(last, normals):
                 break
-            if done < self.rounds and run.seconds_left() < 2 * (run.elapsed() - before):
+            if run.seconds_left() < 3 * (run.elapsed() - before):  # for the last round, too
                 run.note(f"ipsr: stopped after {done} of {self.rounds} rounds, before its time was gone")
                 break
-        return solution, normals
+        solution = self._solve(points, normals, weight_for(points, normals) if self.point_weight is None else weight)
+        run.progress(self.rounds, self.rounds)
+        return solution, told_normals(solution.vertices, solution.faces, tree, self.k, normals)
+
+    def _solve(self, points: np.ndarray, normals: np.ndarray, weight: float) -> screened_poisson.Solution:
+        known = normals.any(axis=1)
+        return screened_poisson.solve(
+            points[known],
+            normals[known],
+            depth=self.depth,
+            scale=self.scale,
+            samples_per_node=self.samples_per_node,
+            point_weight=weight,
+        )
 
 
 def told_normals(vertices: np.ndarray, faces: np.ndarray, tree: cKDTree, k: int, fallback: np.ndarray) -> np.ndarray:
