@@ -34,7 +34,7 @@ class AlphaShape:
     gives the surface an outer and an inner sheet.
     """
 
-    alpha: float = 2.0  # radius of the ball in mean spacings; smaller opens holes, larger bridges hollows
+    alpha: float = 1.75  # radius of the ball in mean spacings; smaller opens holes, larger bridges hollows
 
     def __post_init__(self) -> None:
         if not self.alpha > 0:
