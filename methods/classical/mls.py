@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 AT_LEAST = 20  # MeshLab measures the local spacing from 16 neighbours
+AROUND = 16
 # The support as a polynomial of the noise: less than 2 leaves holes in a surface, points that move onto it need less.
 AT_POINTS, OF_SURFACE = (1.6, 6.0, 0.0), (2.0, 3.5, 5.0)
 MOST = 6.0
@@ -32,7 +33,7 @@ FEW = 4  # cells of the grid through the thickness of the points, at least
 CONTROL, PROXY = 0, 1  # indices in the mesh set: the points that define the surface, and what moves
 
 
-def check_parameters(filterscale: float | None, resolution: int, steps: int) -> None:
+def check_parameters(filterscale: float | None, resolution: int, steps: int, reach: float) -> None:
     """Raise ValueError for what MeshLab would crash or hang on."""
     if filterscale is not None and not filterscale > 0:
         raise ValueError(f"filterscale: expected a number above 0, got {filterscale}")
@@ -40,6 +41,8 @@ def check_parameters(filterscale: float | None, resolution: int, steps: int) -> 
         raise ValueError(f"resolution: expected at least 2, got {resolution}")
     if steps < 1:
         raise ValueError(f"steps: expected at least 1, got {steps}")
+    if not reach >= 0:
+        raise ValueError(f"reach: expected a number of at least 0, got {reach}")
 
 
 def project(cloud: PointCloud, kind: str, run: Run, steps: int, **parameters: Any) -> PointCloud:
@@ -77,8 +80,13 @@ def upsample(cloud: PointCloud, ratio: int, kind: str, run: Run, steps: int, **p
     return PointCloud(refine(onto_surface(points), count, onto_surface))
 
 
-def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, steps: int, **parameters: Any) -> Trimesh:
+def isosurface(
+    cloud: PointCloud, kind: str, run: Run, resolution: int, steps: int, reach: float, **parameters: Any
+) -> Trimesh:
     """The surface by marching cubes; open where points are missing.
+
+    Between parts that are closer to each other than the support, the field has zeros where no points are: sheets
+    that join the parts. What is farther from all points than ``reach`` local spacings is dropped, unless that is 0.
 
     Raises
     ------
@@ -100,7 +108,10 @@ def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, steps: i
         _project(meshes, kind, steps - 1, parameters)
     mesh = meshes.mesh(PROXY)
     vertices, faces = mesh.vertex_matrix(), mesh.face_matrix()
-    faces = faces[np.isfinite(vertices).all(axis=1)[faces].all(axis=1)]
+    kept = np.isfinite(vertices).all(axis=1)
+    if reach > 0:
+        kept[kept] = within_reach(vertices[kept] @ axes, points, reach)
+    faces = faces[kept[faces].all(axis=1)]
     if not len(faces):
         raise BadInput(
             f"{kind}: found no surface in a grid of resolution {resolution} over {len(points)} points; expected points "
@@ -108,6 +119,20 @@ def isosurface(cloud: PointCloud, kind: str, run: Run, resolution: int, steps: i
         )
     used, faces = np.unique(faces, return_inverse=True)
     return Trimesh(vertices[used] @ axes, faces.reshape(-1, 3), process=False)
+
+
+def within_reach(queries: np.ndarray, points: np.ndarray, reach: float) -> np.ndarray:
+    """Which of the queries (m, 3) are at most ``reach`` local spacings from the nearest of the points (n, 3): (m,).
+
+    The local spacing is the side of the square that each point has for itself, by the disk of its neighbours: on a
+    surface with random points, four in a million disks of two such radii are empty.
+    """
+    from scipy.spatial import cKDTree
+
+    tree, count = cKDTree(points), min(AROUND, len(points) - 1)
+    spacing = tree.query(points, [count + 1])[0].ravel() * np.sqrt(np.pi / count)
+    distance, nearest = tree.query(queries)
+    return distance <= reach * spacing[nearest]
 
 
 def _upright(points: np.ndarray, resolution: int) -> np.ndarray:

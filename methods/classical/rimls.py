@@ -24,10 +24,11 @@ class Rimls:
     filterscale: float | None = None  # support in local spacings; larger smooths more; None: by the noise, 1.6 to 6
     sigma_n: float = 0.5  # how far normals may differ before they count less; smaller is sharper
     resolution: int = 150  # marching cubes cells along the longest side of the bounding box (reconstruct)
+    reach: float = 2.0  # local spacings from the points, beyond which a surface is dropped; 0: nowhere (reconstruct)
     steps: int = 4  # of the projection; MeshLab's 15 change the mean by 5e-5 at 2 % noise, and nothing at none
 
     def __post_init__(self) -> None:
-        mls.check_parameters(self.filterscale, self.resolution, self.steps)
+        mls.check_parameters(self.filterscale, self.resolution, self.steps, self.reach)
         if not self.sigma_n > 0:
             raise ValueError(f"sigma_n: expected a number above 0, got {self.sigma_n}")
 
@@ -42,5 +43,12 @@ class Rimls:
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The surface by marching cubes; open where points are missing."""
         return mls.isosurface(
-            cloud, "rimls", run, self.resolution, self.steps, filterscale=self.filterscale, sigman=self.sigma_n
+            cloud,
+            "rimls",
+            run,
+            self.resolution,
+            self.steps,
+            self.reach,
+            filterscale=self.filterscale,
+            sigman=self.sigma_n,
         )
