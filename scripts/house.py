@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import functools
 from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -57,7 +58,12 @@ def modules(root: Path = ROOT) -> dict[str, Path]:
 
 def imports(file: Path, package: str) -> Iterator[str]:
     """Full names of all that a file imports, inside functions too; what only type checkers see is left out."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
+    yield from _imports(file.read_text(encoding="utf-8"), package)
+
+
+@functools.cache  # a plan asks for each module a few times
+def _imports(text: str, package: str) -> tuple[str, ...]:
+    tree, found = ast.parse(text), []
     for_types = {
         inner
         for node in ast.walk(tree)
@@ -69,12 +75,13 @@ def imports(file: Path, package: str) -> Iterator[str]:
         if node in for_types:
             continue
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             parts = package.split(".")
             base = parts[: len(parts) - node.level + 1] if node.level else []
             module = ".".join([*base, *filter(None, [node.module])])
-            yield from (f"{module}.{alias.name}" for alias in node.names)
+            found += [f"{module}.{alias.name}" for alias in node.names]
+    return tuple(found)
 
 
 def imports_of_modules(known: Mapping[str, Path]) -> Iterator[tuple[str, str]]:

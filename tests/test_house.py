@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 import house
@@ -13,8 +14,16 @@ import bench
 ROOT = Path(__file__).resolve().parents[1]
 PLUGIN_FOLDERS = ("methods", "datasets", "metrics")
 KNOWN = house.modules(ROOT)
-PLAN = house.house(ROOT)
-ARROWS = sorted(set(house.imports_of_modules(KNOWN)))
+
+
+@cache
+def plan() -> house.House:
+    return house.house(ROOT)
+
+
+@cache
+def arrows() -> list[tuple[str, str]]:
+    return sorted(set(house.imports_of_modules(KNOWN)))
 
 
 def is_plugin(module: str) -> bool:
@@ -73,21 +82,21 @@ def test_rooms_floors_arrows_and_circles_of_a_small_house(tmp_path):
 
 
 def test_no_room_and_no_module_is_in_a_circle():
-    why = {f"{a} -> {b}": PLAN.arrows[a][b] for c in PLAN.circles for a in c for b in c if b in PLAN.arrows[a]}
+    why = {f"{a} -> {b}": plan().arrows[a][b] for c in plan().circles for a in c for b in c if b in plan().arrows[a]}
     assert why == {}
     assert house.circles_of_modules(ROOT) == []
 
 
 def test_the_ground_is_below_all_that_computes():
     """Arrays know nothing of plugins, plugins nothing of the engine, results nothing of tables."""
-    floor = {room: number for number, rooms in enumerate(PLAN.floors) for room in rooms}
+    floor = {room: number for number, rooms in enumerate(plan().floors) for room in rooms}
     order = ("geometry", "contract", "plan", "results", "engine", "sweep", "commands")
     heights = [floor[f"bench.{room}"] for room in order]
     assert heights == sorted(set(heights)), dict(zip(order, heights, strict=True))
 
 
 def test_bench_imports_no_plugin():
-    assert [(a, b) for a, b in ARROWS if not is_plugin(a) and is_plugin(b)] == []
+    assert [(a, b) for a, b in arrows() if not is_plugin(a) and is_plugin(b)] == []
 
 
 @pytest.mark.parametrize("top", PLUGIN_FOLDERS)
@@ -117,10 +126,10 @@ def test_families_of_methods_share_only_learned_ground():
         return module.split(".")[2] if module.startswith("bench.methods.") else ""
 
     crossing = [
-        (a, b) for a, b in ARROWS if family(a) and family(b) and family(a) != family(b) and family(b) != "learned"
+        (a, b) for a, b in arrows() if family(a) and family(b) and family(a) != family(b) and family(b) != "learned"
     ]
     assert crossing == []
-    assert [(a, b) for a, b in ARROWS if family(a) == "learned" and family(b) not in ("learned", "")] == []
+    assert [(a, b) for a, b in arrows() if family(a) == "learned" and family(b) not in ("learned", "")] == []
 
 
 @pytest.mark.parametrize("top", PLUGIN_FOLDERS)
@@ -153,7 +162,7 @@ def test_the_name_of_a_plugin_is_its_file():
 def test_the_tests_mirror_the_packages():
     """A folder of tests is named after the room, or the plugin folder, whose modules it tests; two are of no room."""
     of_no_room = {"faults", "benchmarks"}
-    rooms = {room.removeprefix("bench.").replace(".", "/") for room in PLAN.arrows}
+    rooms = {room.removeprefix("bench.").replace(".", "/") for room in plan().arrows}
     rooms |= {parent for room in rooms for parent in (room.rpartition("/")[0],) if parent}
     folders = {file.parent.relative_to(ROOT / "tests").as_posix() for file in (ROOT / "tests").rglob("test_*.py")}
     assert {folder for folder in folders if folder != "."} - rooms - of_no_room == set()
