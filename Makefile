@@ -29,7 +29,7 @@ test: setup ## all tests; a skipped test counts as a failure
 	@# three at a time on two cores: a third of the tests' time is waiting for limits to pass; the slowest files come first
 	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder tests/faults tests/commands tests --ignore=tests/benchmarks
 	@# alone, because they compare times; `make bench` has them in full
-	DETAILBENCH_SHORT=1 $(PYTEST) tests/benchmarks --benchmark-disable-gc --benchmark-min-rounds=1 --benchmark-max-time=0.1
+	DETAILBENCH_SHORT=1 $(PYTEST) tests/benchmarks -m "not study" --benchmark-disable-gc --benchmark-min-rounds=1 --benchmark-max-time=0.1
 
 bench: setup ## the benchmarks, with their tables
 	$(PYTEST) tests/benchmarks -s

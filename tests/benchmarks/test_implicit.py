@@ -4,6 +4,7 @@ import os
 import time
 
 import numpy as np
+import pytest
 import torch
 from turns import medians_by_turns
 
@@ -20,7 +21,7 @@ from bench.plugins.registry import registry
 SHORT = "DETAILBENCH_SHORT" in os.environ
 ROUNDS = 3 if SHORT else 9
 LEAST_STEP = 1.5
-SECONDS = 12 if SHORT else 60  # of siren
+SECONDS = 60  # of siren
 LEAST_SOONER = 5
 CHUNK = 2048
 
@@ -116,6 +117,7 @@ def test_the_steps_before(capsys):
     assert medians["direct"] > medians["ours"]
 
 
+@pytest.mark.study
 def test_hash_sdf_is_there_sooner(capsys):
     """The error that siren has at the end of its time, hash_sdf has in a fifth of it."""
     shapes = registry().find("dataset", "reliefs").cls().shapes("train")
