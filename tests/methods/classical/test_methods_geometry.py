@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 
-from bench import BadInput, PointCloud
+from bench import BadInput, PointCloud, Run
 from bench.geometry.normals import oriented_normals, with_normals
 from bench.geometry.sampling import face_normals, sample_uniform
 from bench.geometry.spacing import mean_spacing
+from bench.plugins.registry import registry
 
 
 def cloud_of(mesh, count, sigma, seed=0):
@@ -94,3 +96,30 @@ def test_normals_that_are_all_zero_are_estimated():
 def test_two_points_have_no_normals():
     with pytest.raises(BadInput):
         oriented_normals(np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0]]))
+
+
+def test_reach_is_counted_in_the_side_of_the_square_that_a_point_has():
+    """Above a square lattice of step 0.1 the local spacing is 0.1, within what 16 neighbours tell."""
+    from bench.methods.classical.mls import within_reach
+
+    lattice = np.stack(np.meshgrid(*[np.arange(20) * 0.1] * 2, [0.0]), axis=-1).reshape(-1, 3)
+    above = lattice[210] + np.array([[0, 0, z] for z in (0.0, 0.17, 0.23, 5.0)])
+    assert within_reach(above, lattice, 2.0).tolist() == [True, True, False, False]
+    assert within_reach(1000 * above, 1000 * lattice, 2.0).tolist() == [True, True, False, False]
+
+
+@pytest.mark.parametrize("name", ["apss", "rimls"])
+def test_nothing_is_far_from_all_points(name):
+    """Two balls whose gap is narrower than the support: with no reach, sheets lie between them."""
+    ball = trimesh.creation.icosphere(3)
+    one, normals = np.asarray(ball.vertices), np.asarray(ball.vertices)
+    cloud = PointCloud(np.concatenate([one, one + [2.3, 0, 0]]), np.concatenate([normals, normals]))
+    method, away = registry().find("method", name).cls, []
+    for reach in (0.5, 2.0, 0.0):
+        mesh = method(filterscale=5.0, resolution=60, reach=reach).reconstruct(cloud, Run())
+        away.append(cKDTree(cloud.points).query(mesh.vertices)[0].max())
+    spacing = np.sqrt(4 * np.pi / len(one))
+    assert away[0] < 0.7 * spacing and away[0] < away[1] <= away[2]
+    assert away[1] < 2.3 * spacing
+    with pytest.raises(ValueError, match="reach: expected"):
+        method(reach=-1.0)
