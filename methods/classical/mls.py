@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 AT_LEAST = 20  # MeshLab measures the local spacing from 16 neighbours
-AROUND = 16
+AROUND = 16  # neighbours that tell the local spacing here, too
 # The support as a polynomial of the noise: less than 2 leaves holes in a surface, points that move onto it need less.
 AT_POINTS, OF_SURFACE = (1.6, 6.0, 0.0), (2.0, 3.5, 5.0)
 MOST = 6.0
@@ -129,8 +129,8 @@ def within_reach(queries: np.ndarray, points: np.ndarray, reach: float) -> np.nd
     """
     from scipy.spatial import cKDTree
 
-    tree, count = cKDTree(points), min(AROUND, len(points) - 1)
-    spacing = tree.query(points, [count + 1])[0].ravel() * np.sqrt(np.pi / count)
+    tree = cKDTree(points)
+    spacing = tree.query(points, [AROUND + 1])[0].ravel() * np.sqrt(np.pi / AROUND)
     distance, nearest = tree.query(queries)
     return distance <= reach * spacing[nearest]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class Rimls:
     """Robust implicit moving least squares: a kernel regression that keeps sharp features.
 
-    With ``filterscale=2``, ``sigma_n=.75``, ``resolution=200`` and ``steps=15`` this is MeshLab's own call.
+    MeshLab's call has ``filterscale=2``, ``sigma_n=.75``, ``resolution=200``, ``steps=15`` and ``reach=0``.
     """
 
     filterscale: float | None = None  # support in local spacings; larger smooths more; None: by the noise, 1.6 to 6
