@@ -107,15 +107,10 @@ class WarmServer:
         return self
 
     def wait(self, timeout: float | None = None) -> int:
-        end = time.monotonic() + (timeout or float("inf"))
-        while self.returncode is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            if pid:
-                self.returncode = os.waitstatus_to_exitcode(status)
-            elif time.monotonic() > end:
-                raise subprocess.TimeoutExpired("fork server", timeout or 0)
-            else:
-                time.sleep(0.005)
+        if self.returncode is None:
+            self.returncode = awaited(self.pid, time.monotonic() + (timeout or float("inf")))
+        if self.returncode is None:
+            raise subprocess.TimeoutExpired("fork server", timeout or 0)
         return self.returncode
 
     def kill(self) -> None:
@@ -138,16 +133,23 @@ def _serve(told: socket.socket) -> None:
     os._exit(0)
 
 
-def ended(child: int, deadline: float) -> int | None:
-    """Wait for a child: its exit code, or None when it had to be killed."""
+def awaited(child: int, deadline: float) -> int | None:
+    """The exit code of a child, or None when it is still there at the deadline."""
     while time.monotonic() < deadline:
         pid, status = os.waitpid(child, os.WNOHANG)
         if pid:
             return os.waitstatus_to_exitcode(status)
         time.sleep(0.01)
-    os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
     return None
+
+
+def ended(child: int, deadline: float) -> int | None:
+    """Wait for a child: its exit code, or None when it had to be killed."""
+    code = awaited(child, deadline)
+    if code is None:
+        os.killpg(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    return code
 
 
 def warm_up() -> None:

@@ -7,6 +7,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from even_meshes import even
 from scipy.spatial import cKDTree
 
 from bench import generator
@@ -40,15 +41,8 @@ CASES = [(family, index) for family in FAMILIES for index in range(4)]
 
 @cache
 def shape(family: str, index: int, split: str = "test"):
-    return even(
-        next(islice(COARSE[family].shapes(split), index, None)), family != "fbm" or (index, split) == (1, "test")
-    )
-
-
-def even(made, finer: bool = False):
-    """The shape without finer triangles where it bends, which cost seconds and have tests of their own."""
-    made._surface._fine &= finer
-    return made
+    made = next(islice(COARSE[family].shapes(split), index, None))
+    return even(made) if family == "fbm" and (index, split) != (1, "test") else made
 
 
 def diagonal(mesh) -> float:
