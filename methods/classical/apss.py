@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 class Apss:
     """Algebraic point set surfaces: moving least squares with spheres instead of planes.
 
-    MeshLab's own call has ``filterscale=2``, ``resolution=200``, ``reach=0`` and ``steps=15``, and stops the latter early.
+    MeshLab's own call has ``filterscale=2``, ``resolution=200``, ``reach=0`` and ``steps=15``, and
+    stops the latter early.
     """
 
     filterscale: float | None = None  # support in local spacings; larger smooths more; None: by the noise, 1.6 to 6
