@@ -22,6 +22,7 @@ COMMANDS = {
     "list": "tasks, datasets, sensors, methods and metrics, and plugins that are broken",
     "fetch": "download the data of a dataset that is not procedural",
     "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
+    "train": "train a learned method, and keep its weights",
     "apply": "one method on one file",
     "score": "two files: an output held against its reference",
     "check": "hold a plugin against the contract",

@@ -19,7 +19,7 @@ from ..contract.views import Views
 from ..engine.isolate import Isolation
 from ..errors import BadInput, DetailbenchError, InvalidOutput
 from ..geometry.cloud import PointCloud
-from ..plan.cell import Choice
+from ..plan.choice import Choice
 from ..plan.limits import Limits
 from ..plugins.registry import Plugin, registry
 from ..plugins.schema import NAME_KEY, build, config_class, parameters

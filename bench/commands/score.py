@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from ..cli import add_plugin_argument
 from ..errors import DetailbenchError, MissingLibrary, UsageError, did_you_mean
 from ..notices import collected
-from ..plan.cell import Choice
+from ..plan.choice import Choice
 from ..plugins.metric_sets import metric_set
 from ..plugins.registry import load_plugins, registry
 from ..ranking.conventions import Convention, load_convention

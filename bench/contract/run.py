@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,9 @@ from ..seeds import generator, seed_words
 
 if TYPE_CHECKING:
     import torch
+
+
+CHECKPOINT_SECONDS = 60.0  # between two checkpoints of a training
 
 
 @dataclass(eq=False)
@@ -40,6 +43,10 @@ class Run:
         What the method had to say, see :meth:`note`.
     distances_given : int
         At how many points :meth:`true_distances` was asked so far.
+    weights : mapping of names to arrays, or None
+        What a learned method was trained to: the arrays that its ``fit`` returned, floating-point numbers as float32.
+    resumed : mapping of names to arrays, or None
+        In ``fit``: the arrays of the last checkpoint of this training, where it was interrupted before.
     """
 
     seed: int = 0
@@ -48,14 +55,19 @@ class Run:
     seconds: float = float("inf")
     parameters: int | None = None
     active_parameters: int | None = None
+    weights: Mapping[str, np.ndarray] | None = field(default=None, repr=False)
+    resumed: Mapping[str, np.ndarray] | None = field(default=None, repr=False)
     notes: list[str] = field(default_factory=list, init=False)
     distances_given: int = field(default=0, init=False)
     on_progress: Callable[[int, int], None] | None = field(default=None, repr=False)
     on_trace: Callable[..., None] | None = field(default=None, repr=False)
     on_keep: Callable[[str, Any], None] | None = field(default=None, repr=False)
     on_distances: Callable[[np.ndarray], np.ndarray] | None = field(default=None, repr=False)
+    on_log: Callable[[int, Mapping[str, float]], None] | None = field(default=None, repr=False)
+    on_checkpoint: Callable[[Mapping[str, np.ndarray]], None] | None = field(default=None, repr=False)
     _started: float = field(default_factory=time.perf_counter, repr=False)
     _paused: float = field(default=0.0, repr=False)
+    _stored: float = field(default_factory=time.perf_counter, repr=False)  # when the last checkpoint was
     _rng: np.random.Generator | None = field(default=None, repr=False)
 
     @property
@@ -84,6 +96,30 @@ class Run:
     def seconds_left(self) -> float:
         """Seconds until the limit; an iterative method stops with its best state before they are gone."""
         return self.seconds - self.elapsed()
+
+    def log(self, step: int, **values: float) -> None:
+        """One line of a training's log: ``run.log(200, loss=0.3, validation=0.01)``.
+
+        The log is a file beside the weights; the values called ``validation`` are drawn as a curve, and kept with them.
+        """
+        if self.on_log:
+            self.on_log(step, values)
+
+    def checkpoint(self, make: Callable[[], Mapping[str, np.ndarray]]) -> None:
+        """Store the state of a training, so that it can go on after it was killed. Call it after every step.
+
+        At most once a minute ``make`` is called, a function without arguments that returns all that the steps to come
+        depend on, as arrays. When the same training is begun again, they are :attr:`resumed`. The clock stands still
+        meanwhile.
+        """
+        now = time.perf_counter()
+        if self.on_checkpoint is None or now - self._stored < CHECKPOINT_SECONDS:
+            return
+        try:
+            self.on_checkpoint(make())
+        finally:
+            self._stored = time.perf_counter()
+            self._paused += self._stored - now
 
     def trace(self, output: Any, keep: bool = False) -> None:
         """Offer an intermediate result. It is scored off the clock, for plots of error against time.

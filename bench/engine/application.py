@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ..plan.cell import Choice
+from ..plan.choice import Choice
 from ..plan.limits import Limits
 from .isolate import Isolation
 

@@ -21,7 +21,7 @@ from ..contract.shape import Shape
 from ..errors import InvalidOutput
 from ..geometry.cloud import PointCloud
 from ..notices import collected
-from ..plan.cell import Choice
+from ..plan.choice import Choice
 from .channel import Channel, plain
 from .devices import make_context
 from .meter import Meter
@@ -47,6 +47,7 @@ class MeasuredCall:
     meter: Meter  # its device is the method's
     channel: Channel
     index: int = 0  # of the case, for the channel
+    weights: Mapping[str, np.ndarray] | None = None  # of a learned method
     reference: Shape | None = None  # what run.true_distances measures to
     trace_score: Callable[[Any], Mapping[str, Any]] | None = None  # of a valid output; None: nobody looks at traces
     store: tuple[Path, Path] | None = None  # where run.keep stores, and what the listed paths are relative to
@@ -69,7 +70,8 @@ class MeasuredCall:
     def solve(self) -> Any:
         """The output of the method, whatever it is."""
         self.channel.enter("prepare", self.index)
-        self.method.plugin.require()
+        for plugin in self.method.parts:
+            plugin.require()
         make_context(self.meter.device)
         method = self.method.build()
         if hasattr(method, "prepare"):  # weights, say: no part of the call, nor of its limit
@@ -94,6 +96,7 @@ class MeasuredCall:
             device=self.meter.device,
             threads=self.spec["threads"],
             seconds=self.spec["seconds"],
+            weights=self.weights,
             on_progress=lambda done, total: self.channel.send("progress", done=done, total=total),
             on_trace=self._add_trace if self.trace_score else None,
             on_keep=self._keep if self.store else None,

@@ -31,7 +31,7 @@ from ..contract.identity import shape_digest
 from ..contract.shape import Shape
 from ..errors import UsageError
 from ..geometry.cloud import PointCloud
-from ..plan.cell import digest
+from ..plan.choice import digest
 from ..text import encodable
 
 if TYPE_CHECKING:

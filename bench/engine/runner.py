@@ -93,8 +93,9 @@ def run_cell(
         if stored and all(rows.get(row["case_index"]) is row for row in stored.rows):
             return Outcome(stored, len(rows), results.damaged)
         check_device(cell.device)
+        weights = prepared_weights(cell, settings, reporter, alive)
         for_outputs = len(_without_output(results, cell, stands.record, settings) - rows.keys())
-        job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive)
+        job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive, weights)
         cached = len(rows)
         with claim_device(cell.device, alive) as job.device, claim(cell.threads) as cpus:
             job.run(cpus)
@@ -105,6 +106,25 @@ def run_cell(
         record = Record(cell.id, mark, meta, job.ordered_rows())
         results.write(record)
     return Outcome(record, cached, results.damaged, for_outputs, stands.stale)
+
+
+def prepared_weights(
+    cell: Cell, settings: Settings, reporter: Reporter | None, alive: Callable[[], None]
+) -> dict[str, Any]:
+    """What the worker of a cell needs of the weights of its method: nothing, a file, or why there is none.
+
+    The training is done here and now if it was not done before.
+    """
+    if cell.training is None:
+        return {}
+    from .training import TrainingFailed, weights_for
+
+    try:
+        weights = weights_for(cell.training, settings, (reporter or Silent()).event, alive)
+    except TrainingFailed as failed:
+        return {"failed": failed.row}
+    seen = weights.facts.get("shapes") or [] if cell.split == "test" else []
+    return {"path": str(weights.path), "columns": weights.columns, "shapes": seen}
 
 
 def finished_rows(
@@ -166,7 +186,7 @@ def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str,
     off_the_clock = row["status"] == "timeout" and row.get("stage") != "method"
     return (
         row["status"] == "skipped"
-        or row.get("stage") in BEFORE_ANY_CASE
+        or row.get("stage") in (*BEFORE_ANY_CASE, "train")
         or (settings.rerun == "failed" and row["status"] != "ok")
         or ((noted or row["status"] == "timeout") and limit.seconds > (row.get("limit_seconds") or 0))
         or (off_the_clock and limit.setup_seconds > before.get("setup_seconds", math.inf))
@@ -186,7 +206,9 @@ class _Job:
         rows: dict[int, dict[str, Any]],
         reporter: Reporter,
         alive: Callable[[], None],
+        weights: dict[str, Any],
     ):
+        self.weights = weights
         self.cell, self.settings, self.results, self.mark = cell, settings, results, mark
         self.rows, self.reporter, self.alive = rows, reporter, alive
         self.device = cell.device
@@ -265,6 +287,7 @@ class _Job:
             "outputs": s.outputs,
             "results": str(self.results.folder),
             "fingerprint": self.mark,
+            "weights": self.weights,
         }
 
     def hear(self, event: dict[str, Any]) -> None:
@@ -288,7 +311,13 @@ class _Job:
         from .worker import now
 
         # Whatever a method, a dataset or a file's name brings: the row can be stored.
-        row = encodable(dict.fromkeys(COLUMNS) | {"started": now(), "finished": now()} | row | self.constants)
+        row = encodable(
+            dict.fromkeys(COLUMNS)
+            | {"started": now(), "finished": now()}
+            | row
+            | self.weights.get("columns", {})
+            | self.constants
+        )
         self.results.add_partial(self.cell.id, self.mark, row)
         self.rows[row["case_index"]] = row
         self.reporter.event({"event": "kept", "row": row})
@@ -333,7 +362,7 @@ def constant_columns(cell: Cell, settings: Settings, mark: str) -> dict[str, Any
         "sensor": cell.sensor.label if cell.sensor in cell.choices else "",
         "split": cell.split,
         "method": cell.method.name,
-        "variant": cell.method.variant,
+        "variant": cell.variant,
         "seed": cell.seed,
         "threads": cell.threads,
         "device": cell.device,

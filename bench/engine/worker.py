@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import functools
 import importlib
 import json
 import os
 import sys
 import traceback
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -23,12 +25,15 @@ import numpy as np
 from ..contract.case import Case
 from ..contract.identity import shape_digest
 from ..contract.sensors import noun_of
+from ..contract.training import content_digest
 from ..errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from ..geometry.cloud import PointCloud
 from ..geometry.traits import Traits, all_tags, measure_traits
 from ..notices import collected
-from ..plan.cell import Cell, Choice
+from ..plan.cell import Cell
+from ..plan.choice import Choice
 from ..plugins.registry import missing_library
+from ..plugins.weights import load
 from ..results import imputation
 from ..results.kept_outputs import FOLDER, file_name, reference_file
 from ..seeds import generator
@@ -60,6 +65,14 @@ def work(spec: dict[str, Any], fd: int) -> None:
     channel.send("done")
 
 
+class NoWeights(Exception):
+    """The training of the method failed: ``row`` says how."""
+
+    def __init__(self, row: Mapping[str, Any]):
+        super().__init__(row["message"])
+        self.row = {key: row.get(key, "") for key in ("status", "stage", "message", "traceback")}
+
+
 class _Session:
     """One cell's work in this process."""
 
@@ -71,6 +84,7 @@ class _Session:
         self.case: Case | None = None  # the one that was worked on last
         self.device = spec.get("device", self.cell.device)  # `cuda` may have become cuda:1, where the first was taken
         self.meter = Meter(spec["memory_gb"], self.device)
+        self.weights: Mapping[str, Any] = spec.get("weights") or {}
         # All that is remembered depends on the dataset; what depends on more says so where it is remembered.
         self.memo = Memo(Path(spec["cache"]), spec["keys"]["dataset"], spec["cache_gb"])
 
@@ -137,6 +151,7 @@ class _Session:
             self.case = case = self.made(recipe)
             row["tags"] = ",".join(self.tags(case))
             row |= conditions(task, case)
+            self.check_training(case)
             call = self.measured_call(index, case, task)
             try:
                 output = call()
@@ -151,11 +166,36 @@ class _Session:
             said = row.get("message", "")
             notices = [text for text in notices if text not in said]  # a traced output may have been scored before
             row["message"] = "; ".join(filter(None, [said, *notices, *reasons]))
+        except NoWeights as error:
+            return row | error.row
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
                 os._exit(1)
             return row | {"stage": self.channel.stage} | failure(error, self.channel.stage)
         return {"message": ""} | row | {"status": "ok", "stage": "", "traceback": ""}
+
+    def check_training(self, case: Case) -> None:
+        """See that there are weights, where the method needs some, and that they were trained on other shapes.
+
+        Raises
+        ------
+        NoWeights
+            If the training failed.
+        BadInput
+            If the weights were trained on this shape.
+        """
+        if failed := self.weights.get("failed"):
+            raise NoWeights(failed)
+        if self.weights.get("shapes") and content_digest(case.reference) in self.weights["shapes"]:
+            raise BadInput(
+                f"{case.id}: the weights were trained on this very shape, so a score of it would say nothing; test on "
+                "others, or train on others (training.dataset=NAME)"
+            )
+
+    @functools.cached_property
+    def arrays(self) -> Mapping[str, np.ndarray] | None:
+        """The weights, read once."""
+        return load(self.weights["path"]) if "path" in self.weights else None
 
     def measured_call(self, index: int, case: Case, task: Any) -> MeasuredCall:
         """The call of the method on one case."""
@@ -171,6 +211,7 @@ class _Session:
             channel=self.channel,
             index=index,
             reference=case.reference,
+            weights=self.arrays,
             trace_score=lambda output: self.score(output, case, floors=False).columns,
             store=(results / self.outputs / file_name(case.id, ""), results) if self.keeps(index) else None,
         )

@@ -3,97 +3,18 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 import inspect
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from ..errors import MissingData, UsageError, did_you_mean
 from ..plugins.registry import Plugin, registry
-from ..plugins.schema import NAME_KEY, build, parameters, variant
+from .choice import NO_SENSOR, Choice, NotSolved, Resolved, digest
 from .devices import check_name
 from .keys import Base
 from .limits import Limits
-
-
-class NotSolved(UsageError):
-    """Two choices that do not fit: a sweep leaves such a pair out of its plan and says so.
-
-    The method has no function for the task, or the sensor does not give what the task takes.
-    """
-
-
-class _Resolved:
-    """A frozen dataclass whose cached properties stay with the object: a copy, pickled or not, resolves anew."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
-
-
-@dataclass(frozen=True)
-class Choice(_Resolved):
-    """One plugin with all its parameters, as JSON values."""
-
-    kind: str
-    name: str
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-
-    @functools.cached_property
-    def plugin(self) -> Plugin:
-        """The registered plugin."""
-        return registry().find(self.kind, self.name)
-
-    def build(self) -> Any:
-        """A new plugin object: for each case its own, since a plugin may keep state."""
-        return build(self.plugin, self.parameters)
-
-    @functools.cached_property
-    def made(self) -> Any:
-        """One plugin object, for questions that do not change it: what it takes, gives, reads and consists of."""
-        return self.build()
-
-    @functools.cached_property
-    def parts(self) -> tuple[Plugin, ...]:
-        """The plugin, and those that it is made of where its parameters name others: the steps of a chain."""
-        return (self.plugin, *getattr(self.made, "plugins", ()))
-
-    @functools.cached_property
-    def variant(self) -> str:
-        """Parameters that differ from the defaults."""
-        return variant(self.plugin, self.parameters) if self.parameters else ""
-
-    @functools.cached_property
-    def label(self) -> str:
-        """``bumps``, ``bumps[degree=20]`` where parameters differ from the defaults, or the name of their preset."""
-        from ..plugins.presets import name_of
-
-        preset = name_of(self.plugin, self.parameters) if self.parameters else None
-        if preset:
-            return preset
-        return f"{self.name}[{self.variant}]" if self.variant else self.name
-
-    @classmethod
-    def of(cls, kind: str, node: Mapping[str, Any], where: str | None = None) -> Choice:
-        """From a config node; every parameter is checked and completed."""
-        if not isinstance(node, Mapping) or NAME_KEY not in node:
-            raise UsageError(f"{where or kind}: choose a {kind} by name, for instance {kind}={_example(kind)}")
-        from ..plugins.reads import check_files
-
-        plugin = registry().find(kind, node[NAME_KEY])
-        choice = cls(kind, plugin.name, parameters(plugin, build(plugin, node)))
-        vars(choice)["plugin"] = plugin  # found just now
-        check_files(choice)
-        return choice
-
-
-def _example(kind: str) -> str:
-    names = registry().names(kind)
-    return names[0] if names else "NAME"
-
-
-NO_SENSOR = Choice("sensor", "none")
+from .training import TRAINED, Training
 
 
 @dataclass(frozen=True)
@@ -107,10 +28,11 @@ class Settings:
     verbose: bool = False
     plugins: tuple[str, ...] = ()
     profile: str = "quick"
+    session: str = "none"  # the run that it is a part of
 
 
 @dataclass(frozen=True)
-class Cell(_Resolved):
+class Cell(Resolved):
     """One unit of a sweep: a method with its parameters on the cases of one dataset, sensor and seed."""
 
     task: Choice
@@ -123,6 +45,7 @@ class Cell(_Resolved):
     cases: int = 4
     threads: int = 1
     device: str = "cpu"
+    training: Training | None = None  # of a learned method: where its weights come from
 
     @functools.cached_property
     def choices(self) -> tuple[Choice, ...]:
@@ -133,17 +56,30 @@ class Cell(_Resolved):
     @functools.cached_property
     def id(self) -> str:
         """Twelve hexadecimal digits: equal wherever the same cell is planned."""
-        return digest(self.to_json())[:12]
+        values = self.to_json()
+        if self.training:
+            values["training"] = self.training.identity()
+        return digest(values)[:12]
+
+    @property
+    def variant(self) -> str:
+        """What differs from the defaults of the method, and from its usual training."""
+        trained = self.training.variant(self.dataset, self.sensor, self.seed) if self.training else ""
+        return ",".join(filter(None, (self.method.variant, trained)))
 
     @property
     def title(self) -> str:
         """One line for people."""
-        parts = [self.task.label, self.dataset.label, self.sensor.label, self.method.label, f"seed={self.seed}"]
+        trained = self.training.variant(self.dataset, self.sensor, self.seed) if self.training else ""
+        method = f"{self.method.label} ({trained})" if trained else self.method.label
+        parts = [self.task.label, self.dataset.label, self.sensor.label, method, f"seed={self.seed}"]
         return " ".join(part for part in parts if part != "none")
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, from which :meth:`from_json` makes the same cell."""
-        return asdict(self)
+        values = asdict(self)
+        training = values.pop("training")  # left out where there is none: other cells are called as before
+        return values if training is None else {**values, "training": self.training.to_json()}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Cell:
@@ -152,6 +88,7 @@ class Cell(_Resolved):
         for kind in ("task", "dataset", "sensor", "method"):
             values[kind] = Choice(**values[kind])
         values["metrics"] = tuple(Choice(**m) for m in values["metrics"])
+        values["training"] = Training.from_json(values.get("training"))
         return cls(**values)
 
     @classmethod
@@ -172,11 +109,15 @@ class Cell(_Resolved):
         one_of("split", config["split"], ("test", "train"))
         check_name(config["device"])
         sensor = _sensor(config["sensor"], task)
+        dataset = Choice.of("dataset", config["dataset"])
+        parts = {"task": task, "dataset": dataset, "sensor": sensor, "method": method}
+        training = Training.of(config.get("training"), parts)
+        if training and training.weights == TRAINED:
+            _sensor_fits(training.sensor, task)
+            check_dataset(training.dataset.build(), "train")
         cell = cls(
-            task=task,
-            dataset=Choice.of("dataset", config["dataset"]),
-            sensor=sensor,
-            method=method,
+            **parts,
+            training=training,
             metrics=_metrics(config.get("metric") or {}, task),
             **{key: config[key] for key in ("seed", "split", "cases", "threads", "device")},
         )
@@ -216,6 +157,7 @@ def settings_of(config: Mapping[str, Any]) -> Settings:
         verbose=config["verbose"],
         plugins=tuple(config["plugins"]),
         profile=config["profile"],
+        session=config["session"],
     )
 
 
@@ -240,12 +182,18 @@ def one_of(key: str, value: str, known: tuple[str, ...]) -> None:
 
 def _sensor(node: Mapping[str, Any], task: Choice) -> Choice:
     """The chosen sensor, which must give what the task takes; none for a task without one."""
+    from ..contract.sensors import taken_by
+
+    return NO_SENSOR if taken_by(task.made) == "none" else _sensor_fits(Choice.of("sensor", node), task)
+
+
+def _sensor_fits(sensor: Choice, task: Choice) -> Choice:
+    """The sensor, which must give what the task takes."""
     from ..contract.sensors import given_by, needs_a_source, taken_by
 
     takes = taken_by(task.made)
     if takes == "none":
         return NO_SENSOR
-    sensor = Choice.of("sensor", node)
     plugin, built = sensor.plugin, sensor.made
     gives = given_by(plugin, built)
     if gives != takes:
@@ -287,8 +235,3 @@ def reference_name(dataset: str, case: str) -> str:
     """
     name, _, parameters = dataset.partition("[")
     return f"{name}-{digest(parameters)[:8]}-{case}.ply" if parameters else f"{name}-{case}.ply"
-
-
-def digest(value: Any) -> str:
-    """SHA-256 of a value's canonical JSON."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

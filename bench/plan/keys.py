@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .limits import Limits
+from .training import TrainingKeys
 
 
 @dataclass
@@ -17,6 +18,7 @@ class Base:
     sensor: Any = None
     method: Any = None
     metric: Any = None
+    training: TrainingKeys = field(default_factory=TrainingKeys)  # of learned methods: where weights come from
     seed: int = 0  # of the sensor's noise, the method and the metrics' samples
     split: str = "test"  # which shapes of the dataset: test or train
     cases: int = 4  # how many of them
@@ -37,4 +39,4 @@ class Base:
     session: str = "none"  # set by the front door
 
 
-GROUPS = ("task", "dataset", "sensor", "method", "metric", "convention", "profile", "experiment")
+GROUPS = ("task", "dataset", "sensor", "method", "metric", "training", "convention", "profile", "experiment")

@@ -24,7 +24,7 @@ from ..errors import UsageError
 from .schema import field_types
 
 if TYPE_CHECKING:
-    from ..plan.cell import Choice
+    from ..plan.choice import Choice
 
 WRITES = ("save",)
 

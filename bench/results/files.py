@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# Of the columns. 3: without split and worst.<key>; 2: and without active_parameters; 1: and without true_distances; all
-# are read.
-SCHEMA_VERSION = 4
+# Of the columns. 4: without those of weights and trainings; 3: and without split and worst.<key>; 2: and without
+# active_parameters; 1: and without true_distances; all are read.
+SCHEMA_VERSION = 5
 META_KEY = b"detailbench"
 STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
 
@@ -51,6 +51,14 @@ COLUMNS = {
     "parameters": "int64",
     "active_parameters": "int64",
     "true_distances": "int64",
+    "weights": "string",
+    "weights_from": "string",
+    "train_seconds": "float64",
+    "train_cpu_seconds": "float64",
+    "train_device": "string",
+    "train_data": "string",
+    "train_cases": "int64",
+    "train_steps": "int64",
     "output_points": "int64",
     "output_faces": "int64",
     "output": "string",

@@ -11,14 +11,18 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..plan.cell import NO_SENSOR, Cell, Choice, digest
+from ..plan.cell import Cell
+from ..plan.choice import NO_SENSOR, Choice, digest
+from ..plan.training import SHIPPED, TRAINED, Training
 from ..plugins.origins import is_from_file
 from ..plugins.reads import contents
+from ..plugins.weights import content, trained_values
 from .sources import BENCH, Stamps, source_closure, source_digest, stamps
 
 # Packages that take part in every cell; a plugin's `requires` come on top.
@@ -32,20 +36,55 @@ def ingredients(cell: Cell) -> dict[str, Any]:
     and the geometry that they import), the versions of metrics, the packages that compute, what a dataset says of its
     own state (hashes of the user's files), and the contents of the files that plugins read (:mod:`reads`).
     """
-    parts: dict[str, Any] = {"cell": cell.id}
-    for choice in cell.choices:
+    parts = {"cell": cell.id} | _depends_on(cell.choices, cell.dataset)
+    if cell.training:
+        parts[WEIGHTS] = weights_of(cell.training)
+    return parts
+
+
+WEIGHTS = "weights"  # the ingredient
+
+
+def weights_of(training: Training) -> str | None:
+    """What weights are: the content of a file, or the fingerprint of the training that makes them; None without."""
+    if training.weights == TRAINED:
+        return fingerprint(training_ingredients(training))
+    path = training.shipped if training.weights == SHIPPED else Path(training.path).expanduser()
+    return content(path) if path is not None and path.is_file() else None
+
+
+def training_ingredients(training: Training) -> dict[str, Any]:
+    """All that decides what a training makes, like :func:`ingredients` for a cell."""
+    return {"training": training.id} | _depends_on(training.choices, training.dataset)
+
+
+def examples_key(training: Training) -> str:
+    """A digest over all that the examples of a training depend on: variants of a method may share them."""
+    parts = training_ingredients(training)
+    del parts["training"]
+    plugin = training.method.plugin
+    values = trained_values(plugin, training.method.parameters, "examples_by")
+    of = {kind: asdict(getattr(training, kind)) for kind in ("task", "dataset", "sensor")}
+    return digest([parts, plugin.name, values, of, training.cases, training.seed])[:16]
+
+
+def _depends_on(choices: Iterable[Choice], dataset: Choice) -> dict[str, Any]:
+    """Sources, versions, packages, and the contents of files."""
+    choices = tuple(choices)
+    parts: dict[str, Any] = {}
+    for choice in choices:
         plugin = choice.plugin
         if choice.kind == "metric":
             parts[f"version of metric {choice.name}"] = plugin.version
         else:
             for part in choice.parts:
                 parts[f"source of {choice.kind} {part.name}"] = source_digest(part.file)
-    for package in sorted({*ALWAYS, *(r for c in cell.choices for p in c.parts for r in p.requires)}):
+    for package in sorted({*ALWAYS, *(r for c in choices for p in c.parts for r in p.requires)}):
         parts[f"package {package}"] = package_version(package)
-    state = getattr(cell.dataset.build(), "state", None)
+    state = getattr(dataset.build(), "state", None)
     if state:
         parts.update({f"file {name}": value for name, value in state().items()})
-    parts.update({f"content of {name}": value for name, value in contents(cell.choices).items()})
+    parts.update({f"content of {name}": value for name, value in contents(choices).items()})
     return parts
 
 
@@ -115,6 +154,8 @@ def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
             continue
         if key.startswith("source of"):
             lines.append(f"{key} was edited")
+        elif key == WEIGHTS:
+            lines.append(f"other weights: {_short(before)} -> {_short(after)}")
         elif key.startswith("file "):
             what = "is new" if before is None else "is gone" if after is None else "has other content"
             lines.append(f"{key} {what}")
@@ -124,6 +165,10 @@ def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
         else:
             lines.append(f"{key}: {before or 'not installed'} -> {after or 'not installed'}")
     return lines
+
+
+def _short(digest: Any) -> str:
+    return str(digest)[:12] if digest else "none"
 
 
 # -- packages ----------------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@
     DIR/.sweeps/SESSION/                                 what a running sweep has done; removed when it ends
     DIR/damaged/                                         files that could not be read, set aside
     DIR/outputs/CELL-FINGERPRINT/CASE.ply                outputs that were kept (outputs=first|all)
+    DIR/trainings/...                                    weights of learned methods (bench/engine/training.py)
     DIR/outputs/CELL-FINGERPRINT/CASE/NAME.*             and what their methods stored beside them (run.keep)
 
 Every file stands alone, so the results of two machines are merged by copying one folder into the other. The columns
@@ -22,10 +23,10 @@ import fcntl
 import json
 import os
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import StoreError, UsageError, did_you_mean
 from ..text import encodable
@@ -198,8 +199,18 @@ class Results:
             self._partial(cell, fingerprint).unlink(missing_ok=True)
 
     @contextlib.contextmanager
-    def lock(self, cell: str) -> Iterator[None]:
-        """Hold a cell: two sweeps into one folder share the work. The system lets go when the holder dies."""
+    def lock(
+        self, cell: str, alive: Callable[[], None] | None = None, waits: Callable[[], None] = lambda: None
+    ) -> Iterator[None]:
+        """Hold a cell, or a training: two sweeps into one folder share the work. The system lets go when the holder
+        dies.
+
+        Parameters
+        ----------
+        cell : the name of the lock
+        alive : called while waiting; raises to stop. Without it the wait cannot be stopped
+        waits : called once if there is something to wait for; only with ``alive``
+        """
         path = self.folder / ".locks" / cell
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -208,6 +219,8 @@ class Results:
             raise StoreError(f"cannot write {path}: {error.strerror or error}; choose results=DIR") from error
         with file:
             with contextlib.suppress(OSError):  # a file system without locks: the worst is work done twice
+                if alive is not None:
+                    _wait(file, alive, waits)
                 fcntl.flock(file, fcntl.LOCK_EX)
             yield
 
@@ -258,6 +271,24 @@ class Results:
     def reference_of(self, row: Mapping[str, Any]) -> Path | None:
         """The file of the reference that a row's kept output is compared with; None where there is none."""
         return found_reference(self.folder, self.meta(row["cell"], row["fingerprint"]), row)
+
+
+LOOK = 0.2  # seconds between looks at a lock that another process holds
+
+
+def _wait(file: IO[str], alive: Callable[[], None], waits: Callable[[], None]) -> None:
+    """Wait until nobody holds the lock of a file, or its file system has no locks."""
+    said = False
+    while True:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if not said:
+                waits()
+                said = True
+            alive()
+            time.sleep(LOOK)
 
 
 def _is_row(value: Any) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .farthest import farthest_points
+from bench.geometry.farthest import farthest_points
 
 GROWTH = 4  # a round makes at most so many points of one; a triangulation has three edges per vertex
 LINKS = 12  # neighbours between which midpoints are set; two rings, so that few gaps are left

@@ -12,7 +12,7 @@ from bench.geometry.mesh_surface import MeshSurface
 from bench.geometry.poisson_disk import eliminate
 from bench.methods.classical.apss import Apss
 from bench.methods.classical.ear import Ear
-from bench.methods.classical.farthest import farthest_points
+from bench.geometry.farthest import farthest_points
 from bench.methods.classical.midpoint_jet import MidpointJet
 from bench.methods.classical.poisson import Poisson
 from bench.methods.classical.quadrics import project_to_quadrics

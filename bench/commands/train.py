@@ -1,0 +1,184 @@
+"""Train a learned method, and keep its weights.
+
+  detailbench train method=mpu training=quick results=DIR
+  detailbench train method=mpu dataset=files dataset.path=FOLDER dataset.train_share=1 --save mine.safetensors
+  detailbench apply method=mpu training.weights=mine.safetensors scan.ply dense.ply task.ratio=16
+
+A run trains by itself what its cells need, once, with the same words; this command does it before, and says more. The
+keys of the group: training.weights, training.dataset and training.sensor (the cell's own without them; always shapes of
+the train split), training.cases, training.seed, training.seconds, training.threads, training.device. Further keys:
+those of `detailbench run` for one cell, such as task, method.PARAMETER, limit.train_memory_gb, results, rerun=always.
+
+A training that was interrupted goes on from its last checkpoint when the same command is given again.
+
+On a machine that has a GPU, and torch and numpy alone:
+  detailbench train method=mpu training=quick --export-examples mpu.safetensors       here: makes the examples
+  python -m bench.fit mpu.safetensors weights.safetensors --device cuda               there, in a copy of the checkout
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..cli import add_plugin_argument
+from ..errors import DetailbenchError, UsageError
+from ..plugins.registry import load_plugins
+
+if TYPE_CHECKING:
+    from ..plan.training import Training
+
+PASSES_ON = True
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("--save", metavar="FILE", help="also write the weights to FILE (safetensors)")
+    parser.add_argument("--half", action="store_true", help="with --save: numbers of 16 bits, as shipped files have")
+    parser.add_argument("--export-examples", metavar="FILE", help="only make the examples, and write them to FILE")
+    parser.add_argument("--examples", metavar="FILE", help="train on the examples of FILE instead of making some")
+    add_plugin_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compose, train in a child process, say what was made."""
+    from ..engine.training import Extra, TrainingFailed, forget, state_of, weights_for
+    from ..results.store import Results
+    from ..sweep.destination import destination, settled
+
+    plugins = load_plugins(args.plugin)
+    overrides = list(args.rest)
+    if args.half and not args.save:
+        raise UsageError("--half: is for --save FILE")
+    for target in (args.save, args.export_examples):
+        if target and not Path(target).expanduser().absolute().parent.is_dir():
+            raise UsageError(f"{target}: there is no folder {Path(target).expanduser().absolute().parent}")
+    if args.examples and not Path(args.examples).expanduser().is_file():
+        raise UsageError(f"--examples {args.examples}: no such file")
+    folder = destination(overrides)
+    training, settings = job_of(settled(overrides, folder), plugins)
+    results = Results(folder)
+    results.prepare()
+    if settings.rerun == "always":
+        forget(results, training)
+    state = state_of(results, training)
+    print(f"{training.title}: {state}", file=sys.stderr)
+    extra = Extra(str(Path(args.examples).expanduser()) if args.examples else "", bool(args.export_examples))
+    try:
+        with Shown(training) as shown:
+            weights = weights_for(training, settings, shown.event, extra=extra)
+    except TrainingFailed as failed:
+        if args.plugin and failed.row.get("traceback"):
+            print(failed.row["traceback"], file=sys.stderr)
+        raise DetailbenchError(str(failed)) from failed
+    except KeyboardInterrupt:
+        print("interrupted: the same command goes on from the last checkpoint", file=sys.stderr)
+        return 130
+    if args.export_examples:
+        shutil.copyfile(weights.path, Path(args.export_examples).expanduser())
+        size = weights.path.stat().st_size / 1e6
+        print(f"{args.export_examples}: {weights.facts.get('cases', '?')} cases, {size:.1f} MB")
+        return 0
+    report(weights.facts, weights.path)
+    if args.save:
+        save(weights.path, Path(args.save).expanduser(), args.half)
+    return 0
+
+
+def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, Any]:
+    """The training that the words describe, and the settings; ``training.weights`` is ``trained`` here."""
+    from dataclasses import replace
+
+    from omegaconf import OmegaConf
+
+    from ..plan.cell import Cell, check_root, settings_of
+    from ..plan.training import AUTO, TRAINED
+    from ..plugins.presets import resolve
+    from ..plugins.registry import registry
+    from ..sweep.composition import compose
+    from ..sweep.overrides import check_overrides, chosen
+
+    check_overrides(overrides, multirun=False)
+    if not any(word.startswith("method=") for word in overrides):
+        raise UsageError("choose a method: detailbench train method=NAME (detailbench list methods)")
+    if not any(word.startswith("task=") for word in overrides):
+        method = registry().find("method", resolve("method", chosen("method", overrides)[0]))
+        solves = [task for task in registry().names("task") if method.solves(task)]
+        if len(solves) != 1:
+            raise UsageError(f"method {method.name} solves {', '.join(solves) or 'no task'}: add task=NAME")
+        overrides = [*overrides, f"task={solves[0]}"]
+    values = OmegaConf.to_container(compose(overrides), resolve=True)
+    check_root(values)
+    weights = values["training"]["weights"]
+    if weights not in (AUTO, TRAINED):
+        raise UsageError(f"training.weights={weights}: this command trains; leave the key out")
+    values["training"]["weights"] = TRAINED
+    cell = Cell.from_config(values)
+    if cell.training is None:
+        raise UsageError(f"method {cell.method.name} does not learn: there is nothing to train")
+    return cell.training, replace(settings_of(values), plugins=plugins)
+
+
+class Shown:
+    """A bar on a terminal; elsewhere a line now and then."""
+
+    EVERY = 10  # lines of progress, at most
+
+    def __init__(self, training: Training):
+        from ..sweep.progress import Steps
+
+        self._steps, self._said = Steps(training.title), -1
+        self._stage = ""
+
+    def __enter__(self) -> Shown:
+        self._steps.__enter__()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._steps.__exit__(*exception)
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Show one event of the training."""
+        self._steps.event(event)
+        if event["event"] == "begin":
+            self._stage, self._said = {"examples": "examples", "method": "steps"}.get(event["stage"], ""), -1
+        elif event["event"] == "waits":
+            print(f"{event['title']}: another process is at it; waiting", file=sys.stderr)
+        elif event["event"] == "progress" and not sys.stderr.isatty():
+            tenth = self.EVERY * event["done"] // max(event["total"], 1)
+            if tenth > self._said:
+                self._said = tenth
+                print(f"  {self._stage} {event['done']:,}/{event['total']:,}", file=sys.stderr)
+
+
+def report(facts: Mapping[str, Any], path: Path) -> None:
+    """What was made, in a few lines, with the curve of the validation."""
+    from ..sweep.forecast import duration
+
+    print(f"weights {path}")
+    print(
+        f"{facts['method']}: {facts['steps']:,} steps in {duration(facts['seconds'])} "
+        f"({facts['cpu_seconds']:.0f} CPU s, {facts['device']}) on {facts['cases']} train shapes of "
+        f"{facts['dataset']}, seed {facts['seed']}"
+    )
+    curve = facts.get("curve") or []
+    if curve:
+        first, best, last = curve[0], min(curve, key=lambda point: point[2]), curve[-1]
+        print(
+            f"validation: {first[2]:.4g} at step {first[1]:,}, best {best[2]:.4g} at step {best[1]:,}, "
+            f"{last[2]:.4g} at the end"
+        )
+
+
+def save(path: Path, target: Path, half: bool) -> None:
+    """Copy weights to a file of the user's, where asked for as float16."""
+    from ..plugins.weights import as_bytes, facts_of, load
+    from ..results.files import write_atomically
+
+    content = as_bytes(load(path), facts_of(path), half=True) if half else path.read_bytes()
+    write_atomically(target, content)
+    print(f"saved {target} ({len(content) / 1e6:.2f} MB)")

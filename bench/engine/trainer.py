@@ -1,0 +1,137 @@
+"""The child process of a training: makes the examples, fits, and writes the weights.
+
+What fits, and keeps logs and checkpoints, is :class:`bench.engine.fitting.Fit`.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..contract.run import Run
+from ..contract.training import TrainingData, content_digest
+from ..errors import BadInput, UsageError
+from ..plan.training import Training, named
+from ..plugins.weights import as_bytes, facts_of
+from ..results.files import write_atomically
+from .channel import Channel, plain
+from .fitting import Fit, load_examples
+
+
+def work(spec: Mapping[str, Any], channel: Channel) -> None:
+    """Train, and send a row with ``status`` and ``message``."""
+    from .worker import failure
+
+    asked = spec["arguments"]
+    try:
+        for choice in (training := Training.from_json(asked["training"])).choices:
+            for plugin in choice.parts:
+                plugin.require()
+        channel.enter("examples", 0)
+        examples, facts = _examples(training, asked, spec, channel)
+        row: dict[str, Any] = {"status": "ok", "message": "", "cases": len(facts["shapes"])}
+        if not asked["only_examples"]:
+            row |= _fitted(training, asked, spec, channel, examples, facts)
+    except BaseException as error:  # the boundary: one message for all cells that need the weights
+        row = {"stage": channel.stage} | failure(error, "method")
+    channel.send("result", row=plain(row))
+
+
+# -- examples ----------------------------------------------------------------------------------------------------------
+
+
+def _examples(
+    training: Training, asked: Mapping[str, Any], spec: Mapping[str, Any], channel: Channel
+) -> tuple[Mapping[str, np.ndarray], dict[str, Any]]:
+    """What the method makes of the training data, from the file where it is known; and what is known of it."""
+    given = asked["from_examples"]
+    path = Path(given or asked["examples"])
+    if given or path.is_file():
+        facts = facts_of(path)
+        if facts.get("method") != training.method.name:
+            raise BadInput(f"{path}: expected examples for {training.method.name}, got those of {facts.get('method')}")
+        return load_examples(path), facts
+    shapes: list[str] = []
+
+    def see(case: Any) -> None:
+        digest = content_digest(case.reference)
+        if digest not in shapes:
+            shapes.append(digest)
+        channel.send("progress", done=len(shapes), total=training.cases)
+
+    run = Run(seed=training.seed, threads=spec["threads"])
+    method = training.method.build()
+    examples = dict(method.examples(_data(training, see), run))
+    if not shapes:
+        raise UsageError(f"dataset {training.dataset.label} has no shapes in the split 'train'")
+    facts = {
+        "method": training.method.name,
+        "parameters": dict(training.method.parameters),
+        "task": training.task.name,
+        "dataset": training.dataset.label,
+        "sensor": training.sensor.label,
+        "cases": len(shapes),
+        "shapes": shapes,
+        "seed": training.seed,
+    }
+    content = as_bytes(examples, facts)
+    facts["examples"] = hashlib.sha256(content).hexdigest()
+    write_atomically(path, content)
+    return examples, facts
+
+
+def _data(training: Training, see: Callable[[Any], None]) -> TrainingData:
+    task, dataset = training.task.build(), training.dataset.build()
+    sensor = training.sensor.build() if training.sensor in training.choices else None
+    recipes = functools.partial(task.recipes, dataset, sensor, split="train", count=training.cases, seed=training.seed)
+    return TrainingData(
+        recipes=recipes,
+        sensor=lambda item: named("sensor", item, "TrainingData.sense").build(),
+        count=training.cases,
+        seed=training.seed,
+        on_case=see,
+    )
+
+
+# -- fit ---------------------------------------------------------------------------------------------------------------
+
+
+def _fitted(
+    training: Training,
+    asked: Mapping[str, Any],
+    spec: Mapping[str, Any],
+    channel: Channel,
+    examples: Mapping[str, np.ndarray],
+    facts: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Fit, and write the weights with what is known of them."""
+    from ..results.provenance import machine
+    from .call import seed_globals
+    from .devices import check_device, make_context
+
+    check_device(asked["device"])
+    make_context(asked["device"])
+    seed_globals(training.seed)
+    channel.enter("method", 0)
+    commit = machine()["commit"] or {}
+    more = {
+        "threads": spec["threads"],
+        "detailbench": machine()["detailbench"],
+        "commit": commit.get("commit", "") + ("+" if commit.get("dirty") else ""),
+        "training": asked["fingerprint"],
+    }
+    fit = Fit(
+        training.method.build(),
+        Path(asked["folder"]),
+        {**facts, "seed": training.seed, "parameters": dict(training.method.parameters), **more},
+        seconds=spec["seconds"],
+        device=asked["device"],
+        threads=spec["threads"],
+        on_progress=lambda done, total: channel.send("progress", done=done, total=total),
+    )
+    return fit.run(examples)

@@ -1,0 +1,188 @@
+"""What learned methods were trained to: which plugins learn, and safetensors files with what is known of the training.
+
+A file has the arrays and, as text in its header, what they were made by: see :data:`FACTS`. Files that come with a
+package lie in a folder ``weights`` beside the source of their plugin, with floating-point numbers as float16.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import os
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import BadInput
+from .registry import Plugin
+
+FACTS = {
+    "method": "the name of the method",
+    "parameters": "those that the weights depend on (trained_by)",
+    "task": "whose cases the training had",
+    "dataset": "of the shapes, all of the train split",
+    "sensor": "that measured them",
+    "cases": "how many cases there were",
+    "seed": "of the training",
+    "steps": "that were made",
+    "seconds": "that they took, by the clock",
+    "cpu_seconds": "of the processor",
+    "device": "cpu or cuda",
+    "threads": "of the processor",
+    "curve": "[seconds, step, validation] in turn: the validation error while it was trained",
+    "shapes": "digests of the shapes, by which one is known again in a test split",
+    "examples": "SHA-256 of what the method made of them",
+    "detailbench": "the version",
+    "commit": "of the checkout, with + where files were changed",
+    "training": "the fingerprint of the training",
+    "finished": "when, UTC",
+}
+LONGEST_HEADER = 100_000_000  # bytes, as the format has it
+
+
+def is_learned(plugin: Plugin) -> bool:
+    """Whether a method is trained on examples before it is used."""
+    return plugin.kind == "method" and all(callable(getattr(plugin.cls, name, None)) for name in ("examples", "fit"))
+
+
+def trained_values(plugin: Plugin, parameters: Mapping[str, Any], attribute: str = "trained_by") -> dict[str, Any]:
+    """The parameters that the weights depend on; with ``"examples_by"``, those that the examples depend on."""
+    names = getattr(plugin.cls, attribute, None)
+    names = plugin.cls.trained_by if names is None else names
+    return {name: parameters[name] for name in names if name in parameters}
+
+
+def shipped(plugin: Plugin, parameters: Mapping[str, Any]) -> Path | None:
+    """The file that comes with a plugin and was trained with these parameters; None where there is none."""
+    wanted = trained_values(plugin, parameters)
+    for path in sorted((plugin.file.parent / "weights").glob("*.safetensors")):
+        facts = facts_of(path)
+        if facts.get("method") == plugin.name and _same(facts.get("parameters"), wanted):
+            return path
+    return None
+
+
+def check_fits(plugin: Plugin, parameters: Mapping[str, Any], path: Path) -> None:
+    """Refuse a file of weights that another method has, or that was trained with other parameters.
+
+    Raises
+    ------
+    BadInput
+        Naming the file, what differs, and what to say instead.
+    """
+    facts = facts_of(path)
+    if facts.get("method") != plugin.name:
+        theirs = facts.get("method")
+        what = f"it was trained as {theirs}" if theirs else "its header does not say what it was trained as"
+        raise BadInput(f"training.weights={path}: expected weights of {plugin.name}, but {what}")
+    theirs = facts.get("parameters") or {}
+    for name, here in trained_values(plugin, parameters).items():
+        there = theirs.get(name, here)
+        if not _same(there, here):
+            raise BadInput(
+                f"training.weights={path}: was trained with {name}={there}, and {name} is {here} here; say "
+                f"method.{name}={there}, or train it anew: detailbench train method={plugin.name} --help"
+            )
+
+
+def _same(a: Any, b: Any) -> bool:
+    return json.dumps(a, sort_keys=True) == json.dumps(b, sort_keys=True)
+
+
+def facts_of(path: str | Path) -> dict[str, Any]:
+    """What the header of a file says, each value as it was given to :func:`save`.
+
+    Raises
+    ------
+    BadInput
+        Naming the file, if it cannot be read or is no safetensors file.
+    """
+    path = Path(path).expanduser()
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); expected a safetensors file") from error
+    return dict(_facts(str(path.absolute()), stat.st_mtime_ns, stat.st_size))
+
+
+@functools.lru_cache(maxsize=256)
+def _facts(path: str, mtime_ns: int, size: int) -> Mapping[str, Any]:
+    expected = "expected a safetensors file that detailbench train made"
+    try:
+        with open(path, "rb") as file:
+            head = file.read(8)
+            length = struct.unpack("<Q", head)[0] if len(head) == 8 else LONGEST_HEADER
+            if length > min(size, LONGEST_HEADER):
+                raise BadInput(f"{path}: is no safetensors file, or is cut off; {expected}")
+            metadata = json.loads(file.read(length)).get("__metadata__") or {}
+        return {key: json.loads(value) for key, value in metadata.items() if key in FACTS}
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); {expected}") from error
+    except (ValueError, AttributeError, TypeError) as error:
+        raise BadInput(f"{path}: its header is damaged ({error}); {expected}") from error
+
+
+def content(path: str | Path) -> str:
+    """SHA-256 of a file, 64 hexadecimal digits.
+
+    Raises
+    ------
+    BadInput
+        If it cannot be read.
+    """
+    path = Path(path).expanduser()
+    try:
+        stat = os.stat(path)
+        return _content(str(path.absolute()), stat.st_mtime_ns, stat.st_size)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); expected a safetensors file") from error
+
+
+@functools.lru_cache(maxsize=256)
+def _content(path: str, mtime_ns: int, size: int) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def load(path: str | Path) -> dict[str, np.ndarray]:
+    """The arrays of a file; floating-point numbers of less than 32 bits as float32.
+
+    Raises
+    ------
+    BadInput
+        Naming the file, if it is damaged.
+    """
+    from safetensors import SafetensorError
+    from safetensors.numpy import load_file
+
+    try:
+        arrays = load_file(str(Path(path).expanduser()))
+    except (OSError, SafetensorError) as error:
+        raise BadInput(f"{path}: cannot be read ({error}); expected a safetensors file") from error
+    return {name: a.astype(np.float32) if a.dtype == np.float16 else a for name, a in arrays.items()}
+
+
+def as_bytes(arrays: Mapping[str, np.ndarray], facts: Mapping[str, Any], *, half: bool = False) -> bytes:
+    """The content of a safetensors file.
+
+    Parameters
+    ----------
+    arrays : mapping of names to arrays
+    facts : mapping
+        JSON values for the header.
+    half : bool
+        Whether floating-point numbers become float16, as in the files that are shipped.
+    """
+    from safetensors.numpy import save
+
+    def stored(array: np.ndarray) -> np.ndarray:
+        array = np.asarray(array)
+        return np.ascontiguousarray(array.astype(np.float16) if half and array.dtype.kind == "f" else array)
+
+    header = {key: json.dumps(value) for key, value in facts.items()}
+    # A number (an array of no dimension) loses its shape in np.ascontiguousarray.
+    return save({name: stored(a).reshape(np.shape(a)) for name, a in arrays.items()}, header)

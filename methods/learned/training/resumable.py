@@ -1,0 +1,155 @@
+"""The training loop of networks that learn from examples: it can be killed at any moment and goes on as if it had not.
+
+What a step draws depends on the seed and the number of the step alone (:func:`step_generator`), so a checkpoint holds
+the network, the optimiser, the best state and a number; on the CPU, a training that was interrupted ends with the
+same weights, to the bit, as one that was not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from bench import Run, UsageError
+
+NETWORK, OPTIMIZER, BEST = "network.", "optimizer.", "best."
+
+
+def step_generator(seed: int, step: int, purpose: str = "") -> np.random.Generator:
+    """The generator of one step, equal however often the training was interrupted before it."""
+    return np.random.default_rng([seed, step, *purpose.encode()])
+
+
+def train(
+    network: nn.Module,
+    loss: Callable[[int], Tensor],
+    run: Run,
+    *,
+    steps: int,
+    optimizer: torch.optim.Optimizer,
+    prepare: Callable[[int], None] | None = None,
+    validate: Callable[[], float] | None = None,
+    every: int = 200,
+    clip_value: float | None = None,
+) -> dict[str, np.ndarray]:
+    """Train until ``steps`` are done or the run's time is over; the weights with the best validation.
+
+    Parameters
+    ----------
+    network : Module
+        Its state is what is trained, stored and returned; it is left in that state too.
+    loss : function of the number of a step, from 0
+        A scalar tensor. All that it draws comes from generators made of ``run.seed`` and that number.
+    run : Run
+        Says how much time is left, and stores logs and checkpoints.
+    steps : int
+        At most.
+    optimizer : Optimizer
+        Over parameters of ``network``; Adam, with state that is made at the first step.
+    prepare : function of the number of a step, optional
+        Called before it: sets learning rates, and freezes parts of the network.
+    validate : function, optional
+        A number, lower is better, the same for the same state. Without it the last state is returned.
+    every : int
+        Steps between validations; one more is made at the end.
+    clip_value : float, optional
+        Gradients are cut to this size, number by number.
+
+    Returns
+    -------
+    dict
+        The state of the network as arrays on the CPU, by name.
+
+    Raises
+    ------
+    UsageError
+        If the loss is not finite, naming the step: a smaller learning rate is what helps.
+    """
+    state = _State(network, optimizer)
+    step = state.resume(run.resumed) if run.resumed else 0
+    while step < steps and (run.seconds_left() > 0 or step == 0):
+        if validate and step % every == 0 and step > 0:
+            state.offer(validate(), step, run)
+        if prepare:
+            prepare(step)
+        optimizer.zero_grad(set_to_none=True)
+        value = loss(step)
+        number = float(value.detach())
+        if not math.isfinite(number):
+            raise UsageError(
+                f"the training diverged: the loss is {number} at step {step:,}; try a smaller learning rate"
+            )
+        value.backward()
+        if clip_value is not None:
+            nn.utils.clip_grad_value_([p for p in network.parameters() if p.grad is not None], clip_value)
+        optimizer.step()
+        if step % LOGGED == 0:
+            run.log(step, loss=number)
+        step += 1
+        run.progress(step, steps)
+        run.checkpoint(lambda step=step: state.arrays(step))
+    if validate:
+        state.offer(validate(), step, run)
+    run.log(step, done=1)
+    return state.best()
+
+
+LOGGED = 20  # steps between two lines of the log
+
+
+class _State:
+    """Network, optimiser, and the best state so far, as arrays and back."""
+
+    def __init__(self, network: nn.Module, optimizer: torch.optim.Optimizer):
+        self.network, self.optimizer = network, optimizer
+        self.score = math.inf
+        self._best: dict[str, Tensor] | None = None
+
+    def offer(self, score: float, step: int, run: Run) -> None:
+        """Keep the state of now if it is the best."""
+        run.log(step, validation=score)
+        if score < self.score or self._best is None:
+            self.score = score
+            self._best = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
+
+    def best(self) -> dict[str, np.ndarray]:
+        """The best state, and the network in it."""
+        if self._best is not None:
+            self.network.load_state_dict(self._best)
+        return {name: _array(tensor) for name, tensor in self.network.state_dict().items()}
+
+    def arrays(self, step: int) -> dict[str, np.ndarray]:
+        """All that the steps from ``step`` on depend on."""
+        arrays = {"step": np.int64(step), "score": np.float64(self.score)}
+        arrays |= {NETWORK + name: _array(tensor) for name, tensor in self.network.state_dict().items()}
+        arrays |= {BEST + name: _array(tensor) for name, tensor in (self._best or {}).items()}
+        for number, state in self.optimizer.state_dict()["state"].items():
+            arrays |= {f"{OPTIMIZER}{number}.{key}": _array(torch.as_tensor(value)) for key, value in state.items()}
+        return {name: np.asarray(array) for name, array in arrays.items()}
+
+    def resume(self, arrays: Mapping[str, np.ndarray]) -> int:
+        """Back to a checkpoint; the step to go on with."""
+        device = next(self.network.parameters()).device
+        self.network.load_state_dict(_tensors(arrays, NETWORK, device))
+        self._best = _tensors(arrays, BEST, device) or None
+        self.score = float(arrays["score"])
+        state: dict[int, dict[str, Tensor]] = {}
+        for name, tensor in _tensors(arrays, OPTIMIZER, torch.device("cpu")).items():
+            number, _, key = name.partition(".")
+            state.setdefault(int(number), {})[key] = tensor
+        # The groups (rates, betas) are those of this run's optimiser: prepare() sets what changes in them.
+        self.optimizer.load_state_dict({**self.optimizer.state_dict(), "state": state})
+        return int(arrays["step"])
+
+
+def _array(tensor: Tensor) -> np.ndarray:
+    return tensor.detach().cpu().numpy().copy()
+
+
+def _tensors(arrays: Mapping[str, np.ndarray], prefix: str, device: torch.device) -> dict[str, Tensor]:
+    found = {name[len(prefix) :]: array for name, array in arrays.items() if name.startswith(prefix)}
+    return {name: torch.from_numpy(np.array(array)).to(device) for name, array in found.items()}
