@@ -6,8 +6,10 @@ or a hang, an unclear error on poor input. It *warns* where the engine protects 
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,8 +25,10 @@ from ..plan.choice import Choice
 from ..plan.limits import Limits
 from ..plugins.registry import Plugin, registry
 from ..plugins.schema import NAME_KEY, build, config_class, parameters
+from ..plugins.weights import is_learned, load, shipped
 from ..seeds import generator
 from .dataset_checks import dataset_checks, digest_arrays, item_functions, items_trial
+from .learning_checks import CASES, learn, learning_checks
 
 LIMIT = Limits(seconds=300, memory_gb=4, setup_seconds=120)
 POINTS = 2000  # of the toy cloud
@@ -68,11 +72,12 @@ class _Trials:
     """Runs the trials of one plugin in children."""
 
     def __init__(self, plugin: Plugin, isolation: Isolation, values: dict[str, Any], limit: Limits):
-        self.plugin, self.limit, self._isolation, self._values = plugin, limit, isolation, values
+        self.plugin, self.limit, self._isolation, self.values = plugin, limit, isolation, values
+        self.weights = ""  # the file of a learned method
 
     def run(self, trial: str, **arguments: Any) -> dict[str, Any]:
-        plugin = {"kind": self.plugin.kind, "name": self.plugin.name, "values": self._values}
-        asked = plugin | {"trial": trial} | arguments
+        plugin = {"kind": self.plugin.kind, "name": self.plugin.name, "values": self.values}
+        asked = plugin | {"trial": trial, "weights": self.weights} | arguments
         return self._isolation.call("bench.authoring.conformance:attempt", asked, limit=self.limit)
 
 
@@ -105,6 +110,21 @@ def method_checks(trial: _Trials) -> Iterator[Check]:
         yield Check("tasks", "fail", f"no function is named after a task ({', '.join(registry().names('task'))})")
         return
     yield Check("tasks", "ok", ", ".join(tasks))
+    if not is_learned(trial.plugin):
+        yield from task_checks(trial, tasks)
+        return
+    with tempfile.TemporaryDirectory(prefix="detailbench-") as folder:
+        for line in learning_checks(trial.run, Path(folder)):
+            yield Check(*line)
+        usual = parameters(trial.plugin, build(trial.plugin, trial.values))
+        path = shipped(trial.plugin, usual) or Path(folder) / "weights.safetensors"
+        if path.is_file():
+            trial.weights = str(path)
+            yield from task_checks(trial, tasks)
+
+
+def task_checks(trial: _Trials, tasks: list[str]) -> Iterator[Check]:
+    """What is tried of each task that a method solves."""
     for task in tasks:
         first = trial.run("solve", task=task, input="toy")
         if first["status"] == "no_toy":
@@ -192,21 +212,21 @@ def attempt(spec: dict[str, Any], channel: Any) -> None:
     channel.send("result", row=plain(row))
 
 
-def toy_shape() -> Shape:
-    """A closed bumpy ball of 1,280 faces, in the frame."""
+def toy_shape(seed: int = 0) -> Shape:
+    """A closed bumpy ball of 1,280 faces, in the frame; another one for each seed."""
     from trimesh.creation import icosphere
 
     mesh = icosphere(subdivisions=3)
     x, y, z = mesh.vertices.T
-    mesh.vertices *= (1 + 0.1 * np.sin(3 * x) * np.cos(4 * y) + 0.05 * z)[:, None]
+    mesh.vertices *= (1 + 0.1 * np.sin((3 + seed) * x) * np.cos(4 * y) + 0.05 * z)[:, None]
     mesh.process(validate=False)
     shape, _ = Shape("toy", mesh, tags=("smooth",)).framed()
     return shape
 
 
-def toy_cloud(kind: str) -> PointCloud:
+def toy_cloud(kind: str, shape: Shape | None = None) -> PointCloud:
     """The toy cloud, or a poor one."""
-    points, normals = toy_shape().surface.sample(POINTS, generator("toy"))
+    points, normals = (shape or toy_shape()).surface.sample(POINTS, generator("toy"))
     points = points + generator("toy noise").normal(scale=0.005, size=points.shape)
     if kind == "empty":
         return PointCloud(points[:0], normals[:0])
@@ -282,6 +302,7 @@ def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel:
         meter=Meter(spec["memory_gb"], "cpu"),
         channel=channel,
         reference=case.reference,
+        weights=load(asked["weights"]) if asked["weights"] else None,
     )
     output = call.solve()
     # Only a toy that was made here has poor variants.
@@ -290,6 +311,21 @@ def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel:
         return row | {"output": "nothing from nothing", "digest": ""}
     task.validate(output, case.input)
     return row | {"output": repr(output).strip("<>"), "digest": digest_of(output)}
+
+
+def _learn(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
+    def toys(task: Any) -> list[Case]:
+        if (toy := toy_case(task, "toy")) is None:
+            return []
+        shapes = [toy_shape(seed) for seed in range(CASES)]
+        if hasattr(task, "toy") or taken_by(task) != "cloud":
+            return [replace(toy, id=f"toy-{seed}", _cache={}) for seed in range(CASES)]
+        return [
+            Case(f"toy-{seed}", task.input(toy_cloud("toy", shape)), shape, seed=seed)
+            for seed, shape in enumerate(shapes)
+        ]
+
+    return learn(plugin, asked, spec, toys)
 
 
 def digest_of(value: Any) -> str:
@@ -388,6 +424,7 @@ def _task(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: 
 _TRIALS = {
     "require": lambda plugin, *rest: {},
     "solve": _solve,
+    "learn": _learn,
     "functions": _functions,
     "items": items_trial,
     "sensor": _sensor,

@@ -10,7 +10,8 @@ A detail transfer takes three meshes that are aligned with each other, or two wh
 that frame are the target base's.
 What other tasks take, their `read` says (detailbench list task NAME); an input may be a folder.
 Where a method solves several tasks, task= says which. normals=file (the default) takes the normals of a cloud from its
-file, where it has any; normals=estimate takes none of them. Further keys: seed, threads, device, limit.seconds,
+file, where it has any; normals=estimate takes none of them. A learned method takes the weights that come with it, or
+those of training.weights=FILE (detailbench train). Further keys: seed, threads, device, limit.seconds,
 limit.memory_gb.
 """
 
@@ -70,8 +71,10 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     from omegaconf import OmegaConf
 
     from ..engine.application import Application
-    from ..plan.cell import Choice, check_root
+    from ..plan.cell import check_root
+    from ..plan.choice import Choice
     from ..plan.limits import Limits
+    from ..plan.training import Training
     from ..plugins.presets import resolve
     from ..sweep.composition import compose
     from ..sweep.overrides import check_overrides, chosen
@@ -98,9 +101,12 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     # A file of one's own may take its time; a benchmark's limits are for those who ask for them.
     asked = {w.lstrip("+").split("=")[0] for w in overrides}
     limit = {name: value for name, value in values["limit"].items() if f"limit.{name}" in asked}
+    chosen_method = Choice.of("method", values["method"])
     return Application(
         task=task,
-        method=Choice.of("method", values["method"]),
+        method=chosen_method,
+        training=Training.of(values["training"], _parts(values, task, chosen_method)),
+        results=values["results"],
         inputs=tuple(inputs),
         output=output,
         seed=values["seed"],
@@ -111,6 +117,14 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
         plugins=plugins,
         verbose=values["verbose"],
     )
+
+
+def _parts(values: dict[str, Any], task: Any, method: Any) -> dict[str, Any]:
+    """The choices that a training depends on."""
+    from ..plan.choice import Choice
+
+    of = {kind: Choice.of(kind, values[kind]) for kind in ("dataset", "sensor")}
+    return {"task": task, "method": method, **of}
 
 
 def _normals_of(overrides: list[str]) -> tuple[list[str], str]:

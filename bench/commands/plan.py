@@ -14,6 +14,7 @@ from typing import Any
 from ..cli import add_plugin_argument
 from ..errors import UsageError
 from ..plugins.registry import load_plugins
+from ..text import duration
 
 PASSES_ON = True
 
@@ -32,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from ..sweep.composition import enumerate_jobs, is_sweep
     from ..sweep.destination import destination, settled
     from ..sweep.flags import split_words
-    from ..sweep.forecast import Pace, duration, seconds_to_do, summary, workers_of
+    from ..sweep.forecast import Pace, seconds_to_do, summary, workers_of
     from ..sweep.overrides import by_experiment, check_overrides, runs_here, threads_of
 
     plugins = load_plugins(args.plugin)
@@ -48,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
     lines, seconds, refused, stale = [], [], [], []
     planned = finished = unknown = 0
     devices = set()
+    trainings: dict[str, str] = {}
     jobs = [job for request in by_experiment(overrides) for job in enumerate_jobs(request, multirun)]
     for cell, settings in cells_of(jobs, refused):
         there, state, reasons = look_up(results, cell, settings)
@@ -58,6 +60,8 @@ def run(args: argparse.Namespace) -> int:
         stale.append(reasons)
         devices |= {cell.device} if there < cell.cases and runs_here(overrides) else set()
         planned, finished = planned + cell.cases, finished + there
+        if cell.training and there < cell.cases and (line := line_of_training(results, cell.training)):
+            trainings[cell.training.id] = line
         unknown += cell.cases - there if rest is None else 0
     width = max([len(line[1]) for line in lines], default=0)
     for cell_id, title, count, state, guess in lines:
@@ -67,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
     if not lines:
         raise UsageError("nothing to run: no combination of these words is a cell")
     workers = workers_of(overrides, threads_of(overrides))
+    for line in trainings.values():
+        print(line)
     print(f"{len(lines)} cells, {summary(planned, finished, seconds, unknown, workers)}")
     if line := told(stale):
         print(line)
@@ -96,6 +102,16 @@ def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
         except NotSolved as error:
             if str(error) not in refused:
                 refused.append(str(error))
+
+
+def line_of_training(results: Any, training: Any) -> str:
+    """What is to be trained before a cell can be run, and for how long at most; empty where nothing is."""
+    from ..engine.training import state_of
+    from ..plan.training import TRAINED
+
+    if training.weights != TRAINED or (state := state_of(results, training)) == "finished":
+        return ""
+    return f"first: {training.title}  {state}  at most {duration(training.seconds)} on {training.device}"
 
 
 def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str, tuple[str, ...]]:

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 from ..cli import add_plugin_argument
 from ..errors import DetailbenchError, UsageError
 from ..plugins.registry import load_plugins
+from ..text import duration
 
 if TYPE_CHECKING:
     from ..plan.training import Training
@@ -117,6 +118,7 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
     if weights not in (AUTO, TRAINED):
         raise UsageError(f"training.weights={weights}: this command trains; leave the key out")
     values["training"]["weights"] = TRAINED
+    values["split"] = "train"  # there need not be a test split
     cell = Cell.from_config(values)
     if cell.training is None:
         raise UsageError(f"method {cell.method.name} does not learn: there is nothing to train")
@@ -157,8 +159,6 @@ class Shown:
 
 def report(facts: Mapping[str, Any], path: Path) -> None:
     """What was made, in a few lines, with the curve of the validation."""
-    from ..sweep.forecast import duration
-
     print(f"weights {path}")
     print(
         f"{facts['method']}: {facts['steps']:,} steps in {duration(facts['seconds'])} "

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 
 class Surface(Protocol):
-    """A surface that can be sampled and projected to: a mesh, or what a dataset knows exactly."""
+    """A surface that can be sampled and projected to: a mesh, or what a dataset knows exactly.
+
+    Evenly spread points are spaced by the area of the shape's mesh. Where that is wrong (curves, whose mesh is a thin
+    ribbon), the surface has ``sample_evenly(count, rng)`` too, which returns exactly ``count`` points and normals.
+    """
 
     def sample(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """``count`` points, uniform by area, and their outward unit normals: two (count, 3) arrays."""
@@ -42,6 +46,17 @@ class _FramedSurface:
     def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         closest, normals = self._surface.closest(self._frame.invert(points))
         return self._frame.apply(closest), normals
+
+    @property
+    def sample_evenly(self) -> Callable[[int, np.random.Generator], tuple[np.ndarray, np.ndarray]]:
+        """Of a surface that spaces points itself; :class:`AttributeError` where it does not."""
+        evenly = self._surface.sample_evenly
+
+        def framed(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+            points, normals = evenly(count, rng)
+            return self._frame.apply(points), normals
+
+        return framed
 
 
 EXACTNESS = {

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import UsageError
 from ..plan.choice import Choice
 from ..plan.limits import Limits
+from ..plan.training import Training
 from .isolate import Isolation
 
 if TYPE_CHECKING:
@@ -35,6 +38,8 @@ class Application:
     limit: Limits = field(default_factory=Limits)
     plugins: tuple[str, ...] = ()
     verbose: bool = False
+    training: Training | None = None  # of a learned method: where its weights come from
+    results: str = "results"  # where trained ones are looked for
 
 
 def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda event: None) -> dict[str, Any]:
@@ -45,7 +50,13 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
     dict
         ``status`` and ``message`` like those of a row; with ``ok`` also ``seconds``, ``peak_rss_mb``, ``input`` and
         ``output`` (in words).
+
+    Raises
+    ------
+    UsageError
+        If the method needs weights that are not there, with the command that makes some.
     """
+    weights = _weights_of(job)
     arguments = {
         "task": asdict(job.task),
         "method": asdict(job.method),
@@ -54,17 +65,36 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
         "seed": job.seed,
         "device": job.device,
         "normals": job.normals,
+        "weights": str(weights) if weights else "",
     }
-    with Isolation(job.method.plugin.requires, job.plugins, job.threads) as isolation:
+    libraries = tuple(dict.fromkeys(library for plugin in job.method.parts for library in plugin.requires))
+    with Isolation(libraries, job.plugins, job.threads) as isolation:
         return isolation.call(
             "bench.engine.application:call", arguments, limit=job.limit, on_event=on_event, verbose=job.verbose
         )
+
+
+def _weights_of(job: Application) -> Path | None:
+    """The file of weights that a learned method needs; nothing is trained here."""
+    if job.training is None:
+        return None
+    from ..results.store import Results
+    from .training import known_weights
+
+    if (known := known_weights(Results(job.results), job.training)) is None:
+        name = job.training.method.name
+        raise UsageError(
+            f"method {name} learns, and comes with no weights for these parameters. Train it: detailbench train "
+            f"method={name} dataset=NAME --save FILE; then say training.weights=FILE"
+        )
+    return known.path
 
 
 def call(spec: Mapping[str, Any], channel: Channel) -> None:
     """The worker's side: read, call, validate, write."""
     from ..geometry.io.files import check_target
     from ..notices import collected
+    from ..plugins.weights import load
     from .call import MeasuredCall
     from .channel import plain
     from .devices import check_device
@@ -91,6 +121,7 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
             spec=spec,
             meter=Meter(spec["memory_gb"], asked["device"]),
             channel=channel,
+            weights=load(asked["weights"]) if asked.get("weights") else None,
         )
         output = call()
         channel.enter("write", 0)

@@ -176,7 +176,7 @@ def weights_for(
             raise TrainingFailed(failed)
         (folder / FAILED).unlink(missing_ok=True)
         return (
-            Weights(examples_file(results, training), "examples")
+            Weights.of(examples_file(results, training), "examples")
             if extra.only_examples
             else Weights.of(folder / WEIGHTS, training.weights)
         )

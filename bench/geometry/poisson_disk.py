@@ -18,7 +18,8 @@ def sample_poisson_disk(shape: Shape, count: int, rng: np.random.Generator) -> t
     """Exactly ``count`` evenly spread points of the exact surface of a shape, and their unit normals.
 
     Sample elimination (Yuksel 2015): of five times as many independent uniform samples, one of the most crowded is
-    taken away again and again.
+    taken away again and again. The mesh's area says how far apart they can be; a surface that this is not true of, such
+    as curves on a thin ribbon, has a function ``sample_evenly(count, rng)`` and is asked for the points.
 
     Parameters
     ----------
@@ -30,6 +31,9 @@ def sample_poisson_disk(shape: Shape, count: int, rng: np.random.Generator) -> t
     -------
     points, normals : (count, 3) arrays
     """
+    evenly = getattr(shape.surface, "sample_evenly", None)
+    if evenly is not None:
+        return evenly(count, rng)
     if count == 1:
         return shape.surface.sample(count, rng)
     return eliminate(*shape.surface.sample(CANDIDATES * count, rng), shape.mesh, count)

@@ -95,6 +95,7 @@ class Cell(Resolved):
     def from_config(cls, config: Mapping[str, Any]) -> Cell:
         """From a composed config, with every name, parameter and combination checked.
 
+
         Raises
         ------
         UsageError

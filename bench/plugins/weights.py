@@ -13,7 +13,7 @@ import os
 import struct
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -111,23 +111,33 @@ def facts_of(path: str | Path) -> dict[str, Any]:
 
 @functools.lru_cache(maxsize=256)
 def _facts(path: str, mtime_ns: int, size: int) -> Mapping[str, Any]:
-    expected = "expected a safetensors file that detailbench train made"
     try:
         with open(path, "rb") as file:
-            head = file.read(8)
-            length = struct.unpack("<Q", head)[0] if len(head) == 8 else LONGEST_HEADER
-            if length > min(size, LONGEST_HEADER):
-                raise BadInput(f"{path}: is no safetensors file, or is cut off; {expected}")
-            metadata = json.loads(file.read(length)).get("__metadata__") or {}
+            metadata = _header(file, path).get("__metadata__") or {}
         return {key: json.loads(value) for key, value in metadata.items() if key in FACTS}
     except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); {expected}") from error
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); {EXPECTED}") from error
     except (ValueError, AttributeError, TypeError) as error:
-        raise BadInput(f"{path}: its header is damaged ({error}); {expected}") from error
+        raise BadInput(f"{path}: its header is damaged ({error}); {EXPECTED}") from error
+
+
+EXPECTED = "expected a safetensors file that detailbench train made"
+
+
+def _header(file: BinaryIO, path: str) -> dict[str, Any]:
+    """The header of a file: its length in eight bytes, and JSON."""
+    head = file.read(8)
+    length = struct.unpack("<Q", head)[0] if len(head) == 8 else LONGEST_HEADER + 1
+    if length > LONGEST_HEADER or len(text := file.read(length)) < length:
+        raise BadInput(f"{path}: is no safetensors file, or is cut off; {EXPECTED}")
+    header = json.loads(text)
+    if not isinstance(header, dict):
+        raise BadInput(f"{path}: is no safetensors file; {EXPECTED}")
+    return header
 
 
 def content(path: str | Path) -> str:
-    """SHA-256 of a file, 64 hexadecimal digits.
+    """SHA-256 over the arrays of a file, 64 hexadecimal digits; what its header says besides has no part in it.
 
     Raises
     ------
@@ -139,13 +149,19 @@ def content(path: str | Path) -> str:
         stat = os.stat(path)
         return _content(str(path.absolute()), stat.st_mtime_ns, stat.st_size)
     except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); expected a safetensors file") from error
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); {EXPECTED}") from error
+    except ValueError as error:
+        raise BadInput(f"{path}: its header is damaged ({error}); {EXPECTED}") from error
 
 
 @functools.lru_cache(maxsize=256)
 def _content(path: str, mtime_ns: int, size: int) -> str:
     with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        arrays = {name: about for name, about in _header(file, path).items() if name != "__metadata__"}
+        total = hashlib.sha256(json.dumps(arrays, sort_keys=True).encode())
+        while block := file.read(1 << 20):
+            total.update(block)
+    return total.hexdigest()
 
 
 def load(path: str | Path) -> dict[str, np.ndarray]:
@@ -185,4 +201,13 @@ def as_bytes(arrays: Mapping[str, np.ndarray], facts: Mapping[str, Any], *, half
 
     header = {key: json.dumps(value) for key, value in facts.items()}
     # A number (an array of no dimension) loses its shape in np.ascontiguousarray.
-    return save({name: stored(a).reshape(np.shape(a)) for name, a in arrays.items()}, header)
+    return _sorted(save({name: stored(a).reshape(np.shape(a)) for name, a in arrays.items()}, header))
+
+
+def _sorted(saved: bytes) -> bytes:
+    """The same file with its header in alphabetical order: the library writes it in another one each time."""
+    length = struct.unpack("<Q", saved[:8])[0]
+    header = json.loads(saved[8 : 8 + length])
+    text = json.dumps(header, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
+    text += b" " * (-len(text) % 8)  # the arrays begin at a multiple of eight bytes
+    return struct.pack("<Q", len(text)) + text + saved[8 + length :]

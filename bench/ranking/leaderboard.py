@@ -56,6 +56,7 @@ COLUMNS = (
     "imputed",  # and these, which failed, with the score of the worst pseudo-method
     "seconds_median",  # over solved cases, as the next two
     "peak_rss_mb",  # the largest
+    "train_seconds",  # of the training of a learned method, the median of several; missing where none is known
     "true_distances",  # at how many points the method was given true distances, in the case where they were most
     # What a table can tell, see resolution.py and fronts.py. What compares lines is empty with fewer than four shapes,
     # which are too few to rank by: ranks are then those of a tie.
@@ -496,10 +497,11 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         Index ``task, dataset, sensor, split, method, variant, threads, device, host``; columns ``seconds_median``,
         ``peak_rss_mb`` (the largest), ``parameters`` and ``active_parameters`` (of a learned method; missing where
-        none) and ``true_distances`` (the most points at which they were given; missing where none were).
+        none), ``train_seconds`` and ``true_distances`` (the most points at which they were given; missing where none
+        were).
     """
     # Results of earlier versions do not have these columns.
-    later = ("active_parameters", "true_distances")
+    later = ("active_parameters", "true_distances", "train_seconds")
     rows = prepared(rows).assign(**{name: pd.to_numeric(rows[name]) if name in rows else np.nan for name in later})
     solved = rows[(rows["status"] == "ok").to_numpy()].groupby([*GROUP, *CONTENDER], sort=True)
     return pd.DataFrame(
@@ -509,6 +511,7 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
             "parameters": solved["parameters"].max(),
             "active_parameters": solved["active_parameters"].max(),
             "true_distances": solved["true_distances"].max(),
+            "train_seconds": solved["train_seconds"].median(),
         }
     )
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ..engine.affinity import available
+from ..text import duration
 
 if TYPE_CHECKING:
     from ..plan.cell import Cell
@@ -119,14 +120,6 @@ def workers_of(overrides: Sequence[str], threads: int = 1) -> int:
     asked = int(count) if count.lstrip("-").isdecimal() else -1
     asked = asked if asked > 0 else processors + 1 + asked  # as joblib counts: -1 for all
     return max(1, min(asked, processors // max(threads, 1)))
-
-
-def duration(seconds: float) -> str:
-    """A time in words, no more exact than an estimate is: ``40 s``, ``3 min``, ``2 h``, ``4 days``."""
-    for unit, size, least in (("days", 86400, 2 * 86400), ("h", 3600, 5400), ("min", 60, 120)):
-        if seconds >= least:
-            return f"{seconds / size:.0f} {unit}"
-    return f"{seconds:.0f} s" if seconds >= 1 else f"{seconds:.1g} s"
 
 
 def summary(planned: int, finished: int, seconds: Sequence[float | None], unknown: int, workers: int) -> str:

@@ -9,7 +9,8 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from .forecast import Forecast, duration
+from ..text import duration
+from .forecast import Forecast
 
 if TYPE_CHECKING:
     from ..engine.runner import Outcome
@@ -51,7 +52,10 @@ class Lines:
         """Nothing yet."""
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Nothing: lines are for finished cells."""
+        """Say that a training begins, or that another process is at it; other lines are for finished cells."""
+        words = {"train": "begins", "waits": "another process is at it; waiting"}
+        if event["event"] in words:
+            self.show(f"{event['title']}: {words[event['event']]}")
 
     def ended(self, entry: Mapping[str, Any]) -> None:
         """Count a job by what it left in its session's folder, and show the line of a cell."""
@@ -115,6 +119,7 @@ class Bars(Lines):
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Move the bars."""
+        super().event(event)
         kind = event["event"]
         if kind == "kept":
             self._progress.advance(self._cases)

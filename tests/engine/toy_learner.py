@@ -56,7 +56,7 @@ class ToyLearner:
             error = float(np.abs(shift - target).max())
             run.log(step, loss=error, **({"validation": error} if step % 10 == 0 else {}))
             run.progress(step + 1, self.steps)
-            run.checkpoint(lambda step=step: {"shift": shift, "step": np.int64(step + 1)})
+            run.checkpoint(lambda step=step, shift=shift: {"shift": shift.copy(), "step": np.int64(step + 1)})
             if run.seconds_left() <= 0:
                 break
         return {"shift": shift.astype(np.float32) * (np.nan if self.fail == "nan" else 1)}

@@ -20,6 +20,7 @@ _ESCAPES = {
     "|": r"\textbar{}",
     "†": r"$^\dagger$",
     "‡": r"$^\ddagger$",
+    "§": r"\S{}",
     "·": r"$\cdot$",
     **{c: "\\" + c for c in "#$%&_{}"},
 }

@@ -15,6 +15,7 @@ from . import standing
 from .inputs import words_of_input
 from .labels import hosts_note, label, setup, shown_setup
 from .numbers import count, plain, unit_exponent, with_interval
+from .trained import trained
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,6 +31,7 @@ FAILED = "†"  # behind a mean into which failed cases enter with the score of 
 LEFT_OUT = "††"  # behind a mean that leaves failed cases out, for nothing says what they are worth
 DIFFERENCE = "|diff|"  # behind a metric of which the difference to the reference's own value is shown
 GIVEN = "‡"  # behind a method that was given the truth
+LEARNED = "§"  # behind a method that was trained beforehand
 LATER: Line = {  # columns that a board of an earlier version lacks, and what stands for "not known"
     "split": "test",
     "threads": 1,
@@ -118,13 +120,13 @@ def tables(
 
     A paper's own numbers, ``published``, stand in a column beside ours.
     """
-    parameters, states = _parameters(rows), _states(rows)
+    parameters, states, learned = _parameters(rows), _states(rows), trained(rows)
     said = {"level": 0.95, "equal": EQUAL, "pareto": ()} | board.attrs
     if "front" in board:
         board = board.assign(front=board["front"].astype("float64"))
     lines = [LATER | line for line in board.to_dict("records")]
     return [
-        _table(label, list(part), parameters, metrics, said, convention, states.get(label), published)
+        _table(label, list(part), parameters, learned, metrics, said, convention, states.get(label), published)
         for label, part in itertools.groupby(lines, key=lambda line: tuple(line[name] for name in GROUP))
     ]
 
@@ -145,6 +147,7 @@ def _table(
     group: tuple[str, str, str, str],
     lines: list[Line],
     parameters: dict[tuple, str],
+    learned: dict[tuple, str],
     wanted: Sequence[str],
     said: dict[str, Any],
     convention: Convention | None,
@@ -164,7 +167,9 @@ def _table(
     )  # who has no such score stands at the end
     # What a method solved, whatever the metrics say of it: the most of any metric.
     most = {line["label"]: line for line in sorted(lines, key=lambda line: line["solved"])}
-    counts = [parameters.get((*group, *(most[m][name] for name in CONTENDER)), "-") for m in methods]
+    keys = {m: (*group, *(most[m][name] for name in CONTENDER)) for m in methods}
+    counts = [parameters.get(keys[m], "-") for m in methods]
+    marks = {m: f"{LEARNED if keys[m] in learned else ''}{GIVEN if _is_given(most[m]) else ''}" for m in methods}
     digits = convention.digits if convention else {}
     lines_shown = [most[m] for m in methods]
     on_front = {line["label"] for line in lines if line["front"] == 1}
@@ -177,7 +182,7 @@ def _table(
         columns.extend(_published(columns[-1], lines_shown, published, digits.get(name)))
     return Table(
         *group,
-        methods=tuple(m + (f" {GIVEN}" if _is_given(most[m]) else "") for m in methods),
+        methods=tuple(f"{m} {marks[m]}".rstrip() for m in methods),
         ranks=() if alone else tuple(_rank(first.get(m)) if ranked else "-" for m in methods),
         fronts=tuple("1" if m in on_front else "" for m in methods) if on_front else (),
         metrics=tuple(columns),
@@ -190,6 +195,7 @@ def _table(
             *(_rank_notes(names[0], first, said) if names and not alone else ()),
             *(standing.front(criteria, alone) if on_front else ()),
             *_notes(lines, columns, said["level"]),
+            *(f"{LEARNED} {text}" for text in dict.fromkeys(learned[keys[m]] for m in methods if keys[m] in learned)),
             *hosts_note(lines, shown),
             *(convention.notes(names) if convention else ()),
             *(_published_notes(published, [(m["method"], m["variant"]) for m in lines_shown], group[2])),

@@ -1,0 +1,406 @@
+"""Trainings: once, under a lock, resumed to the bit, never on test shapes; their weights in files, cells and tables."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import TOYS, WORDS
+from toy_learner import ToyLearner
+from trimesh.creation import icosphere
+
+from bench import BadInput, Run, UsageError, fit
+from bench.contract import run as run_module
+from bench.engine.fitting import Fit, read_log, thinned
+from bench.plan.cell import Cell
+from bench.plan.choice import Choice
+from bench.plan.training import Training
+from bench.plugins.registry import registry
+from bench.plugins.weights import as_bytes, check_fits, content, facts_of, load, shipped
+from bench.results.provenance import examples_key, explain, ingredients, weights_of
+
+LEARNER = Path(__file__).with_name("toy_learner.py")
+OTHER = "{ball: {stretch: 1.5}}"  # whose shapes are not those of the tests
+TRAIN = ("method=toy_learner", "training.cases=2", f"training.dataset={OTHER}", "training.threads=1")
+
+
+@pytest.fixture
+def words_of(shell):
+    """``detailbench run`` with the toy learner."""
+    return lambda *words, **options: shell.run(*TRAIN, *words, plugins=(TOYS, LEARNER), **options)
+
+
+def train(shell, *words, act=None):
+    words = ("train", "--plugin", TOYS, "--plugin", LEARNER, *TRAIN, "sensor=dots", *words, f"results={shell.results}")
+    return (act or shell.call)(*words)
+
+
+def weights_in(shell) -> list[Path]:
+    return sorted(shell.results.glob("trainings/*/weights.safetensors"))
+
+
+def logged(shell) -> list[str]:
+    """``examples`` and ``fit``, a line per call, from all processes."""
+    log = shell.folder / "learner.log"
+    return [line.split()[0] for line in log.read_text().splitlines()] if log.exists() else []
+
+
+@pytest.fixture(autouse=True)
+def learner_log(shell, monkeypatch):
+    monkeypatch.setenv("TOY_LEARNER_LOG", str(shell.folder / "learner.log"))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def learner(plugin_file):
+    plugin_file(LEARNER)
+    plugin_file(TOYS)
+
+
+# -- once --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+def test_cells_share_one_training_under_every_launcher(shell, words_of, launcher):
+    done = words_of("dataset.stretch=1,2", "method.pause=0.002", launcher=launcher)
+    assert done.returncode == 0, done.stderr
+    assert logged(shell) == ["examples", "fit"]
+    rows = shell.rows()
+    assert len(rows) == 4 and rows["weights"].nunique() == 1
+    (path,) = weights_in(shell)
+    assert set(rows["weights"]) == {content(path)[:12]}
+    assert set(rows["weights_from"]) == {"trained"} and set(rows["train_cases"]) == {1}  # two of one mesh
+    assert set(rows["train_steps"]) == {200} and set(rows["train_device"]) == {"cpu"}
+    assert (rows["train_seconds"] > rows["seconds"]).all()  # the time of the training is not the method's
+    assert "§ toy_learner: trained for" in done.stdout and "weights=trained" in done.stdout
+    if launcher == "basic":  # what weights do not depend on is free; variants share their examples
+        assert words_of("method.pause=0.002", "method.scale=1.0,0.5", "seed=1").returncode == 0
+        assert logged(shell) == ["examples", "fit"]
+        assert words_of("method.steps=20").returncode == 0
+        assert logged(shell) == ["examples", "fit", "fit"] and len(weights_in(shell)) == 2
+
+
+FAILURES = {
+    "examples": ("error", "the examples cannot be made"),
+    "fit": ("error", "the fit cannot be made"),
+    "exit": ("crashed", "ended with exit status 3"),
+    "nan": ("error", "are not finite"),
+}
+
+
+def test_a_failed_training_fails_each_cell_once_with_one_message(shell, words_of):
+    done = words_of("dataset.stretch=1,2", f"method.fail={','.join(FAILURES)}")
+    assert done.returncode == 3, done.stderr
+    for fail, (status, said) in FAILURES.items():
+        rows = shell.rows()
+        rows = rows[rows["variant"].str.contains(f"fail={fail}")]
+        assert len(rows) == 4 and set(rows["status"]) == {status} and set(rows["stage"]) == {"train"}
+        assert len(set(rows["message"])) == 1 and said in rows["message"].iloc[0]
+        assert set(rows["case"]) == {"ball-test-000", "ball-test-001"}
+    assert logged(shell).count("fit") == 3  # not once a cell, nor once a case
+    # The next run tries again: what was missing may be there now.
+    assert words_of("method.fail=fit").returncode == 3
+    assert logged(shell).count("fit") == 4
+
+
+def test_a_training_that_does_not_end_is_stopped(shell, monkeypatch):
+    from bench.engine import training as module
+    from bench.plan.cell import Settings
+
+    monkeypatch.setattr(module, "SPARE_SECONDS", 1.0)
+    training = Training.of({"cases": 1, "seconds": 0.1, "threads": 1}, choices(fail="hang"))
+    begin = time.monotonic()
+    with pytest.raises(module.TrainingFailed, match=r"stopped after 1.12 s .*run.seconds_left"):
+        module.weights_for(training, Settings(results=str(shell.results), plugins=(str(LEARNER),)))
+    assert time.monotonic() - begin < 60
+
+
+# -- interrupted -------------------------------------------------------------------------------------------------------
+
+
+class Killed(BaseException):
+    """What a SIGKILL is to a training: nothing after it is done."""
+
+
+class Life:
+    """Dies after so many steps."""
+
+    def __init__(self, steps: int):
+        self.left = steps
+
+    def __call__(self, done: int, total: int) -> None:
+        self.left -= 1
+        if self.left < 0:
+            raise Killed
+
+
+def test_killed_at_any_moment_it_goes_on_to_the_same_weights(tmp_path, monkeypatch):
+    """Killed again and again, the weights are those of a training at one go, to the bit; so are log and curve."""
+    monkeypatch.setattr(run_module, "CHECKPOINT_SECONDS", 0.0)
+    examples, rng, deaths = {"centroids": np.zeros((2, 3))}, np.random.default_rng(0), 0
+    fit_of(tmp_path / "whole", steps=150, seed=3).run(examples)
+    while not (tmp_path / "fit" / "weights.safetensors").exists():
+        try:
+            fit_of(tmp_path / "fit", steps=150, seed=3, on_progress=Life(int(rng.integers(5, 60)))).run(examples)
+        except Killed:
+            deaths += 1
+    assert deaths >= 2
+    one, other = (load(tmp_path / name / "weights.safetensors") for name in ("fit", "whole"))
+    assert (one["shift"] == other["shift"]).all()
+    steps = [line["step"] for line in read_log(tmp_path / "fit" / "log.jsonl")]
+    assert steps == list(range(150))
+    curves = [facts_of(tmp_path / name / "weights.safetensors")["curve"] for name in ("fit", "whole")]
+    assert [p[1:] for p in curves[0]] == [p[1:] for p in curves[1]]
+    assert not (tmp_path / "fit" / "checkpoint.safetensors").exists()
+
+
+def fit_of(folder, *, seed=0, seconds=1e6, on_progress=lambda done, total: None, **values) -> Fit:
+    return Fit(ToyLearner(**values), folder, {"seed": seed}, seconds=seconds, on_progress=on_progress)
+
+
+def test_sigkill_of_the_command_leaves_nothing_behind_and_the_same_command_goes_on(shell):
+    """The training's process dies with the command; what it had made is used by the next."""
+    process = train(shell, "method.pause=0.05", act=shell.start)
+    shell.wait_for(lambda: logged(shell) == ["examples", "fit"])
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    assert shell.left_over() == []
+    done = train(shell)
+    assert done.returncode == 0, done.stderr
+    assert logged(shell) == ["examples", "fit", "fit"]
+
+
+def test_a_time_that_is_over_ends_the_training_with_what_it_has(tmp_path):
+    row = fit_of(tmp_path, steps=10_000, pause=0.01, seconds=0.2).run({"centroids": np.ones((1, 3))})
+    assert 5 < row["steps"] < 40 and row["seconds"] >= 0.2
+    # The seconds before an interruption count.
+    fitted = fit_of(tmp_path / "other", steps=10_000, pause=0.01, seconds=0.2)
+    fitted.folder.mkdir()
+    arrays = {"shift": np.zeros(3), "step": np.int64(7)}
+    facts = {"seconds": 100.0, "cpu_seconds": 5.0, "steps": 7}
+    fitted.checkpoint.write_bytes(as_bytes(arrays, facts))
+    row = fitted.run({"centroids": np.ones((1, 3))})
+    assert row["steps"] == 8 and row["seconds"] >= 100
+
+
+# -- test shapes are never seen ----------------------------------------------------------------------------------------
+
+
+def test_a_shape_that_was_trained_on_is_refused_in_a_test(shell, words_of):
+    """The balls of the two splits are one mesh under two names."""
+    done = words_of("training.dataset=ball")
+    assert done.returncode == 3
+    rows = shell.rows()
+    assert set(rows["status"]) == {"error"} and rows["message"].str.contains("trained on this very shape").all()
+    (path,) = weights_in(shell)
+    facts = facts_of(path)
+    assert len(facts["shapes"]) == 1 and facts["dataset"] == "ball" and facts["seed"] == 0
+    # To look at how well it learned is allowed, and is a table of its own.
+    assert words_of("training.dataset=ball", "split=train").returncode == 0
+
+
+def test_training_cases_are_of_the_train_split(monkeypatch):
+    from bench.engine.trainer import _data
+
+    training = cell_of({"cases": 3, "dataset": "ball"}).training
+    seen = []
+    cases = list(_data(training, seen.append).cases)
+    assert [case.id for case in cases] == [f"ball-train-00{i}" for i in range(3)] and seen == cases
+    assert all("points" in case.input["cloud"].arrays() for case in cases)
+    again = list(_data(training, seen.append).cases)
+    assert all((a.input["cloud"].points == b.input["cloud"].points).all() for a, b in zip(cases, again, strict=True))
+    other = _data(training, seen.append).sense(cases[0], {"samples": {"count": 50}}, np.random.default_rng(0))
+    assert len(other.points) == 50
+
+
+# -- weights -----------------------------------------------------------------------------------------------------------
+
+
+def choices(**values) -> dict[str, Choice]:
+    method = Choice.of("method", {"_name_": "toy_learner", **values})
+    of = {kind: Choice.of(kind, {"_name_": name}) for kind, name in (("dataset", "bumps"), ("sensor", "samples"))}
+    return {"task": Choice.of("task", {"_name_": "denoise"}), "method": method, **of}
+
+
+def cell_of(training: dict, **values) -> Cell:
+    parts = choices(**values)
+    return Cell(**parts, metrics=(), training=Training.of(training, parts))
+
+
+def file_of(path: Path, shift: float, **parameters) -> Path:
+    values = {"steps": 200, "rate": 0.1, "pause": 0.0, "fail": ""} | parameters
+    path.write_bytes(as_bytes({"shift": np.full(3, shift)}, {"method": "toy_learner", "parameters": values}))
+    return path
+
+
+def test_a_cell_depends_on_the_content_of_a_file_and_never_on_its_name(tmp_path):
+    path = file_of(tmp_path / "a.safetensors", 1.0)
+    copy = file_of(tmp_path / "copy.safetensors", 1.0)
+    first, same = cell_of({"weights": str(path)}), cell_of({"weights": str(copy)})
+    assert first.id == same.id and ingredients(first)["weights"] == content(path)
+    assert Cell.from_json(json.loads(json.dumps(first.to_json()))) == first
+    time.sleep(0.01)
+    file_of(path, 2.0)
+    other = cell_of({"weights": str(path)})
+    assert other.id != first.id
+    then = {**ingredients(first), "weights": content(copy)}
+    assert explain(then, ingredients(first)) == [f"other weights: {content(copy)[:12]} -> {content(path)[:12]}"]
+
+
+def test_trainings_are_named_by_what_they_depend_on():
+    usual = cell_of({})
+    assert usual.training.weights == "trained" and usual.variant == "weights=trained"
+    assert cell_of({}, scale=0.5).training.id == usual.training.id
+    for other in (cell_of({"seed": 1}), cell_of({"cases": 3}), cell_of({"dataset": "cad"}), cell_of({}, steps=3)):
+        assert other.training.id != usual.training.id and other.id != usual.id
+        assert weights_of(other.training) != weights_of(usual.training)
+        assert Cell.from_json(json.loads(json.dumps(other.to_json()))) == other
+    assert examples_key(cell_of({}, steps=3).training) == examples_key(usual.training)
+    assert examples_key(cell_of({"seed": 1}).training) != examples_key(usual.training)
+    preset = cell_of({"dataset": "headline", "sensor": {"samples": {"count": 100}}}).training
+    assert preset.dataset.name == "mixture" and preset.sensor.parameters["count"] == 100
+
+
+def test_methods_that_do_not_learn_have_cells_as_before():
+    parts = choices() | {"method": Choice.of("method", {"_name_": "jet"})}
+    cell = Cell(**parts, metrics=(), training=Training.of({"seed": 3}, parts))
+    assert cell.training is None and "training" not in cell.to_json()
+
+
+@pytest.mark.parametrize(
+    ("training", "said"),
+    [
+        ({"weights": "nothing.safetensors"}, "no such file"),
+        ({"weights": "shipped"}, "comes with no weights for these parameters"),
+        ({"cases": 0}, "training.cases=0: expected a whole number of at least 1"),
+        ({"seconds": -1}, "training.seconds=-1: expected a number above 0"),
+        ({"device": "gpu"}, "expected cpu, cuda or cuda:N"),
+        ({"dataset": "bump"}, "Did you mean 'bumps'"),
+        ({"dataset": {"cad": {"size": 3}}}, "training.dataset"),
+        ({"sensor": 3}, "expected a name"),
+        ({"stepps": 3}, "no key 'training.stepps'"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_by_its_key(training, said):
+    with pytest.raises(UsageError, match=said.replace("(", r"\(").replace(".", r"\.")):
+        cell_of(training)
+
+
+def test_files_that_do_not_fit_are_refused(tmp_path):
+    plugin, values = registry().find("method", "toy_learner"), choices()["method"].parameters
+    check_fits(plugin, values, file_of(tmp_path / "good.safetensors", 1.0))
+    with pytest.raises(BadInput, match=r"trained with steps=3.*method\.steps=3"):
+        check_fits(plugin, values, file_of(tmp_path / "steps.safetensors", 1.0, steps=3))
+    other = tmp_path / "other.safetensors"
+    other.write_bytes(as_bytes({"a": np.ones(2)}, {"method": "jet"}))
+    with pytest.raises(BadInput, match="expected weights of toy_learner, but it was trained as jet"):
+        check_fits(plugin, values, other)
+    bare = tmp_path / "bare.safetensors"
+    bare.write_bytes(as_bytes({"a": np.ones(2)}, {}))
+    with pytest.raises(BadInput, match="does not say"):
+        check_fits(plugin, values, bare)
+    for name, text in (("empty", b""), ("cut", other.read_bytes()[:40]), ("text", b"no weights at all, but text")):
+        path = tmp_path / name
+        path.write_bytes(text)
+        with pytest.raises(BadInput, match=name):
+            facts_of(path)
+
+
+def test_weights_survive_a_file_also_as_halves(tmp_path):
+    rng = np.random.default_rng(0)
+    arrays = {"a": rng.normal(size=(3, 4)).astype(np.float32), "n": np.int64(7), "x": np.float32(0.1)}
+    path = tmp_path / "w.safetensors"
+    path.write_bytes(as_bytes(arrays, {"seed": 3, "shapes": ["a", "b"]}))
+    back = load(path)
+    assert all((back[k] == arrays[k]).all() and back[k].shape == np.shape(arrays[k]) for k in arrays)
+    assert facts_of(path)["seed"] == 3 and facts_of(path)["shapes"] == ["a", "b"]
+    half = tmp_path / "h.safetensors"
+    half.write_bytes(as_bytes(arrays, {}, half=True))
+    back = load(half)
+    assert back["a"].dtype == np.float32 and np.abs(back["a"] - arrays["a"]).max() < 1e-3 and back["n"] == 7
+
+
+def test_shipped_weights_are_found_by_their_parameters(tmp_path, monkeypatch):
+    from dataclasses import replace
+
+    (tmp_path / "weights").mkdir()
+    plugin = replace(registry().find("method", "toy_learner"), file=tmp_path / "toy_learner.py")
+    values = choices()["method"].parameters
+    assert shipped(plugin, values) is None
+    path = file_of(tmp_path / "weights" / "any_name.safetensors", 1.0)
+    assert shipped(plugin, values) == path and shipped(plugin, {**values, "scale": 9.0}) == path
+    assert shipped(plugin, {**values, "steps": 9}) is None
+
+
+def test_a_long_curve_is_thinned_and_keeps_its_end():
+    curve = [[float(i), i, 1.0 / (i + 1)] for i in range(1000)]
+    short = thinned(curve, 400)
+    assert len(short) <= 400 and short[-1] == curve[-1] and short == sorted(short)
+    assert thinned(curve[:3], 400) == curve[:3] and thinned([], 400) == []
+
+
+def test_a_run_stores_checkpoints_at_most_once_a_minute():
+    stored = []
+    run = Run(on_checkpoint=stored.append)
+    for _ in range(5):
+        run.checkpoint(lambda: {"a": np.ones(1)})
+    assert stored == []
+    run._stored -= 61
+    run.checkpoint(lambda: {"a": np.ones(1)})
+    run.checkpoint(lambda: {"a": np.ones(1)})
+    assert len(stored) == 1
+    Run().checkpoint(lambda: 1 / 0)  # nobody stores: it is not even made
+
+
+# -- commands ----------------------------------------------------------------------------------------------------------
+
+
+def test_train_makes_exports_and_takes_examples(shell, tmp_path, capsys):
+    examples, saved, alone = (tmp_path / f"{name}.safetensors" for name in ("examples", "weights", "alone"))
+    done = train(shell, "--export-examples", examples)
+    assert done.returncode == 0 and "1 cases" in done.stdout and weights_in(shell) == [], done.stderr
+    assert facts_of(examples)["method"] == "toy_learner"
+    done = train(shell, "--examples", examples, "--save", saved, "--half")
+    assert done.returncode == 0, done.stderr
+    assert "200 steps" in done.stdout and "validation" in done.stdout and logged(shell) == ["examples", "fit"]
+    again = train(shell)
+    assert again.returncode == 0 and "finished" in again.stderr and logged(shell) == ["examples", "fit"]
+    (path,) = weights_in(shell)
+    assert np.abs(load(path)["shift"] - load(saved)["shift"]).max() < 1e-3
+    # On a machine without the rest, from the file alone.
+    assert fit.main([str(examples), str(alone), "--threads", "1", "--plugin", str(LEARNER)]) == 0
+    assert (load(alone)["shift"] == load(path)["shift"]).all() and facts_of(alone)["steps"] == 200
+    assert fit.main([str(saved.with_name("no.safetensors")), str(alone)]) == 1
+    assert "cannot be read" in capsys.readouterr().err
+    plan = shell.call("plan", "--plugin", TOYS, "--plugin", LEARNER, *TRAIN, *WORDS, "training.seed=1")
+    assert "first: training of toy_learner" in plan.stdout and "15 min" in plan.stdout, plan.stderr
+
+
+def test_train_on_ones_own_folder_then_apply(shell, tmp_path):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    for name, subdivisions in (("a", 1), ("b", 2)):
+        icosphere(subdivisions=subdivisions).export(folder / f"{name}.ply")
+    scan, clean, saved = folder / "a.ply", tmp_path / "clean.ply", tmp_path / "mine.safetensors"
+    plugin = ("--plugin", LEARNER, "method=toy_learner")
+    missing = shell.call("apply", *plugin, scan, clean)
+    assert missing.returncode == 1 and "detailbench train method=toy_learner" in missing.stderr
+    words = ("dataset=files", f"dataset.path={folder}", "dataset.train_share=1", f"results={shell.results}")
+    done = shell.call("train", *plugin, *words, "--save", saved)
+    assert done.returncode == 0, done.stderr
+    applied = shell.call("apply", *plugin, f"training.weights={saved}", scan, clean)
+    assert applied.returncode == 0 and clean.exists(), applied.stderr
+    refused = shell.call("train", "method=jet", f"results={shell.results}")
+    assert refused.returncode == 1 and "does not learn" in refused.stderr
+
+
+def test_check_tries_to_learn(shell):
+    done = shell.call("check", LEARNER)
+    assert done.returncode == 0, done.stdout + done.stderr
+    for line in ("examples and a few steps", "same seed, same weights", "goes on from a checkpoint", "denoise: toy"):
+        assert line in done.stdout
+    assert "FAIL" not in done.stdout.upper().replace("FAILED", "")
