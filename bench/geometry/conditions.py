@@ -36,7 +36,7 @@ def describe_cloud(cloud: PointCloud, case: Case) -> dict[str, float]:
         ``coverage``: share of the surface within ``2 sqrt(A / N)`` of a point (independent uniform points leave out
         exp(-4 pi), four in a million); ``density_variation``: standard deviation over mean of the area that eight
         neighbours take up, over points that are no outliers (independent uniform points: 1 / sqrt(8) = 0.35; evenly
-        spread ones about 0.1), left out for fewer than ten such points.
+        spread ones about 0.1), left out for fewer than ten such points. The last two are left out for curves.
     """
     from scipy.spatial import cKDTree
 
@@ -53,6 +53,9 @@ def describe_cloud(cloud: PointCloud, case: Case) -> dict[str, float]:
         "outliers": 1 - near.mean(),
         "coverage": (pair.to_output.distance <= reach).mean(),
     }
+    if hasattr(case.reference.surface, "sample_evenly"):  # a curve: the area of its mesh says nothing of it
+        del figures["coverage"]
+        return {name: float(value) for name, value in figures.items()}
     points = np.unique(cloud.points[near], axis=0)
     if len(points) > NEIGHBOURS + 1:
         area = cKDTree(points).query(points, [NEIGHBOURS + 1])[0][:, 0] ** 2
