@@ -91,8 +91,9 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     values = OmegaConf.to_container(compose(overrides), resolve=True)
     check_root(values)
     task = Choice.of("task", values["task"])
-    if not method.solves(task.name):
-        raise UsageError(f"method {method.name} does not solve {task.name}")
+    chosen_method = Choice.of("method", values["method"])
+    if not chosen_method.solves(task.name):
+        raise UsageError(f"method {chosen_method.label} does not solve {task.name}")
     for path in inputs:
         if not Path(path).exists():
             raise UsageError(f"{path}: no such file")
@@ -101,7 +102,6 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     # A file of one's own may take its time; a benchmark's limits are for those who ask for them.
     asked = {w.lstrip("+").split("=")[0] for w in overrides}
     limit = {name: value for name, value in values["limit"].items() if f"limit.{name}" in asked}
-    chosen_method = Choice.of("method", values["method"])
     return Application(
         task=task,
         method=chosen_method,

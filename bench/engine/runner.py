@@ -417,7 +417,8 @@ def server_for(cell: Cell, settings: Settings) -> ForkServer:
         if _sources.setdefault(str(plugin.file), digest) != digest:
             forget_servers()
             break
-    key = (os.getpid(), cell.method.plugin.requires, settings.plugins, cell.threads)
+    libraries = frozenset(library for plugin in cell.method.parts for library in plugin.requires)
+    key = (os.getpid(), libraries, settings.plugins, cell.threads)
     if key in _servers:
         _servers[key] = _servers.pop(key)  # the most recently used comes last
         return _servers[key]

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from ..errors import MissingData, UsageError, did_you_mean
-from ..plugins.registry import Plugin, registry
+from ..plugins.registry import registry
 from .choice import NO_SENSOR, Choice, NotSolved, Resolved, digest
 from .devices import check_name
 from .keys import Base
@@ -102,8 +102,8 @@ class Cell(Resolved):
             Naming the key, what was expected, and the nearest right name.
         """
         task, method = Choice.of("task", config["task"]), Choice.of("method", config["method"])
-        if not method.plugin.solves(task.name):
-            raise NotSolved(_cannot_solve(method.plugin, task.name))
+        if not method.solves(task.name):
+            raise NotSolved(_cannot_solve(method, task.name))
         for key, least in (("cases", 1), ("threads", 1), ("seed", 0)):
             if config[key] < least:
                 raise UsageError(f"{key}={config[key]}: expected at least {least}")
@@ -158,7 +158,7 @@ def settings_of(config: Mapping[str, Any]) -> Settings:
         verbose=config["verbose"],
         plugins=tuple(config["plugins"]),
         profile=config["profile"],
-        session=config["session"],
+        session=config.get("session", "none"),
     )
 
 
@@ -222,11 +222,11 @@ def _metrics(nodes: Mapping[str, Any], task: Choice) -> tuple[Choice, ...]:
     return tuple(sorted(fitting, key=lambda m: m.name))
 
 
-def _cannot_solve(method: Plugin, task: str) -> str:
+def _cannot_solve(method: Choice, task: str) -> str:
     solves = [t for t in registry().names("task") if method.solves(t)]
     others = [m.name for m in registry().all("method") if m.solves(task)]
     what = f"it solves {', '.join(solves)}" if solves else "it has no function named after a task"
-    return f"method {method.name} does not solve {task}: {what}. Methods that do: {', '.join(others) or 'none'}"
+    return f"method {method.label} does not solve {task}: {what}. Methods that do: {', '.join(others) or 'none'}"
 
 
 def reference_name(dataset: str, case: str) -> str:

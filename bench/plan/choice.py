@@ -55,6 +55,10 @@ class Choice(Resolved):
         """The plugin, and those that it is made of where its parameters name others: the steps of a chain."""
         return (self.plugin, *getattr(self.made, "plugins", ()))
 
+    def solves(self, task: str) -> bool:
+        """Whether a method has a function for a task, with these parameters: a chain has those of its last step."""
+        return self.plugin.solves(task) and callable(getattr(self.made, task, None))
+
     @functools.cached_property
     def variant(self) -> str:
         """Parameters that differ from the defaults."""

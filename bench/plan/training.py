@@ -183,7 +183,7 @@ def learner_of(method: Choice) -> Choice | None:
     ]
     if len(steps) > 1:
         raise UsageError(f"method {method.label}: has {len(steps)} learned steps; expected one at most")
-    return Choice("method", *steps[0]) if steps else None
+    return Choice.of("method", {"_name_": steps[0][0], **steps[0][1]}) if steps else None
 
 
 def _keys(node: Any) -> TrainingKeys:

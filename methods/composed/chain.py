@@ -1,0 +1,239 @@
+"""A method that is made of others: denoisers one after the other, then what solves the task."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bench import InvalidOutput, PointCloud, Run, build_parts, generator, register, validate_cloud
+from bench.geometry.farthest import farthest_points
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+    from bench import Plugin
+
+EXAMPLE = "[{wlop: {radius: 3.0}}, poisson]"
+FINE = 1000  # parts of a step's progress
+
+
+class _AsTheLastStep:
+    """A function of the chain that a chain has where its last step has it; the class always has it."""
+
+    def __init__(self, function: Callable[..., Any]):
+        self._function, self.__doc__ = function, function.__doc__
+
+    def __get__(self, chain: Chain | None, owner: type) -> Callable[..., Any]:
+        if chain is None:
+            return self._function
+        chain.expect(self._function.__name__)
+        return partial(self._function, chain)
+
+
+@register("method", requires=("scipy",))
+@dataclass(frozen=True)
+class Chain:
+    """Methods one after the other: all but the last denoise the cloud, the last solves the task.
+
+    Any denoiser goes before any method that takes a cloud: ``steps=[{wlop: {radius: 3.0}}, poisson]``. A chain solves
+    those of ``denoise``, ``upsample`` and ``reconstruct`` that its last step solves.
+
+    A denoiser may return another number of points than it is given. ``upsample`` keeps its promise of ``ratio * N``
+    points, N of the input, all the same: the last step has the least ratio that suffices for the points that it is
+    given, and what is beyond is thinned by farthest points. A last step that does not take every ratio says which it
+    takes, by an attribute ``ratios`` (integers), and the chain asks for the least of those.
+
+    Every step has a generator of its own, so its randomness does not depend on what the steps before it drew, and the
+    time that is left. Its notes begin with its name, what it stores with its number, and the parameters of learned
+    steps are summed. Traces are those of the last step. One step may be a learned one; the weights are its own. The
+    clouds between the steps are stored as ``1-NAME``, ``2-NAME``, ... where outputs are.
+    """
+
+    # methods: names, or {name: {parameter: value}}
+    steps: tuple[Any, ...] = ("statistical_outlier", "identity")
+
+    def __post_init__(self) -> None:
+        if isinstance(self.steps, str):
+            raise ValueError(f"steps: expected a list, got {self.steps!r}; write [{self.steps}]")
+        if not self.steps:
+            raise ValueError(f"steps: expected at least one, for instance {EXAMPLE}")
+        for number, (plugin, _) in enumerate(self._parts[:-1], 1):  # mistakes are refused here, not in the first case
+            if not plugin.solves("denoise"):
+                raise ValueError(
+                    f"steps: number {number}, {plugin.name}, does not solve denoise; only the last may return anything "
+                    f"else than a better cloud: {EXAMPLE}"
+                )
+
+    @cached_property
+    def _parts(self) -> tuple[Any, ...]:
+        return build_parts("method", self.steps, "steps")
+
+    # -- what the engine asks --------------------------------------------------------------------------------------
+
+    @property
+    def plugins(self) -> tuple[Plugin, ...]:
+        """The plugins of the steps, and those that they are made of."""
+        return tuple(plugin for part in self._parts for plugin in part.plugins)
+
+    @property
+    def steps_chosen(self) -> tuple[tuple[str, dict[str, Any]], ...]:
+        """The name and all parameters of each step; those of a chain within in its place."""
+        chosen: list[tuple[str, dict[str, Any]]] = []
+        for plugin, method in self._parts:
+            values = {f.name: getattr(method, f.name) for f in dataclasses.fields(method)}
+            chosen += getattr(method, "steps_chosen", ((plugin.name, values),))
+        return tuple(chosen)
+
+    def prepare(self) -> None:
+        """Import what the steps need, and let each prepare itself: no part of the measured call."""
+        for number, (plugin, method) in enumerate(self._parts, 1):
+            with self._named(number):
+                plugin.require()
+                getattr(method, "prepare", lambda: None)()
+
+    def reads(self) -> Iterator[Path]:
+        """The files that the steps read."""
+        for _, method in self._parts:
+            written = getattr(method, "writes", ("save",))
+            own = () if isinstance(method, Chain) else dataclasses.fields(method)  # a chain within names its own
+            for f in own:
+                if f.name not in written:
+                    yield from _files(getattr(method, f.name))
+            yield from getattr(method, "reads", tuple)()
+
+    def expect(self, task: str) -> None:
+        """Raise :class:`AttributeError`, which names the last step, unless it solves a task for its parameters."""
+        plugin, method = self._parts[-1]
+        if not callable(getattr(method, task, None)):
+            raise AttributeError(f"chain: its last step, {plugin.name}, does not solve {task}")
+
+    # -- the tasks -------------------------------------------------------------------------------------------------
+
+    @_AsTheLastStep
+    def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
+        """The cloud through all steps."""
+        return self._solve("denoise", cloud, run)
+
+    @_AsTheLastStep
+    def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
+        """The last step's mesh of the denoised cloud."""
+        return self._solve("reconstruct", cloud, run)
+
+    @_AsTheLastStep
+    def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
+        """Exactly ``ratio * len(cloud)`` points, whatever the steps before the last did to their number."""
+        wanted = ratio * len(cloud)
+        denoised = self._denoised(cloud, run)
+        least = -(-wanted // max(len(denoised), 1))  # a chain of one step may be given nothing
+        offered = getattr(self._parts[-1].made, "ratios", None)
+        enough = [r for r in offered if r >= least] if offered is not None else [least]
+        if not enough:
+            raise InvalidOutput(
+                f"{self._name(len(self._parts))}: {len(denoised)} of {len(cloud)} points came to it, and {ratio} x "
+                f"{len(cloud)} are asked for: that takes a ratio of {least}, and it has {sorted(offered)}"
+            )
+        asked = min(enough)
+
+        def thinned(output: PointCloud) -> PointCloud:
+            validate_cloud(output, self._promise(len(self._parts)))
+            if len(output) <= wanted:  # as promised, or too few: the task says so
+                return output
+            return _chosen(output, farthest_points(output.points, wanted))
+
+        return thinned(self._last("upsample", run, thinned, cloud=denoised, ratio=asked))
+
+    def _solve(self, task: str, cloud: PointCloud, run: Run) -> Any:
+        return self._last(task, run, lambda output: output, cloud=self._denoised(cloud, run))
+
+    # -- the steps -------------------------------------------------------------------------------------------------
+
+    def _denoised(self, cloud: PointCloud, run: Run) -> PointCloud:
+        """The cloud after all steps but the last."""
+        for number, (plugin, method) in enumerate(self._parts[:-1], 1):
+            with self._step(number, run) as own:
+                cloud = method.denoise(cloud, run=own)
+            validate_cloud(cloud, self._promise(number))
+            run.keep(f"{number}-{plugin.name}"[:64], cloud)
+        return cloud
+
+    def _last(self, task: str, run: Run, finished: Callable[[Any], Any], **inputs: Any) -> Any:
+        """The output of the last step; its traces go through ``finished``."""
+
+        def traced(output: Any, seconds: float, keep: bool = False) -> None:
+            run.trace(lambda: finished(output() if callable(output) else output), keep)
+
+        with self._step(len(self._parts), run) as own:
+            own.on_trace = traced if run.on_trace else None
+            return getattr(self._parts[-1].made, task)(**inputs, run=own)
+
+    @contextlib.contextmanager
+    def _step(self, number: int, run: Run) -> Iterator[Run]:
+        """The run of a step, which reports to the run of the chain."""
+        plugin, method = self._parts[number - 1]
+
+        def progress(done: int, total: int) -> None:
+            run.progress(FINE * (number - 1) + FINE * done // max(total, 1), FINE * len(self._parts))
+
+        own = Run(
+            seed=int(generator(run.seed, "chain", number).integers(2**32)),
+            device=run.device,
+            threads=run.threads,
+            seconds=max(run.seconds_left(), 0.0),
+            weights=run.weights if hasattr(method, "fit") or isinstance(method, Chain) else None,
+            on_progress=progress,
+            on_keep=lambda name, value: run.keep(f"{number}-{name}"[:64], value),
+            on_distances=run.true_distances if run.has_truth else None,
+        )
+        if run.on_keep is None:
+            own.on_keep = None
+        try:
+            with self._named(number):
+                yield own
+        finally:
+            for text in own.notes:
+                run.note(text if text.startswith(plugin.name) else f"{plugin.name}: {text}")
+            _add_parameters(run, own)
+        progress(1, 1)
+
+    @contextlib.contextmanager
+    def _named(self, number: int) -> Iterator[None]:
+        """Whatever is raised says in which step."""
+        try:
+            yield
+        except Exception as error:
+            error.add_note(f"in {self._name(number)}")
+            raise
+
+    def _name(self, number: int) -> str:
+        return f"step {number} of the chain, {self._parts[number - 1].plugin.name}"
+
+    def _promise(self, number: int) -> str:
+        return f"a PointCloud of finite points from {self._name(number)}"
+
+
+def _add_parameters(run: Run, own: Run) -> None:
+    """Add the parameters of a step to those of the chain."""
+    if own.active_parameters is not None or run.active_parameters is not None:
+        counts = [r.parameters if r.active_parameters is None else r.active_parameters for r in (run, own)]
+        run.active_parameters = sum(count or 0 for count in counts)
+    if own.parameters is not None:
+        run.parameters = (run.parameters or 0) + own.parameters
+
+
+def _chosen(cloud: PointCloud, chosen: Any) -> PointCloud:
+    """The points ``chosen`` (k,) of a cloud, with what belongs to them."""
+    return PointCloud(*(p if p is None else p[chosen] for p in (cloud.points, cloud.normals, cloud.colors)))
+
+
+def _files(value: Any) -> Iterator[Path]:
+    """The existing files that a parameter names."""
+    if isinstance(value, (list, tuple, dict)):
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from _files(inner)
+    elif isinstance(value, (str, Path)) and value and "\0" not in str(value) and Path(value).expanduser().is_file():
+        yield Path(value).expanduser()

@@ -1,0 +1,257 @@
+"""Chains of methods equal their steps, keep exact counts, pass on what steps report, and refuse mistakes early."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench import BadInput, InvalidOutput, MissingLibrary, PointCloud, Run, UsageError
+from bench.methods.classical.statistical_outlier import StatisticalOutlier
+from bench.methods.composed.chain import Chain
+from bench.methods.pseudo.identity import Identity
+from bench.methods.pseudo.noise import Noise
+from bench.plan.choice import Choice
+from bench.plugins.registry import Plugin, registry
+from bench.plugins.schema import build, defaults
+from bench.tasks.denoise import Denoise
+from bench.tasks.reconstruct import Reconstruct
+from bench.tasks.upsample import Upsample
+
+TASKS = ("denoise", "upsample", "reconstruct")
+OUTLIERS = {"statistical_outlier": {"k": 4, "threshold": 1.0}}
+
+
+@pytest.fixture
+def ball():
+    points = np.random.default_rng(0).standard_normal((400, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    return PointCloud(points, normals=points)
+
+
+# What a step sees of its run, and what it does: called before all else.
+SEEN: list[Run] = []
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A method that does as it is told."""
+
+    keep_every: int = 1  # returns every n-th point
+    offered: tuple[int, ...] | None = None
+    extra: int = 0  # points too many
+    parameters: int | None = None
+    active: int | None = None
+    file: Path | None = None
+
+    @property
+    def ratios(self):
+        if self.offered is None:
+            raise AttributeError("any")
+        return self.offered
+
+    def prepare(self):
+        SEEN.append(self)
+
+    def _report(self, run):
+        SEEN.append(run)
+        run.parameters, run.active_parameters = self.parameters, self.active
+        run.note("all is well")
+        run.keep("cage", PointCloud(np.zeros((1, 3))))
+        run.progress(1, 2)
+
+    def denoise(self, cloud, run):
+        self._report(run)
+        run.trace(cloud)
+        return PointCloud(cloud.points[:: self.keep_every])
+
+    def upsample(self, cloud, ratio, run):
+        self._report(run)
+        run.trace(lambda: PointCloud(np.repeat(cloud.points, ratio, axis=0)))
+        repeated = np.repeat(cloud.points, ratio, axis=0)
+        return PointCloud(np.concatenate([repeated, repeated[: self.extra]]))
+
+
+@dataclass(frozen=True)
+class Learner(Probe):
+    """One that has weights."""
+
+    def fit(self, examples, run):
+        return {}
+
+
+@pytest.fixture(autouse=True)
+def probes(monkeypatch):
+    SEEN.clear()
+    plugins = {
+        name: Plugin("method", name, cls, Path(__file__), "test", requires=requires)
+        for name, cls, requires in (
+            ("probe", Probe, ()),
+            ("learner", Learner, ()),
+            ("bare", type("Bare", (Probe,), {}), ("no_such_library",)),
+        )
+    }
+    for name, plugin in plugins.items():
+        monkeypatch.setitem(registry()._plugins["method"], name, plugin)
+
+
+def solvable(chain):
+    return [task for task in TASKS if hasattr(chain, task)]
+
+
+# -- what it solves ----------------------------------------------------------------------------------------------------
+
+
+def test_a_chain_solves_what_its_last_step_solves():
+    assert solvable(Chain()) == list(TASKS)
+    assert solvable(Chain(steps=("jet", "poisson"))) == ["upsample", "reconstruct"]
+    assert solvable(Chain(steps=("jet", "ear"))) == ["upsample"]
+    assert solvable(Chain(steps=("jet", "jet"))) == ["denoise"]
+    assert [task for task in TASKS if registry().find("method", "chain").solves(task)] == list(TASKS)
+    with pytest.raises(AttributeError, match="its last step, ear, does not solve reconstruct"):
+        _ = Chain(steps=("jet", "ear")).reconstruct
+
+
+def test_a_chain_equals_its_steps(ball):
+    chain, run = Chain(steps=(OUTLIERS, "identity")), Run(seed=3)
+    clean = StatisticalOutlier(k=4, threshold=1.0).denoise(ball, Run())
+    assert len(clean) < len(ball)
+    assert np.array_equal(chain.denoise(ball, run).points, clean.points)
+    mesh = chain.reconstruct(ball, run)
+    assert np.array_equal(mesh.vertices, Identity().reconstruct(clean, Run()).vertices)
+    for task, output in ((Denoise(), chain.denoise(ball, run)), (Reconstruct(), mesh)):
+        task.validate(output, task.input(ball))
+
+
+def test_each_step_draws_from_a_generator_of_its_own(ball):
+    """As far as the last step's randomness goes, it does not matter what the first one draws; the seed does."""
+    same = [Chain(steps=(first, "noise")).denoise(ball, Run(seed=1)).points for first in ("identity", "noise")]
+    assert np.array_equal(*same)
+    assert not np.array_equal(same[0], Chain(steps=("identity", "noise")).denoise(ball, Run(seed=2)).points)
+    assert not np.array_equal(same[0], Noise().denoise(ball, Run(seed=1)).points)
+    Chain(steps=("probe", "probe")).denoise(ball, Run(seed=1, threads=2, seconds=50))
+    first, second = SEEN
+    assert first.seed != second.seed and first.threads == 2 and 0 < second.seconds <= first.seconds <= 50
+
+
+# -- counts ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("every", [1, 2, 3, 7])
+@pytest.mark.parametrize("ratio", [1, 4])
+def test_upsampling_returns_exactly_as_many_points_as_promised(ball, every, ratio):
+    chain = Chain(steps=({"probe": {"keep_every": every}}, "probe"))
+    output = chain.upsample(ball, ratio, Run())
+    Upsample(ratio=ratio).validate(output, Upsample(ratio=ratio).input(ball))
+
+
+def test_what_belongs_to_the_points_is_thinned_with_them(ball):
+    chain = Chain(steps=(OUTLIERS, "identity"))
+    output = chain.upsample(ball, 2, Run())
+    assert len(output) == 800 and np.array_equal(output.points, output.normals)
+
+
+def test_a_last_step_is_asked_for_a_ratio_that_it_has(ball):
+    chain = Chain(steps=({"probe": {"keep_every": 2}}, {"probe": {"offered": [2, 4, 16]}}))
+    assert len(chain.upsample(ball, 3, Run())) == 1200  # 6 would do, 16 it has
+    with pytest.raises(InvalidOutput, match=re.escape("200 of 400 points came to it, and 9 x 400 are asked for: that")):
+        chain.upsample(ball, 9, Run())
+
+
+def test_too_few_points_are_the_last_steps_own_mistake(ball):
+    broken = Chain(steps=({"probe": {"keep_every": 500}}, "empty"))
+    with pytest.raises(InvalidOutput, match="step 2 of the chain, empty; got no points"):
+        broken.upsample(ball, 4, Run())
+    with pytest.raises(InvalidOutput, match="step 1 of the chain, empty; got no points"):
+        Chain(steps=("empty", "identity")).upsample(ball, 4, Run())
+
+
+# -- what goes through the run -----------------------------------------------------------------------------------------
+
+
+def test_notes_progress_traces_artefacts_and_parameters_pass_through(ball):
+    kept, shown, traces = {}, [], []
+    run = Run(
+        on_keep=lambda name, value: kept.update({name: value}),
+        on_progress=lambda done, total: shown.append(done / total),
+        on_trace=lambda output, seconds, **more: traces.append(output() if callable(output) else output),
+    )
+    steps = ({"probe": {"keep_every": 3, "parameters": 5}}, {"probe": {"parameters": 70, "active": 20}})
+    Chain(steps=steps).upsample(ball, 2, run)
+    assert run.parameters == 75 and run.active_parameters == 25
+    assert run.notes == ["probe: all is well"] * 2
+    assert list(kept) == ["1-cage", "1-probe", "2-cage"] and len(kept["1-probe"]) == 134
+    assert shown == [0.25, 0.5, 0.75, 1.0]
+    assert [len(trace) for trace in traces] == [800]  # of the last step alone, in the promised number
+
+
+def test_only_a_learned_step_has_weights(ball):
+    weights = {"a": np.zeros(3)}
+    Chain(steps=("probe", {"chain": {"steps": ["learner"]}})).upsample(ball, 2, Run(weights=weights))
+    assert [run.weights for run in SEEN] == [None, weights]
+
+
+def test_the_truth_and_the_paused_clock_are_those_of_the_chain(ball):
+    run = Run(on_distances=lambda points: np.zeros(len(points)))
+    with Chain(steps=("probe",))._step(1, run) as own:
+        assert own.has_truth and len(own.true_distances(np.zeros((5, 3)))) == 5
+    assert run.distances_given == 5 and run._paused > 0
+
+
+def test_an_error_names_its_step(ball):
+    with pytest.raises(BadInput) as raised:
+        Chain(steps=("identity", OUTLIERS)).denoise(PointCloud(np.empty((0, 3))), Run())
+    assert raised.value.__notes__ == ["in step 1 of the chain, identity"]
+
+
+# -- what the engine asks ----------------------------------------------------------------------------------------------
+
+
+def test_steps_are_prepared_and_their_libraries_required_before_the_clock():
+    Chain(steps=("probe", {"chain": {"steps": ["probe"]}})).prepare()
+    assert len(SEEN) == 2
+    with pytest.raises(MissingLibrary, match="no_such_library"):
+        Chain(steps=("probe", "bare")).prepare()
+
+
+def test_a_chain_names_its_plugins_steps_and_files(tmp_path):
+    file = tmp_path / "cage.ply"
+    file.write_text("")
+    inner = {"chain": {"steps": ["jet", {"probe": {"file": str(file)}}]}}
+    chain = Chain(steps=("wlop", inner))
+    assert [plugin.name for plugin in chain.plugins] == ["wlop", "chain", "jet", "probe"]
+    assert [name for name, _ in chain.steps_chosen] == ["wlop", "jet", "probe"]
+    assert chain.steps_chosen[0][1] == defaults(registry().find("method", "wlop"))
+    assert list(chain.reads()) == [file]
+    choice = Choice.of("method", {"_name_": "chain", "steps": ["jet", {"wlop": {"radius": 3.0}}]})
+    assert [plugin.name for plugin in choice.parts] == ["chain", "jet", "wlop"]
+    assert choice.label == "chain[steps=jet+wlop(radius=3)]"
+
+
+@pytest.mark.parametrize(
+    ("steps", "message"),
+    [
+        ((), "expected at least one"),
+        ("wlop", r"expected a list, got 'wlop'; write \[wlop\]"),
+        (("wlp", "poisson"), "number 1.*Did you mean 'wlop'"),
+        (("wlop", {"poisson": {"dept": 3}}), "number 2.*Did you mean 'depth'"),
+        (("wlop", {"poisson": {"depth": -3}}), "number 2.*depth"),
+        (("poisson", "wlop"), "number 1, poisson, does not solve denoise"),
+        (("jet", "ear", "poisson"), "number 2, ear, does not solve denoise"),
+    ],
+)
+def test_wrong_steps_are_refused_when_the_chain_is_made(steps, message):
+    with pytest.raises(ValueError, match=message):
+        Chain(steps=steps)
+    if not isinstance(steps, str):
+        with pytest.raises(UsageError, match=message):
+            build(registry().find("method", "chain"), {"steps": list(steps)})
+
+
+def test_a_step_may_be_a_chain(ball):
+    nested = Chain(steps=({"chain": {"steps": [OUTLIERS, "identity"]}}, "identity"))
+    flat = replace(nested, steps=(OUTLIERS, "identity", "identity"))
+    assert np.array_equal(nested.denoise(ball, Run()).points, flat.denoise(ball, Run()).points)
