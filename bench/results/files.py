@@ -75,6 +75,7 @@ MEASURED = ("input.", "score.", "floor.", "worst.")
 NOT_INDEXED = ("traceback", "trace", "artefacts")
 # One result per place in a table; which of several records counts is told by ORDER.
 ORDER = ("__current", "__when")
+WRITTEN = "__written"  # when the file was written: a record that took over rows of an earlier one has their times
 IDENTITY = ("task", "dataset", "sensor", "split", "method", "variant", "seed", "threads", "device", "case")
 
 
@@ -124,7 +125,7 @@ def newest(frame: pd.DataFrame) -> pd.DataFrame:
     The last by ``frame[ORDER]`` where these columns are given (current or not, and when it was made; see
     :mod:`bench.results.index`), by ``finished`` otherwise.
     """
-    ordered = frame.sort_values([name for name in ORDER if name in frame] or "finished", kind="stable")
+    ordered = frame.sort_values([name for name in (*ORDER, WRITTEN) if name in frame] or "finished", kind="stable")
     last = ordered.drop_duplicates(subset=list(IDENTITY), keep="last")
     if frame["host"].nunique() > 1:
         current = last.set_index([*IDENTITY, "fingerprint"]).index

@@ -18,7 +18,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import StoreError
-from .files import COLUMNS, IDENTITY, META_KEY, NOT_INDEXED, ORDER, SCHEMA_VERSION, newest, split_of, write_atomically
+from .files import (
+    COLUMNS,
+    IDENTITY,
+    META_KEY,
+    NOT_INDEXED,
+    ORDER,
+    SCHEMA_VERSION,
+    WRITTEN,
+    newest,
+    split_of,
+    write_atomically,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +38,6 @@ if TYPE_CHECKING:
     from .store import Results
 
 FILE = "__file"  # the columns that only this module sees
-WRITTEN = "__written"
 FOLDER = "__folder"
 BATCH = 256  # files read before their small tables are made one: ten thousand of them are mostly overhead
 

@@ -13,6 +13,7 @@ from typing import Any
 from ..errors import UsageError, did_you_mean
 from ..plan.keys import GROUPS, Base
 from ..plan.limits import Limits
+from ..plan.training import TrainingKeys
 from ..plugins import presets
 from ..plugins.registry import KINDS, Plugin, registry
 from ..plugins.schema import check_value
@@ -31,11 +32,14 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
         if not tail and head in KINDS:
             for name in values:
                 _check_plugin_name(head, name)
-        elif not tail and head in ("convention", "profile", "experiment"):
+        elif not tail and head in ("training", "convention", "profile", "experiment"):
             for name in values:
                 _check_preset(head, name)
         elif tail and head in KINDS:
             _check_parameter(head, tail, overrides, override)
+        elif head == "training" and tail:
+            known = [f.name for f in dataclasses.fields(TrainingKeys)]
+            _check_key("training.", tail.partition(".")[0], known, override.input_line)
         elif head == "limit" and tail:
             _check_key("limit.", tail, [f.name for f in dataclasses.fields(Limits)], override.input_line)
         else:

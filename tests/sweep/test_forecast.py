@@ -12,10 +12,11 @@ from bench import register
 from bench.plan.cell import Cell
 from bench.results.store import Results
 from bench.sweep.composition import compose, enumerate_jobs
-from bench.sweep.forecast import Forecast, Pace, duration, seconds_to_do, summary, workers_of
+from bench.sweep.forecast import Forecast, Pace, seconds_to_do, summary, workers_of
 from bench.sweep.outlook import likely_cells, look_ahead
 from bench.sweep.progress import Follow, Lines
 from bench.sweep.session import Session
+from bench.text import duration
 
 
 @register("method", name="forecast_method")
