@@ -45,6 +45,8 @@ class Run:
         At how many points :meth:`true_distances` was asked so far.
     weights : mapping of names to arrays, or None
         What a learned method was trained to: the arrays that its ``fit`` returned, floating-point numbers as float32.
+    spent : float
+        In ``fit``: the seconds that this training took before it was interrupted; ``seconds`` are those that are left.
     resumed : mapping of names to arrays, or None
         In ``fit``: the arrays of the last checkpoint of this training, where it was interrupted before.
     """
@@ -56,6 +58,7 @@ class Run:
     parameters: int | None = None
     active_parameters: int | None = None
     weights: Mapping[str, np.ndarray] | None = field(default=None, repr=False)
+    spent: float = 0.0
     resumed: Mapping[str, np.ndarray] | None = field(default=None, repr=False)
     notes: list[str] = field(default_factory=list, init=False)
     distances_given: int = field(default=0, init=False)

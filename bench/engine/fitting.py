@@ -65,6 +65,7 @@ class Fit:
             device=self.device,
             threads=self.threads,
             seconds=max(self.seconds - self.before["seconds"], 0.0),
+            spent=self.before["seconds"],
             resumed=resumed,
             on_progress=self._progress,
             on_log=self._log,

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..errors import BadInput
 from .registry import Plugin
+from .schema import defaults
 
 FACTS = {
     "method": "the name of the method",
@@ -59,9 +60,10 @@ def trained_values(plugin: Plugin, parameters: Mapping[str, Any], attribute: str
 def shipped(plugin: Plugin, parameters: Mapping[str, Any]) -> Path | None:
     """The file that comes with a plugin and was trained with these parameters; None where there is none."""
     wanted = trained_values(plugin, parameters)
+    usual = trained_values(plugin, defaults(plugin))  # what a file says nothing of came later than the file
     for path in sorted((plugin.file.parent / "weights").glob("*.safetensors")):
         facts = facts_of(path)
-        if facts.get("method") == plugin.name and _same(facts.get("parameters"), wanted):
+        if facts.get("method") == plugin.name and _same({**usual, **(facts.get("parameters") or {})}, wanted):
             return path
     return None
 
@@ -79,10 +81,9 @@ def check_fits(plugin: Plugin, parameters: Mapping[str, Any], path: Path) -> Non
         theirs = facts.get("method")
         what = f"it was trained as {theirs}" if theirs else "its header does not say what it was trained as"
         raise BadInput(f"training.weights={path}: expected weights of {plugin.name}, but {what}")
-    theirs = facts.get("parameters") or {}
+    theirs = {**defaults(plugin), **(facts.get("parameters") or {})}
     for name, here in trained_values(plugin, parameters).items():
-        there = theirs.get(name, here)
-        if not _same(there, here):
+        if not _same(there := theirs.get(name), here):
             raise BadInput(
                 f"training.weights={path}: was trained with {name}={there}, and {name} is {here} here; say "
                 f"method.{name}={there}, or train it anew: detailbench train method={plugin.name} --help"

@@ -24,6 +24,16 @@ def step_generator(seed: int, step: int, purpose: str = "") -> np.random.Generat
     return np.random.default_rng([seed, step, *purpose.encode()])
 
 
+def progress(run: Run, step: int, steps: int) -> float:
+    """How far a training is before a step, from 0 to 1, for schedules.
+
+    By its steps, or with ``steps=0`` by the clock: of the seconds that it has, those before an interruption included.
+    """
+    if steps:
+        return step / steps
+    return min((run.spent + run.elapsed()) / max(run.spent + run.seconds, 1e-9), 1.0)
+
+
 def train(
     network: nn.Module,
     loss: Callable[[int], Tensor],
@@ -47,7 +57,7 @@ def train(
     run : Run
         Says how much time is left, and stores logs and checkpoints.
     steps : int
-        At most.
+        At most; 0 for as many as the time allows. The weights of such a training cannot be made again to the bit.
     optimizer : Optimizer
         Over parameters of ``network``; Adam, with state that is made at the first step.
     prepare : function of the number of a step, optional
@@ -71,7 +81,7 @@ def train(
     """
     state = _State(network, optimizer)
     step = state.resume(run.resumed) if run.resumed else 0
-    while step < steps and (run.seconds_left() > 0 or step == 0):
+    while (step < steps or not steps) and (run.seconds_left() > 0 or step == 0):
         if validate and step % every == 0 and step > 0:
             state.offer(validate(), step, run)
         if prepare:
@@ -90,7 +100,7 @@ def train(
         if step % LOGGED == 0:
             run.log(step, loss=number)
         step += 1
-        run.progress(step, steps)
+        run.progress(*((step, steps) if steps else (round(1000 * progress(run, step, steps)), 1000)))
         run.checkpoint(lambda step=step: state.arrays(step))
     if validate:
         state.offer(validate(), step, run)
