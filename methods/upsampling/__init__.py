@@ -1,0 +1,1 @@
+"""Learned upsampling of point clouds."""

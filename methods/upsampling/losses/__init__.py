@@ -1,0 +1,1 @@
+"""What learned upsampling is measured by while it learns."""

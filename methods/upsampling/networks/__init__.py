@@ -1,0 +1,1 @@
+"""Networks that turn the points of a patch into more points."""

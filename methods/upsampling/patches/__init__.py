@@ -1,0 +1,1 @@
+"""Patches of point clouds: cutting, normalising, putting together."""

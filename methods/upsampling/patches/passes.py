@@ -1,0 +1,69 @@
+"""A network of a fixed ratio, applied patch by patch as often as a ratio needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from bench import Run
+
+from .whole import in_patches
+
+TOGETHER = 1 << 13  # points of the patches that a network is given at once
+
+
+def in_passes(
+    points: np.ndarray, ratio: int, times: int, size: int, overlap: float, network: Callable[[Tensor], Tensor], run: Run
+) -> np.ndarray:
+    """Upsample a cloud by ``ratio``, with a network that gives ``times`` as many points.
+
+    Passes follow each other until there are enough points; in between, and at the end, a cloud is thinned to the exact
+    count by farthest points.
+
+    Parameters
+    ----------
+    points : (m, 3) array
+    ratio : int, >= 1
+    times : int, >= 2
+    size : int
+        Points of a patch.
+    overlap : float
+        Patches that a point is in, on average.
+    network : function
+        (3, b, n) float32 tensor of normalised patches, nearest the seed first, to (3, b, k).
+    run : Run
+
+    Returns
+    -------
+    (ratio * m, 3) float64 array
+    """
+    m, grown = len(points), 1
+    while True:
+        last = grown * times >= ratio
+        count = m * (ratio if last else grown * times)
+
+        def upsample(patches: np.ndarray) -> np.ndarray:
+            return _applied(network, patches, run.device)
+
+        points = in_patches(points, size, overlap, upsample, count)
+        grown *= times
+        run.progress(min(grown, ratio), ratio)
+        if last:
+            return points
+
+
+@torch.no_grad()
+def _applied(network: Callable[[Tensor], Tensor], patches: np.ndarray, device: str) -> np.ndarray:
+    given = torch.from_numpy(patches.transpose(2, 0, 1).astype(np.float32)).to(device)
+    parts = given.split(max(1, TOGETHER // patches.shape[1]), dim=1)
+    return torch.cat([network(part.contiguous()) for part in parts], dim=1).permute(1, 2, 0).double().cpu().numpy()
+
+
+def loaded(network: nn.Module, weights: Mapping[str, np.ndarray], run: Run) -> nn.Module:
+    """The network with weights, on the device of the run, which is told the number of its parameters."""
+    run.parameters = sum(parameter.numel() for parameter in network.parameters())
+    network.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in weights.items()})
+    return network.to(run.device).eval().requires_grad_(False)

@@ -1,0 +1,1 @@
+"""How the progressive network is trained."""

@@ -1,0 +1,152 @@
+"""The training set: evenly spread clouds of one shape at doubling densities, and patches of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..networks.neighbours import gather, nearest
+
+FULL = 32767
+
+
+def pack(pyramids: Iterable[tuple[int, list[np.ndarray]]]) -> dict[str, np.ndarray]:
+    """Clouds as few arrays of integers: 3e-5 of their extent is the resolution.
+
+    Parameters
+    ----------
+    pyramids : iterable of (number of the shape, list of (n, 3) arrays)
+        From the input to the densest truth, all lists of one length.
+
+    Returns
+    -------
+    dict
+        ``points`` (total, 3) int16, ``counts`` (pyramids, levels + 1) int64, ``scales`` (pyramids,) float64,
+        ``shapes`` (pyramids,) int64.
+    """
+    points, counts, scales, shapes = [], [], [], []
+    for shape, clouds in pyramids:
+        scale = max(float(np.abs(cloud).max()) for cloud in clouds) / FULL or 1.0
+        points += [np.round(cloud / scale).astype(np.int16) for cloud in clouds]
+        counts.append([len(cloud) for cloud in clouds])
+        scales.append(scale)
+        shapes.append(shape)
+    return {
+        "points": np.concatenate(points),
+        "counts": np.array(counts, dtype=np.int64),
+        "scales": np.array(scales),
+        "shapes": np.array(shapes, dtype=np.int64),
+    }
+
+
+@dataclass(frozen=True)
+class Draw:
+    """How patches are drawn."""
+
+    noise: float = 0.0  # deviation of the input's points, in the unit of the clouds; cut off at three of it
+    scale: float = 0.0  # patches are scaled by a factor from 1 - scale to 1 + scale
+
+
+class Clouds:
+    """What :func:`pack` made, on a device.
+
+    Parameters
+    ----------
+    examples : mapping
+    size_of : function
+        Points of a patch of a cloud of so many.
+    device : str
+    held_out : bool
+        Take the last tenth of the shapes, at least one; otherwise the others (all, where there is but one).
+    """
+
+    def __init__(
+        self, examples: Mapping[str, np.ndarray], size_of: Callable[[int], int], device: str, held_out: bool = False
+    ):
+        self._points = torch.from_numpy(np.array(examples["points"])).to(device)
+        self._scales = examples["scales"]
+        self._counts = examples["counts"]
+        self._starts = np.concatenate([[0], self._counts.ravel().cumsum()])[:-1].reshape(self._counts.shape)
+        shapes = np.unique(examples["shapes"])
+        last = shapes[len(shapes) - max(1, len(shapes) // 10) :]
+        mine = np.isin(examples["shapes"], last) == held_out
+        self._pyramids = np.flatnonzero(mine) if mine.any() else np.arange(len(mine))
+        sizes = np.array([size_of(int(count)) for count in self._counts[self._pyramids, 0]])
+        # Patches of one batch have one size.
+        self.sizes = [int(size) for size in np.unique(sizes)]
+        self._groups = [self._pyramids[sizes == size] for size in self.sizes]
+
+    def batch(
+        self, group: int, count: int, levels: list[int], rng: np.random.Generator, draw: Draw, base: int = 0
+    ) -> list[Tensor]:
+        """Patches around random points of random shapes of a group.
+
+        Parameters
+        ----------
+        group : int
+            Index into ``sizes``, the numbers of points that patches of inputs have.
+        count : int
+            How many patches.
+        levels : list of int
+            The truths wanted, of size * 2**level points.
+        rng : numpy Generator
+        draw : Draw
+        base : int
+            The density that is the input: 0 the sparsest.
+
+        Returns
+        -------
+        list of (3, count, n) tensors
+            The inputs, normalised (up to the factor of ``draw``), and the truths, in the same frames.
+        """
+        size = self.sizes[group]
+        inputs, truths = [], [[] for _ in levels]
+        for pyramid in rng.choice(self._groups[group], count):
+            cloud = self._cloud(pyramid, base)
+            seed = cloud[:, :, int(rng.integers(cloud.shape[2])), None]
+            inputs.append(self._around(seed, cloud, size))
+            for kept, level in zip(truths, levels, strict=True):
+                kept.append(self._around(seed, self._cloud(pyramid, base + level), size << level))
+        patches = torch.cat(inputs, dim=1)
+        if draw.noise:
+            noise = np.clip(rng.normal(size=tuple(patches.shape)), -3, 3) * draw.noise
+            patches = patches + torch.from_numpy(noise.astype(np.float32)).to(patches)
+        centre = patches.mean(2, keepdim=True)
+        radius = (patches - centre).square().sum(0).amax(1).clamp_min(1e-12).sqrt()[:, None]
+        factor = torch.from_numpy(rng.uniform(1 - draw.scale, 1 + draw.scale, (count, 1)).astype(np.float32))
+        turn = torch.from_numpy(rotations(count, rng).astype(np.float32)).to(patches)
+        scale = factor.to(patches) / radius
+
+        def move(points: Tensor) -> Tensor:
+            return torch.einsum("bij,jbn->ibn", turn, (points - centre) * scale).contiguous()
+
+        return [move(patches), *(move(torch.cat(kept, dim=1)) for kept in truths)]
+
+    def _cloud(self, pyramid: int, level: int) -> Tensor:
+        start = self._starts[pyramid, level]
+        part = self._points[start : start + self._counts[pyramid, level]]
+        return (part.to(torch.float32) * float(self._scales[pyramid])).T[:, None]
+
+    @staticmethod
+    def _around(seed: Tensor, cloud: Tensor, count: int) -> Tensor:
+        index = nearest(seed, cloud, count).transpose(1, 2)
+        found = gather(cloud, index)[:, :, 0]
+        if found.shape[2] < count:  # a cloud that is smaller than the patch wanted: points come again
+            found = found[:, :, torch.arange(count, device=found.device) % found.shape[2]]
+        return found
+
+
+def rotations(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Random rotations, all equally likely: (count, 3, 3), from normally distributed quaternions."""
+    w, x, y, z = (q := rng.normal(size=(4, count))) / np.linalg.norm(q, axis=0)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    ).transpose(2, 0, 1)

@@ -1,0 +1,120 @@
+"""The surface that EC-Net learns from: triangles, and the segments of sharp edges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..losses.nearest_surface import to_all_segments, to_all_triangles
+from .pairs import Patches
+
+if TYPE_CHECKING:
+    from bench import Shape
+
+FAR = 1e3  # where the ends of a segment are that stands for none
+THIN = 1e-6  # smallest height of a triangle that counts, relative to its longest side
+
+
+class Edged(NamedTuple):
+    """A surface as arrays."""
+
+    triangles: np.ndarray
+    """(t, 3, 3) float32 array: corners"""
+    segments: np.ndarray
+    """(s, 2, 3) float32 array: ends; s may be 0"""
+
+
+def edged(shape: Shape, faces: int, angle: float) -> Edged:
+    """The triangles of a shape's mesh, and its edges between faces whose normals differ by more than ``angle`` degrees.
+
+    Only shapes whose mesh is exact have sharp edges: on others, an angle tells how coarse the mesh is. A mesh of more
+    than ``faces`` faces is simplified to so many (Garland and Heckbert 1997): a patch looks at few triangles. Edges
+    are those of the mesh itself.
+
+    Raises
+    ------
+    ValueError
+        If all triangles are thinner than a millionth of their sides.
+    """
+    mesh = shape.mesh
+    segments = np.empty((0, 2, 3), dtype=np.float32)
+    if shape.exactness == "polyhedron":
+        sharp = mesh.face_adjacency_angles > np.radians(angle)
+        segments = mesh.vertices[mesh.face_adjacency_edges[sharp]].astype(np.float32)
+    corners = np.asarray(mesh.triangles, dtype=np.float64)
+    if len(corners) > faces:
+        corners = _simplified(mesh.vertices, mesh.faces, faces)
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    corners = corners[doubled > THIN * sides**2]
+    if not len(corners):
+        raise ValueError(f"{shape.id}: none of the triangles has an area")
+    return Edged(corners.astype(np.float32), segments)
+
+
+def _simplified(vertices: np.ndarray, faces: np.ndarray, count: int) -> np.ndarray:
+    from open3d.geometry import TriangleMesh
+    from open3d.utility import Vector3dVector, Vector3iVector
+
+    mesh = TriangleMesh(Vector3dVector(vertices), Vector3iVector(faces)).simplify_quadric_decimation(count)
+    return np.asarray(mesh.vertices)[np.asarray(mesh.triangles)]
+
+
+def pack_edged(surfaces: Iterable[Edged]) -> dict[str, np.ndarray]:
+    """Surfaces one after the other: ``triangles`` and ``segments``, and how many each of the surfaces has."""
+    surfaces = list(surfaces)
+    return {
+        "triangles": np.concatenate([surface.triangles for surface in surfaces]),
+        "triangle_counts": np.array([len(surface.triangles) for surface in surfaces], dtype=np.int64),
+        "segments": np.concatenate([surface.segments for surface in surfaces]),
+        "segment_counts": np.array([len(surface.segments) for surface in surfaces], dtype=np.int64),
+    }
+
+
+class EdgedSurfaces:
+    """What :func:`pack_edged` made, on a device.
+
+    Parameters
+    ----------
+    examples : mapping
+        With ``shapes`` beside, the number of the surface of each pyramid.
+    device : str
+    """
+
+    def __init__(self, examples: Mapping[str, np.ndarray], device: str):
+        self._parts = []
+        for name, counts in (("triangles", "triangle_counts"), ("segments", "segment_counts")):
+            # (3, k, corners), as everywhere: components first
+            arrays = torch.from_numpy(np.array(examples[name])).to(device).permute(2, 0, 1)
+            self._parts.append(arrays.split(examples[counts].tolist(), dim=1))
+        numbers = {int(shape): number for number, shape in enumerate(np.unique(examples["shapes"]))}
+        self._of_pyramid = [numbers[int(shape)] for shape in examples["shapes"]]
+
+    def around(self, patches: Patches, triangles: int, segments: int) -> tuple[Tensor, Tensor]:
+        """The triangles and segments nearest the seeds of patches, in the frames of the patches.
+
+        Where a surface has fewer, triangles come again, and segments stand far away.
+
+        Returns
+        -------
+        (3, b, triangles, 3) tensor, (3, b, segments, 2) tensor
+        """
+        found: tuple[list[Tensor], list[Tensor]] = ([], [])
+        for number, pyramid in enumerate(patches.pyramids.tolist()):
+            seed = patches.seeds[:, number : number + 1]
+            corners, ends = (part[self._of_pyramid[pyramid]][:, None] for part in self._parts)
+            near = to_all_triangles(seed, corners)[0, :, 0].argsort(stable=True)[:triangles]
+            near = near[torch.arange(triangles, device=near.device) % len(near)]
+            found[0].append(corners[:, :, near])
+            near = to_all_segments(seed, ends)[0, :, 0].argsort(stable=True)[:segments]
+            none = ends.new_full((3, 1, segments - len(near), 2), FAR)
+            found[1].append(torch.cat([ends[:, :, near], none], dim=2))
+        return _moved(patches, torch.cat(found[0], 1)), _moved(patches, torch.cat(found[1], 1))
+
+
+def _moved(patches: Patches, corners: Tensor) -> Tensor:
+    return patches.move(corners.flatten(2)).reshape(corners.shape)

@@ -1,0 +1,183 @@
+"""The training of a learned distance: queries near clouds, and how far the surface is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from bench import Run
+
+from ...learned.training.resumable import step_generator, train
+from ...learned.training.schedules import late_decay
+from ..networks.distance_network import DistanceNetwork
+from .clouds import Clouds, rotations
+from .pu_training import VALIDATED, VALIDATIONS
+
+if TYPE_CHECKING:
+    from bench import TrainingData
+
+NEIGHBOURS = 8  # of a point; queries lie on the way to one of them
+PER_POINT = 4  # queries made for each point of a cloud
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the network is trained; the fields are those of the method."""
+
+    points: int
+    noise: float
+    steps: int
+    batch: int
+    learning_rate: float
+    decay: float
+
+
+def clouds_of(
+    data: TrainingData, run: Run, bases: tuple[int, ...], scans: tuple[str, ...]
+) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
+    """The number of each case, a cloud (m, 3), queries (4 m, 3) near it, and what is exact of them.
+
+    That is (4 m, 4): the distance to the surface, positive outside, and the normal at the closest point.
+
+    Parameters
+    ----------
+    data : TrainingData
+    run : Run
+        Its progress is told.
+    bases : tuple of int
+        Points of the clouds, evenly spread on the exact surface; 0 for the cloud of the sensor.
+    scans : tuple of str
+        Instead of them, sensors that give the clouds.
+    """
+    from bench import generator
+    from bench.geometry.poisson_disk import sample_poisson_disk
+
+    for number, case in enumerate(data.cases):
+        for which in scans or bases:
+            rng = generator(data.seed, case.id, str(which))
+            if scans:
+                cloud = data.sense(case, which, rng).points
+            else:
+                cloud = sample_poisson_disk(case.reference, which, rng)[0] if which else case.input["cloud"].points
+            queries = queries_near(cloud, rng)
+            closest, normals = case.reference.surface.closest(queries)
+            offsets = queries - closest
+            side = np.where((offsets * normals).sum(axis=1) < 0, -1.0, 1.0)
+            yield number, cloud, queries, np.column_stack([side * np.linalg.norm(offsets, axis=1), normals])
+        run.progress(number + 1, data.count)
+
+
+def queries_near(cloud: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Points (4 m, 3) between neighbours of a cloud (m, 3), and off them by up to about a spacing."""
+    from scipy.spatial import cKDTree
+
+    k = min(NEIGHBOURS + 1, len(cloud))
+    distance, index = cKDTree(cloud).query(cloud, np.arange(1, k + 1))
+    of = np.repeat(np.arange(len(cloud)), PER_POINT)
+    other = index[of, rng.integers(k, size=len(of))]
+    # Half of them as near as what the descent ends with, half as far as what it begins with.
+    spread = distance[of, : 1 + NEIGHBOURS // 2].mean(axis=1) * rng.choice([0.1, 0.5], len(of))
+    place = cloud[of] + rng.random((len(of), 1)) * (cloud[other] - cloud[of])
+    return place + spread[:, None] * rng.standard_normal((len(of), 3))
+
+
+class Batch(NamedTuple):
+    """Patches of clouds, and queries in them."""
+
+    points: Tensor
+    """(3, b, n) tensor"""
+    queries: Tensor
+    """(3, b, q) tensor"""
+    distances: Tensor
+    """(b, q) tensor: those of the queries to the surface, positive outside"""
+    normals: Tensor
+    """(3, b, q) tensor: outward, at the points closest to the queries"""
+
+
+class Queries(Clouds):
+    """Clouds and queries as :func:`.clouds.pack` packs pairs of them, and ``truths`` of the queries beside."""
+
+    def __init__(self, examples: Mapping[str, np.ndarray], points: int, device: str, held_out: bool = False):
+        super().__init__(examples, lambda count: min(points, count), device, held_out)
+        counts = examples["counts"][:, 1]
+        self._truths = torch.from_numpy(np.array(examples["truths"])).to(device).split(counts.tolist())
+
+    def draw(self, count: int, rng: np.random.Generator, noise: float) -> Batch:
+        """Patches around random points, with as many queries, which lie in the half nearest the middle."""
+        weights = np.array([len(group) for group in self._groups])
+        group = int(rng.choice(len(weights), p=weights / weights.sum()))
+        size = self.sizes[group]
+        points, queries, truths = [], [], []
+        for pyramid in rng.choice(self._groups[group], count):
+            cloud, places = self._cloud(pyramid, 0), self._cloud(pyramid, 1)
+            seed = cloud[:, :, int(rng.integers(cloud.shape[2])), None]
+            points.append(self._around(seed, cloud, size))
+            inner = (places - seed).square().sum(0)[0].argsort(stable=True)[: PER_POINT * size // 2]
+            some = inner[torch.from_numpy(rng.choice(len(inner), size, replace=False)).to(inner.device)]
+            queries.append(places[:, :, some])
+            truths.append(self._truths[pyramid][some])
+        turn = rotations(count, rng)
+        jitter = np.clip(rng.normal(size=(3, count, size)), -3, 3) * noise
+
+        def moved(parts: list[Tensor], by: np.ndarray | float = 0.0) -> Tensor:
+            x = torch.cat(parts, dim=1)
+            x = x + torch.as_tensor(by, dtype=x.dtype, device=x.device)
+            return torch.einsum("bij,jbn->ibn", torch.from_numpy(turn).to(x), x).contiguous()
+
+        exact = torch.stack(truths)
+        normals = moved([exact[..., 1:].permute(2, 0, 1)])
+        return Batch(moved(points, jitter), moved(queries), exact[..., 0], normals)
+
+
+class Training:
+    """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
+
+    Parameters
+    ----------
+    network : DistanceNetwork
+    examples : mapping
+        What :func:`.clouds.pack` made of clouds and queries, and ``truths``.
+    plan : Plan
+    run : Run
+    """
+
+    def __init__(self, network: DistanceNetwork, examples: Mapping[str, np.ndarray], plan: Plan, run: Run):
+        self.network, self.plan, self.seed = network, plan, run.seed
+        self.clouds = Queries(examples, plan.points, run.device)
+        self.held_out = Queries(examples, plan.points, run.device, held_out=True)
+        self.optimizer = torch.optim.Adam(network.parameters(), lr=plan.learning_rate)
+
+    def weights(self, run: Run) -> dict[str, np.ndarray]:
+        """Train, and return the weights."""
+        steps = self.plan.steps
+        every = max(50, steps // VALIDATIONS)
+        arguments = {"steps": steps, "optimizer": self.optimizer, "every": every}
+        return train(self.network, self.loss, run, prepare=self.prepare, validate=self.validate, **arguments)
+
+    def prepare(self, step: int) -> None:
+        """Set the learning rate."""
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.plan.learning_rate * late_decay(step / self.plan.steps, final=self.plan.decay)
+
+    def loss(self, step: int) -> Tensor:
+        """The mean error of the distance at queries, in spacings of the clouds."""
+        rng = step_generator(self.seed, step)
+        return self._error(self.clouds.draw(self.plan.batch, rng, self.plan.noise))
+
+    @torch.no_grad()
+    def validate(self) -> float:
+        """The same of held-out patches."""
+        rng = step_generator(self.seed, 0, "validation")
+        return float(self._error(self.held_out.draw(VALIDATED, rng, self.plan.noise)))
+
+    def _error(self, batch: Batch) -> Tensor:
+        local = self.network.encode(batch.points)
+        distances, normals = self.network(batch.queries, local)
+        side = torch.where((normals * batch.normals).sum(0) < 0, -1.0, 1.0)
+        error = (distances - side * batch.distances).abs()
+        return (error / local.units.mean(1, keepdim=True)).mean()

@@ -1,0 +1,170 @@
+"""Pairs of clouds of one shape, the second of four times as many points, and patches of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from .clouds import Clouds, rotations
+
+if TYPE_CHECKING:
+    from bench import Case, Run, TrainingData
+
+RATIO = 4
+
+
+def pairs_of(
+    data: TrainingData, run: Run, bases: tuple[int, ...], scans: tuple[str, ...]
+) -> Iterator[tuple[Case, list[list[np.ndarray]]]]:
+    """Each case, with its pairs of clouds.
+
+    Parameters
+    ----------
+    data : TrainingData
+    run : Run
+        Its progress is told.
+    bases : tuple of int
+        Points of the inputs, evenly spread on the exact surface, as the truths are; 0 for the cloud of the sensor.
+    scans : tuple of str
+        Instead of them, sensors that give four times as many points each: the truth of one is the input of the next.
+    """
+    from bench import generator
+    from bench.geometry.poisson_disk import sample_poisson_disk
+
+    for number, case in enumerate(data.cases):
+        if scans:
+            # The same generator for all densities: a scanner then looks from the same place.
+            clouds = [data.sense(case, scan, generator(data.seed, case.id)).points for scan in scans]
+            yield case, [[sparse, dense] for sparse, dense in zip(clouds[:-1], clouds[1:], strict=True)]
+        else:
+            sensed = case.input["cloud"].points
+            counts = {base or len(sensed) for base in bases}
+            even = {
+                count: sample_poisson_disk(case.reference, count, generator(data.seed, case.id, f"{count} points"))[0]
+                for count in sorted({base for base in bases if base} | {RATIO * count for count in counts})
+            }
+            yield case, [[even[base] if base else sensed, even[RATIO * (base or len(sensed))]] for base in bases]
+        run.progress(number + 1, data.count)
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """How a patch is changed before the network sees it; a rotation, all of them equally likely, comes always."""
+
+    noise: float = 0.0  # deviation of the input's points, in the unit of the clouds; cut off at three of it
+    jitter: float = 0.0  # the same in radii of the patch, cut off at two of it
+    scale: float = 0.0  # patches are scaled by a factor from 1 - scale to 1 + scale
+    shift: float = 0.0  # and moved by up to this along each axis
+    subset: bool = False  # the input is an uneven random part of the truth, as PU-Net was trained
+
+
+class Patches(NamedTuple):
+    """A batch of pairs of patches, in frames of their own."""
+
+    inputs: Tensor
+    """(3, b, n) tensor, nearest the seed first: centroid at 0 and farthest point at 1 before scaling and jitter"""
+    truths: Tensor
+    """(3, b, 4 n) tensor, in the same frames"""
+    scales: Tensor
+    """(b,) tensor: the factors of the augmentation"""
+    seeds: Tensor
+    """(3, b, 1) tensor: the points around which the patches were cut, in the unit of the clouds"""
+    pyramids: np.ndarray
+    """(b,) int array: which pair of clouds"""
+    frame: tuple[Tensor, Tensor, Tensor]
+    """(b, 3, 3) rotations, (3, b, 1) centres, (b, 1) factors, and shifts: see :meth:`move`"""
+    shifts: Tensor
+    """(3, b, 1) tensor"""
+
+    def move(self, points: Tensor) -> Tensor:
+        """Points (3, b, m) of the clouds, in the frames of the patches."""
+        turn, centre, factor = self.frame
+        return torch.einsum("bij,jbn->ibn", turn, (points - centre) * factor) + self.shifts
+
+
+class Pairs(Clouds):
+    """Patches of pairs of clouds that :func:`.clouds.pack` packed; see there for the parameters."""
+
+    def draw(self, count: int, rng: np.random.Generator, how: Augmentation) -> Patches:
+        """Patches around random points of random shapes; all of one size.
+
+        Parameters
+        ----------
+        count : int
+        rng : numpy Generator
+        how : Augmentation
+        """
+        weights = np.array([len(group) for group in self._groups])
+        group = int(rng.choice(len(weights), p=weights / weights.sum()))
+        size = self.sizes[group]
+        pyramids = rng.choice(self._groups[group], count)
+        inputs, truths, seeds = [], [], []
+        for pyramid in pyramids:
+            cloud = self._cloud(pyramid, 0)
+            seed = cloud[:, :, int(rng.integers(cloud.shape[2])), None]
+            truth = self._sorted_around(seed, self._cloud(pyramid, 1), RATIO * size)
+            if how.subset:
+                part = torch.from_numpy(uneven(RATIO * size, size, rng)).to(truth.device)
+                inputs.append(self._sorted_around(seed, truth[:, :, part], size))
+            else:
+                inputs.append(self._sorted_around(seed, cloud, size))
+            truths.append(truth)
+            seeds.append(seed)
+        return _framed(torch.cat(inputs, 1), torch.cat(truths, 1), torch.cat(seeds, 1), pyramids, rng, how)
+
+    def _sorted_around(self, seed: Tensor, cloud: Tensor, count: int) -> Tensor:
+        found = self._around(seed, cloud, count)
+        order = (found - seed).square().sum(0)[0].argsort(stable=True)
+        return found[:, :, order]
+
+
+def _framed(
+    inputs: Tensor, truths: Tensor, seeds: Tensor, pyramids: np.ndarray, rng: np.random.Generator, how: Augmentation
+) -> Patches:
+    count = len(pyramids)
+
+    def normal(cut: float) -> Tensor:
+        return _tensor(np.clip(rng.normal(size=tuple(inputs.shape)), -cut, cut), inputs)
+
+    if how.noise:
+        inputs = inputs + normal(3.0) * how.noise
+    centre = inputs.mean(2, keepdim=True)
+    radius = (inputs - centre).square().sum(0).amax(1).clamp_min(1e-12).sqrt()[:, None]
+    scale = _tensor(rng.uniform(1 - how.scale, 1 + how.scale, count), inputs)
+    shift = _tensor(rng.uniform(-how.shift, how.shift, (3, count, 1)), inputs)
+    frame = (_tensor(rotations(count, rng), inputs), centre, scale[:, None] / radius)
+    patches = Patches(inputs, truths, scale, seeds, pyramids, frame, shift)
+    inputs = patches.move(inputs)
+    if how.jitter:
+        some = _tensor(rng.random((count, 1)) < 0.5, inputs)
+        inputs = inputs + normal(2.0) * how.jitter * some
+    return patches._replace(inputs=inputs.contiguous(), truths=patches.move(truths).contiguous())
+
+
+def uneven(total: int, count: int, rng: np.random.Generator) -> np.ndarray:
+    """``count`` different ones of 0 to ``total - 1``, dense around a random place: (count,) int array.
+
+    As released with PU-Net: places are normally distributed with deviation 0.3 of the length around one that is
+    uniform from 0.1 to 0.9. In an order that begins at the seed of a patch, this thins the middle or the border.
+    """
+    centre = rng.uniform(0.1, 0.9)
+    weight = np.exp(-0.5 * ((np.arange(total) / total - centre) / 0.3) ** 2)
+    return np.sort(rng.choice(total, count, replace=False, p=weight / weight.sum()))
+
+
+def _tensor(array: np.ndarray, like: Tensor) -> Tensor:
+    return torch.from_numpy(np.asarray(array, dtype=np.float32)).to(like)
+
+
+def held_out(examples: Mapping[str, np.ndarray], points: int, device: str) -> tuple[Pairs, Pairs]:
+    """The pairs to learn from, and those of the shapes that are held out; patches of at most ``points`` points."""
+
+    def size(count: int) -> int:
+        return min(points, count)
+
+    return Pairs(examples, size, device), Pairs(examples, size, device, held_out=True)

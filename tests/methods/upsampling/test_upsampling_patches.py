@@ -1,0 +1,70 @@
+"""Patches: cut, normalised, and a whole cloud upsampled by them."""
+
+import numpy as np
+import pytest
+
+from bench.methods.upsampling.patches.cut import cut, normalise, seed_count
+from bench.methods.upsampling.patches.progressive import patch_size, strays, thin
+from bench.methods.upsampling.patches.whole import in_patches
+
+RNG = np.random.default_rng(1)
+POINTS = RNG.normal(size=(300, 3))
+
+
+def test_a_patch_has_the_nearest_points_of_its_seed_nearest_first():
+    found = cut(POINTS, np.array([4, 20]), 30)
+    for seed, patch in zip((4, 20), found, strict=True):
+        order = np.linalg.norm(POINTS - POINTS[seed], axis=1).argsort()
+        np.testing.assert_array_equal(patch, order[:30])
+
+
+def test_normalised_patches_are_centred_in_the_unit_ball_and_come_back():
+    patches = POINTS.reshape(3, 100, 3) * 7 + 40
+    normalised = normalise(patches)
+    np.testing.assert_allclose(normalised.points.mean(axis=1), 0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(normalised.points, axis=2).max(axis=1), 1)
+    np.testing.assert_allclose(normalised.restore(normalised.points), patches)
+
+
+def test_a_patch_of_one_point_many_times_is_not_scaled():
+    normalised = normalise(np.full((1, 5, 3), 0.1))
+    assert normalised.radii.item() == 1 and np.abs(normalised.points).max() < 1e-15
+
+
+@pytest.mark.parametrize(("points", "size", "seeds"), [(5000, 312, 48), (625, 156, 12), (20, 20, 3), (600, 312, 5)])
+def test_three_patches_cover_a_point(points, size, seeds):
+    assert seed_count(points, size) == seeds
+
+
+def test_patches_have_at_least_as_many_points_as_the_cloud():
+    assert seed_count(600, 312, 1) == 2
+
+
+@pytest.mark.parametrize(("points", "size"), [(5000, 312), (625, 156), (100, 33), (10, 10)])
+def test_size_of_patches(points, size):
+    assert patch_size(points, 312, 32) == size
+
+
+@pytest.mark.parametrize("points", [1, 2, 20, 300])
+def test_a_cloud_in_patches_has_the_exact_count(points):
+    result = in_patches(POINTS[:points], 50, 3, lambda patches: patches.repeat(4, axis=1), 4 * points)
+    assert result.shape == (4 * points, 3)
+    assert {tuple(p) for p in np.round(result, 9)} <= {tuple(p) for p in np.round(POINTS, 9)}
+
+
+def test_the_order_of_the_input_makes_no_difference():
+    def near(patches):
+        return np.concatenate([patches, patches * 0.99], axis=1)
+
+    first = in_patches(POINTS, 50, 3, near, 600)
+    second = in_patches(POINTS[RNG.permutation(300)], 50, 3, near, 600)
+    np.testing.assert_array_equal(first, second)
+
+
+def test_strays_go_unless_nothing_else_is_left():
+    grid = np.stack(np.meshgrid(*[np.arange(12.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
+    cloud = np.concatenate([grid, [[6.0, 6.0, 9.0]]])
+    np.testing.assert_array_equal(np.flatnonzero(strays(cloud)), [144])
+    dense = np.concatenate([cloud, grid + 0.01])
+    assert thin(dense, 140)[:, 2].max() < 1
+    assert thin(dense[:1], 5).shape == (5, 3)

@@ -1,0 +1,100 @@
+"""What the tests of the learned upsamplers share: two toy shapes, and methods that learn in seconds."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import trimesh
+
+from bench import Case, PointCloud, Run, Shape, TrainingData
+
+BOX = trimesh.creation.box((1.1, 1.0, 0.9))
+BALL = trimesh.creation.icosphere(3)
+
+
+def shape(mesh: trimesh.Trimesh, exactness: str = "polyhedron") -> Shape:
+    return Shape("toy", mesh, exactness=exactness)
+
+
+def toy_case(name: str, mesh: trimesh.Trimesh, count: int) -> Case:
+    points = mesh.sample(count, seed=len(name))
+    return Case(name, {"cloud": PointCloud(np.asarray(points))}, shape(mesh))
+
+
+def toy_data(count: int = 60) -> TrainingData:
+    """A box and a ball, with uniform clouds."""
+    cases = [toy_case("box", BOX, count), toy_case("ball", BALL, count)]
+
+    def recipes():
+        return iter([SimpleNamespace(build=lambda case=case: case) for case in cases])
+
+    return TrainingData(recipes=recipes, sensor=lambda item: None, count=len(cases))
+
+
+class Logged(Run):
+    """A run that keeps its log."""
+
+    def log(self, step, **numbers):
+        self.lines = [*getattr(self, "lines", []), (step, numbers)]
+
+    def losses(self):
+        return [numbers["loss"] for _, numbers in self.lines if "loss" in numbers]
+
+
+class Killed(Exception):
+    """Somebody stopped the training."""
+
+
+class Dying(Logged):
+    """A run that stores each checkpoint, and is killed at one of them."""
+
+    def __init__(self, at: int, **more):
+        super().__init__(**more)
+        self.at, self.stored, self.count = at, None, 0
+
+    def checkpoint(self, make):
+        self.stored, self.count = make(), self.count + 1
+        if self.count == self.at:
+            raise Killed
+
+
+class Resumed(Logged):
+    """A run that goes on from a checkpoint."""
+
+    def __init__(self, arrays, **more):
+        super().__init__(**more)
+        self.resumed = arrays
+
+
+def killed_and_resumed(method, examples, at: int):
+    """The weights of a training that was killed after ``at`` steps and went on."""
+    run = Dying(at, seed=3)
+    try:
+        method.fit(examples, run)
+    except Killed:
+        return method.fit(examples, Resumed(run.stored, seed=3))
+    raise AssertionError("the training ended before it was killed")
+
+
+def upsampled(method, weights, points, ratio):
+    run = Run(seed=0)
+    run.weights = weights
+    output = method.upsample(PointCloud(points), ratio, run).points
+    assert run.parameters
+    return output
+
+
+def tiny_clouds():
+    rng = np.random.default_rng(5)
+    ball = rng.normal(size=(40, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    return {
+        "two points": ball[:2],
+        "three points": ball[:3],
+        "seven points": ball[:7],
+        "fewer than a patch": ball[:20],
+        "two places": np.repeat(ball[:2], 15, axis=0),
+        "each point twice": np.repeat(ball[:20], 2, axis=0),
+        "on a line": np.linspace(0, 1, 25)[:, None] * [1.0, 2.0, 3.0],
+    }
