@@ -7,7 +7,8 @@
 (with pyvista, from the extra `render`)
 
 takes the files that `outputs=first` or `outputs=all` kept. Colour is the distance to the reference, in its radii. A
-method with several sets of parameters has a column for each.
+method with several sets of parameters has a column for each. `--surfaces` shows, of clouds, the screened Poisson
+surface that they give with normals estimated of 25 neighbours, as figures 3.7 to 3.9 of the thesis do.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ import numpy as np
 import pandas as pd
 import pyvista
 
+from bench import PointCloud, Run
 from bench.geometry.io.files import load_cloud, load_mesh
 from bench.geometry.mesh_surface import MeshSurface
+from bench.geometry.normals import oriented_normals
 from bench.plugins.registry import registry
 from bench.results.store import Results
 
@@ -32,11 +35,18 @@ def distances(points: np.ndarray, reference) -> np.ndarray:
     return np.linalg.norm(points - closest, axis=1)
 
 
-def draw(plotter: pyvista.Plotter, path: Path, is_mesh: bool, reference, title: str, limit: float) -> None:
-    """One output in the current cell of the picture."""
+def surface_of(path: Path):
+    """The screened Poisson surface (depth 9) of a cloud, with normals estimated of 25 neighbours."""
+    points = load_cloud(path).points
+    cloud = PointCloud(points, oriented_normals(points, 25))
+    return registry().find("method", "poisson").cls(depth=9).reconstruct(cloud, run=Run())
+
+
+def draw(plotter: pyvista.Plotter, path: Path, kind: str, reference, title: str, limit: float) -> None:
+    """One output, of a kind ``mesh``, ``cloud`` or ``surface`` (of a cloud), in the current cell of the picture."""
     plotter.add_text(title, font_size=7, color="black")
-    if is_mesh:
-        mesh = load_mesh(path)
+    if kind != "cloud":
+        mesh = load_mesh(path) if kind == "mesh" else surface_of(path)
         shape = pyvista.make_tri_mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
         values = distances(mesh.vertices, reference)
         style = {"smooth_shading": False}
@@ -70,6 +80,7 @@ def main() -> None:
     parser.add_argument("--dataset", default="", help="one, or several with commas")
     parser.add_argument("--method", default="", help="one, or several with commas")
     parser.add_argument("--case", default="", help="parts of the names of cases, with commas")
+    parser.add_argument("--surfaces", action="store_true", help="of clouds: show the surfaces that they give")
     parser.add_argument("--limit", type=float, default=0.015, help="distance at the end of the colour scale")
     args = parser.parse_args()
     results = Results(args.results)
@@ -92,7 +103,8 @@ def main() -> None:
     rows = rows.assign(label=labels(rows))
     cases = sorted({(d, c) for d, c in zip(rows["dataset"], rows["case"], strict=True)})
     columns = sorted(rows["label"].unique())
-    is_mesh = registry().find("task", tasks[0]).cls.output == "mesh"
+    kind = registry().find("task", tasks[0]).cls.output
+    kind = "surface" if kind == "cloud" and args.surfaces else kind
     plotter = pyvista.Plotter(
         off_screen=True, shape=(len(cases), 1 + len(columns)), window_size=(260 * (1 + len(columns)), 260 * len(cases))
     )
@@ -104,11 +116,11 @@ def main() -> None:
             parser.error(f"{results.folder}: the reference of {case} is not below outputs/references")
         reference = load_mesh(path)
         plotter.subplot(i, 0)
-        draw(plotter, path, True, reference, case, args.limit)
+        draw(plotter, path, "mesh", reference, case, args.limit)
         for j, name in enumerate(columns, 1):
             plotter.subplot(i, j)
             if name in here:
-                draw(plotter, here[[name]].iloc[0], is_mesh, reference, name, args.limit)
+                draw(plotter, here[[name]].iloc[0], kind, reference, name, args.limit)
             else:
                 plotter.add_text(f"{name}: nothing", font_size=7, color="black")
     plotter.background_color = "white"

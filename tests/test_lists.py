@@ -14,7 +14,7 @@ PAGES = {
     "task": ("write-a-plugin.md",),
     "dataset": ("datasets.md",),
     "sensor": ("sensors.md",),
-    "method": ("which-method.md", "implicit.md", "metrics.md"),  # pseudo-methods bound the scores of metrics
+    "method": ("which-method.md", "implicit.md", "upsampling.md", "metrics.md"),  # pseudo-methods bound the scores of metrics
     "metric": ("metrics.md",),
 }
 

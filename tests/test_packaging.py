@@ -181,6 +181,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
             "earlier_sources.json",
             "py.typed",
             "spheres/*.safetensors",
+            "weights/*.safetensors",
         )
         for file in (ROOT / top).rglob(pattern)
     }

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import UsageError
+from ..errors import BadInput, UsageError
 from ..plan.cell import Settings
 from ..plan.limits import Limits
 from ..plan.training import SHIPPED, TRAINED, Training
@@ -129,7 +129,15 @@ def known_weights(results: Results, training: Training) -> Weights | None:
     if training.weights != TRAINED:
         return Weights.of(Path(training.path).expanduser(), training.weights)
     path = folder_of(results, training) / WEIGHTS
-    return Weights.of(path, training.weights) if path.is_file() else None
+    if not path.is_file():
+        return None
+    try:
+        return Weights.of(path, training.weights)
+    except BadInput as error:  # damaged: it is trained again, as a damaged record is computed again
+        with contextlib.suppress(OSError):
+            path.replace(path.with_suffix(".damaged"))
+        results.damaged.append(f"{error}; set aside, it will be trained again")
+        return None
 
 
 def weights_for(

@@ -114,11 +114,15 @@ def facts_of(path: str | Path) -> dict[str, Any]:
 def _facts(path: str, mtime_ns: int, size: int) -> Mapping[str, Any]:
     try:
         with open(path, "rb") as file:
-            metadata = _header(file, path).get("__metadata__") or {}
+            header = _header(file, path)
+            ends = [about["data_offsets"][1] for name, about in header.items() if name != "__metadata__"]
+            if file.tell() + max(ends, default=0) != size:
+                raise BadInput(f"{path}: is cut off, or longer than its header says; {EXPECTED}")
+            metadata = header.get("__metadata__") or {}
         return {key: json.loads(value) for key, value in metadata.items() if key in FACTS}
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror}); {EXPECTED}") from error
-    except (ValueError, AttributeError, TypeError) as error:
+    except (ValueError, AttributeError, TypeError, KeyError, IndexError) as error:
         raise BadInput(f"{path}: its header is damaged ({error}); {EXPECTED}") from error
 
 

@@ -310,6 +310,19 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
             facts_of(path)
 
 
+def test_damaged_weights_are_trained_again(shell):
+    assert train(shell).returncode == 0
+    (path,) = weights_in(shell)
+    expected, whole = load(path), path.read_bytes()
+    for damaged in (whole[:-3], whole[:50], b"", whole + b"more"):
+        path.write_bytes(damaged)
+        with pytest.raises(BadInput):
+            facts_of(path)
+    assert train(shell).returncode == 0
+    assert (load(path)["shift"] == expected["shift"]).all() and path.with_suffix(".damaged").exists()
+    assert logged(shell) == ["examples", "fit", "fit"]
+
+
 def test_weights_survive_a_file_also_as_halves(tmp_path):
     rng = np.random.default_rng(0)
     arrays = {"a": rng.normal(size=(3, 4)).astype(np.float32), "n": np.int64(7), "x": np.float32(0.1)}

@@ -1,0 +1,64 @@
+"""The weights that come with the upsamplers: what their headers say, and that they are worth their bytes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench import Case, PointCloud, Run, generator
+from bench.datasets.bumps import Bumps
+from bench.geometry.poisson_disk import sample_poisson_disk
+from bench.metrics.even_distances import EvenDistances
+from bench.plugins.registry import registry
+from bench.plugins.schema import parameters
+from bench.plugins.weights import FACTS, facts_of, load, shipped
+
+METHODS = Path(__file__).resolve().parents[3] / "methods"
+FILES = sorted(METHODS.glob("*/weights/*.safetensors"))
+LEARNED = ("mpu", "pu_net", "ec_net", "grad_pu")
+
+
+def plugin_and_values(name):
+    plugin = registry().find("method", name)
+    return plugin, parameters(plugin, plugin.cls())
+
+
+def test_all_together_are_small():
+    assert FILES and sum(file.stat().st_size for file in FILES) < 15e6
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_a_header_says_all_of_the_training(file):
+    facts = facts_of(file)
+    assert set(facts) >= set(FACTS) - {"examples"}
+    assert facts["cases"] == len(facts["shapes"]) > 8 and facts["dataset"] == "detailed"
+    assert facts["steps"] > 0 and facts["cpu_seconds"] > 60 and len(facts["curve"]) > 5
+    plugin, _ = plugin_and_values(facts["method"])
+    assert set(facts["parameters"]) <= set(plugin.cls.trained_by)
+    assert all(array.dtype in (np.float32, np.int64) and np.isfinite(array).all() for array in load(file).values())
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_the_defaults_have_weights(name):
+    assert shipped(*plugin_and_values(name)) in FILES
+
+
+@pytest.fixture(scope="module")
+def sparse():
+    """A test shape, which no training saw, as 625 points with noise of 0.25 %."""
+    shape, frame = next(iter(Bumps().shapes("test"))).framed()
+    rng = generator("shipped")
+    points = sample_poisson_disk(shape, 625, rng)[0] + rng.normal(scale=0.0025, size=(625, 3))
+    return Case("bumps", {"cloud": PointCloud(points), "ratio": 4}, shape, frame)
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_they_are_nearer_to_the_truth_than_points_at_random(name, sparse):
+    """Four times as many points: better than noise of the spacing, which is what untrained networks make of them."""
+    plugin, values = plugin_and_values(name)
+    run = Run(weights=load(shipped(plugin, values)), threads=1)
+    output = plugin.cls().upsample(**sparse.input, run=run)
+    assert len(output) == 2500
+    scores = EvenDistances().score(output, sparse)
+    twice = PointCloud(np.repeat(sparse.input["cloud"].points, 4, axis=0))
+    assert scores["even_chamfer_l2_sum"] < 0.6 * EvenDistances().score(twice, sparse)["even_chamfer_l2_sum"]
