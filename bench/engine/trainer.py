@@ -5,8 +5,8 @@ What fits, and keeps logs and checkpoints, is :class:`bench.engine.fitting.Fit`.
 
 from __future__ import annotations
 
+import contextlib
 import functools
-import hashlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from ..contract.run import Run
 from ..contract.training import TrainingData, content_digest
 from ..errors import BadInput, UsageError
 from ..plan.training import Training, named
-from ..plugins.weights import as_bytes, facts_of
+from ..plugins.weights import as_bytes, content, facts_of
 from ..results.files import write_atomically
 from .channel import Channel, plain
 from .fitting import Fit, load_examples
@@ -49,13 +49,15 @@ def _examples(
     training: Training, asked: Mapping[str, Any], spec: Mapping[str, Any], channel: Channel
 ) -> tuple[Mapping[str, np.ndarray], dict[str, Any]]:
     """What the method makes of the training data, from the file where it is known; and what is known of it."""
-    given = asked["from_examples"]
-    path = Path(given or asked["examples"])
-    if given or path.is_file():
-        facts = facts_of(path)
+    if given := asked["from_examples"]:
+        examples, facts = _known(Path(given))
         if facts.get("method") != training.method.name:
-            raise BadInput(f"{path}: expected examples for {training.method.name}, got those of {facts.get('method')}")
-        return load_examples(path), facts
+            raise BadInput(f"{given}: expected examples for {training.method.name}, got those of {facts.get('method')}")
+        return examples, facts
+    path = Path(asked["examples"])
+    if path.is_file():
+        with contextlib.suppress(BadInput):  # damaged: they are made again
+            return _known(path)
     shapes: list[str] = []
 
     def see(case: Any) -> None:
@@ -79,10 +81,14 @@ def _examples(
         "shapes": shapes,
         "seed": training.seed,
     }
-    content = as_bytes(examples, facts)
-    facts["examples"] = hashlib.sha256(content).hexdigest()
-    write_atomically(path, content)
-    return examples, facts
+    write_atomically(path, as_bytes(examples, facts))
+    return _known(path)
+
+
+def _known(path: Path) -> tuple[Mapping[str, np.ndarray], dict[str, Any]]:
+    """The arrays of a file of examples, what its header says, and its hash."""
+    facts = facts_of(path)
+    return load_examples(path), {**facts, "examples": content(path)}
 
 
 def _data(training: Training, see: Callable[[Any], None]) -> TrainingData:

@@ -36,7 +36,7 @@ FACTS = {
     "threads": "of the processor",
     "curve": "[seconds, step, validation] in turn: the validation error while it was trained",
     "shapes": "digests of the shapes, by which one is known again in a test split",
-    "examples": "SHA-256 of what the method made of them",
+    "examples": "SHA-256 of what the method made of them, see content()",
     "detailbench": "the version",
     "commit": "of the checkout, with + where files were changed",
     "training": "the fingerprint of the training",

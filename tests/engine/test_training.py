@@ -265,6 +265,17 @@ def test_trainings_are_named_by_what_they_depend_on():
     assert preset.dataset.name == "mixture" and preset.sensor.parameters["count"] == 100
 
 
+def test_a_learned_step_of_a_chain_has_the_training_of_the_method_alone():
+    parts = choices()
+    alone = Training.of({}, parts)
+    steps = [{"toy_learner": {"scale": 0.5}}, "jet"]
+    chained = Training.of({}, parts | {"method": Choice.of("method", {"_name_": "chain", "steps": steps})})
+    assert chained.id == alone.id and weights_of(chained) == weights_of(alone)
+    twice = Choice.of("method", {"_name_": "chain", "steps": ["toy_learner", "toy_learner"]})
+    with pytest.raises(UsageError, match="2 learned steps"):
+        Training.of({}, parts | {"method": twice})
+
+
 def test_methods_that_do_not_learn_have_cells_as_before():
     parts = choices() | {"method": Choice.of("method", {"_name_": "jet"})}
     cell = Cell(**parts, metrics=(), training=Training.of({"seed": 3}, parts))
