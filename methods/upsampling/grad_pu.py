@@ -40,7 +40,7 @@ class GradPu:
     bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for those that the sensor gives
     scans: tuple[str, ...] = ()  # instead of bases, sensors of four times as many points each, the sparsest first
     noise: float = 0.0025  # of the inputs in training, relative to the radius of the shape
-    steps: int = 3000  # of training
+    steps: int = 2000  # of training; 0 for as many as its seconds allow
     batch: int = 8  # patches of a step (He et al.: 32)
     learning_rate: float = 1e-3  # of Adam
     decay: float = 0.05  # factor of the learning rate over the last fifth of training
@@ -79,7 +79,7 @@ class GradPu:
         network = self._network(torch.Generator().manual_seed(run.seed)).to(run.device)
         run.parameters = sum(parameter.numel() for parameter in network.parameters())
         own = {name: getattr(self, name) for name in Plan.__dataclass_fields__}
-        return Training(network, examples, Plan(**own), run).weights(run)
+        return Training(network, examples, Plan(**own), run).weights()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points; their order says nothing."""

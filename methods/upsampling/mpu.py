@@ -32,14 +32,14 @@ class Mpu:
     expansion: Literal["code", "pu_net"] = "code"  # how a point becomes two
     code: float = 0.2  # the two copies are marked by minus and plus this (thesis: 1)
     skip: float = 0.2  # weight of the features of the level before (thesis: 1); 0 for none
-    patch: int = 312  # points of a patch at most
+    patch: int = 156  # points of a patch at most (thesis: 312)
     share: float = 0.25  # of the cloud that a patch has at most (a part of neighbours + 1 points it always has)
     overlap: float = 3.0  # patches that a point is in, on average
     bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for the clouds that the sensor gives
     scans: tuple[str, ...] = ()  # instead of bases, levels + 1 sensors of doubling density, the sparsest first
     noise: float = 0.0025  # of the clouds in training (but not of the sensor's), relative to the radius of the shape
     scale: float = 0.2  # patches in training are scaled by up to this
-    steps: int = 2000  # of training (thesis: 120,300); 0 for as many as its seconds allow, with stages by the clock
+    steps: int = 5000  # of training (thesis: 120,300); 0 for as many as its seconds allow, with stages by the clock
     batch: int = 8  # patches of a step (thesis: 28)
     learning_rate: float = 2e-3  # of Adam (thesis: 5e-4, for a hundred times as many steps)
     decay: float = 0.1  # factor of the learning rate over the last fifth of training (thesis: 1)

@@ -37,7 +37,7 @@ class PuNet:
     scale: float = 0.1  # patches in training are scaled by up to this
     shift: float = 0.0  # and moved by up to this (thesis: 0.1)
     repulsion: float = 1.0  # weight of the loss that keeps points apart
-    steps: int = 3000  # of training
+    steps: int = 1600  # of training; 0 for as many as its seconds allow
     batch: int = 8  # patches of a step (thesis: 28)
     learning_rate: float = 1e-3  # of Adam
     decay: float = 0.05  # factor of the learning rate over the last fifth of training (thesis: 1)
@@ -74,7 +74,7 @@ class PuNet:
         network = self._network(torch.Generator().manual_seed(run.seed)).to(run.device)
         run.parameters = sum(parameter.numel() for parameter in network.parameters())
         own = {name: getattr(self, name) for name in Plan.__dataclass_fields__}
-        return Training(network, examples, Plan(**own), self._widening(), run).weights(run)
+        return Training(network, examples, Plan(**own), self._widening(), run).weights()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points, from the farthest on.

@@ -19,9 +19,9 @@ def check_training(method: Any, scans: int = 2) -> None:
     ValueError
         Naming the parameter and what is expected.
     """
-    for name in ("steps", "batch"):
-        if getattr(method, name) < 1:
-            raise ValueError(f"{name}: expected at least 1, got {getattr(method, name)}")
+    for name, least in (("steps", 0), ("batch", 1)):
+        if getattr(method, name) < least:
+            raise ValueError(f"{name}: expected at least {least}, got {getattr(method, name)}")
     if method.points < 8:
         raise ValueError(f"points: expected at least 8, got {method.points}")
     for name in ("learning_rate", "decay", "overlap", "tolerance"):

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from bench import Run
 
-from ...learned.training.resumable import step_generator, train
+from ...learned.training.resumable import progress, step_generator, train
 from ...learned.training.schedules import late_decay
 from ..networks.distance_network import DistanceNetwork
 from .clouds import Clouds, rotations
@@ -147,22 +147,23 @@ class Training:
     """
 
     def __init__(self, network: DistanceNetwork, examples: Mapping[str, np.ndarray], plan: Plan, run: Run):
-        self.network, self.plan, self.seed = network, plan, run.seed
+        self.network, self.plan, self.run, self.seed = network, plan, run, run.seed
         self.clouds = Queries(examples, plan.points, run.device)
         self.held_out = Queries(examples, plan.points, run.device, held_out=True)
         self.optimizer = torch.optim.Adam(network.parameters(), lr=plan.learning_rate)
 
-    def weights(self, run: Run) -> dict[str, np.ndarray]:
+    def weights(self) -> dict[str, np.ndarray]:
         """Train, and return the weights."""
         steps = self.plan.steps
-        every = max(50, steps // VALIDATIONS)
+        every = max(50, (steps or 2000) // VALIDATIONS)
         arguments = {"steps": steps, "optimizer": self.optimizer, "every": every}
-        return train(self.network, self.loss, run, prepare=self.prepare, validate=self.validate, **arguments)
+        return train(self.network, self.loss, self.run, prepare=self.prepare, validate=self.validate, **arguments)
 
     def prepare(self, step: int) -> None:
         """Set the learning rate."""
+        done = progress(self.run, step, self.plan.steps)
         for group in self.optimizer.param_groups:
-            group["lr"] = self.plan.learning_rate * late_decay(step / self.plan.steps, final=self.plan.decay)
+            group["lr"] = self.plan.learning_rate * late_decay(done, final=self.plan.decay)
 
     def loss(self, step: int) -> Tensor:
         """The mean error of the distance at queries, in spacings of the clouds."""

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from bench import Run
 
-from ...learned.training.resumable import step_generator, train
+from ...learned.training.resumable import progress, step_generator, train
 from ...learned.training.schedules import late_decay
 from ..losses.matching import earth_mover
 from ..losses.repulsion import repulsion
@@ -59,21 +59,22 @@ class Training:
     """
 
     def __init__(self, network: PuNetwork, examples: Mapping[str, np.ndarray], plan: Plan, widening: float, run: Run):
-        self.network, self.plan, self.seed, self.widening = network, plan, run.seed, widening
+        self.network, self.plan, self.run, self.seed, self.widening = network, plan, run, run.seed, widening
         self.pairs, self.held_out = held_out(examples, plan.points, run.device)
         self.optimizer = adam(network, network.last, plan.learning_rate)
 
-    def weights(self, run: Run) -> dict[str, np.ndarray]:
+    def weights(self) -> dict[str, np.ndarray]:
         """Train, and return the weights."""
         steps = self.plan.steps
-        every = max(50, steps // VALIDATIONS)
+        every = max(50, (steps or 2000) // VALIDATIONS)
         arguments = {"steps": steps, "optimizer": self.optimizer, "every": every}
-        return train(self.network, self.loss, run, prepare=self.prepare, validate=self.validate, **arguments)
+        return train(self.network, self.loss, self.run, prepare=self.prepare, validate=self.validate, **arguments)
 
     def prepare(self, step: int) -> None:
         """Set the learning rate."""
+        done = progress(self.run, step, self.plan.steps)
         for group in self.optimizer.param_groups:
-            group["lr"] = self.plan.learning_rate * late_decay(step / self.plan.steps, final=self.plan.decay)
+            group["lr"] = self.plan.learning_rate * late_decay(done, final=self.plan.decay)
 
     def loss(self, step: int) -> Tensor:
         """100 EMD + repulsion of a batch; the part of the weights is in the optimiser."""
