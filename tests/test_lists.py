@@ -14,7 +14,8 @@ PAGES = {
     "task": ("write-a-plugin.md",),
     "dataset": ("datasets.md",),
     "sensor": ("sensors.md",),
-    "method": ("which-method.md", "implicit.md", "upsampling.md", "metrics.md"),  # pseudo-methods bound the scores of metrics
+    # Pseudo-methods bound the scores of metrics.
+    "method": ("which-method.md", "implicit.md", "upsampling.md", "metrics.md"),
     "metric": ("metrics.md",),
 }
 

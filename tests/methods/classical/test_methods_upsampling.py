@@ -8,11 +8,11 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from bench import BadInput, PointCloud, Run
+from bench.geometry.farthest import farthest_points
 from bench.geometry.mesh_surface import MeshSurface
 from bench.geometry.poisson_disk import eliminate
 from bench.methods.classical.apss import Apss
 from bench.methods.classical.ear import Ear
-from bench.geometry.farthest import farthest_points
 from bench.methods.classical.midpoint_jet import MidpointJet
 from bench.methods.classical.poisson import Poisson
 from bench.methods.classical.quadrics import project_to_quadrics
