@@ -80,14 +80,16 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     from ..sweep.overrides import check_overrides, chosen
 
     overrides, normals = _normals_of(overrides)
-    check_overrides(overrides, multirun=False)
+    of_task = [w for w in overrides if w.startswith("task.")]  # may tell which task is meant
+    check_overrides([w for w in overrides if w not in of_task], multirun=False)
     if not any(w.startswith("method=") for w in overrides):
         raise UsageError("choose a method: detailbench apply method=NAME INPUT OUTPUT (detailbench list methods)")
     method = registry().find("method", resolve("method", chosen("method", overrides)[0]))
     *inputs, output = files
     tasks = [w for w in overrides if w.startswith("task=")]
     if not tasks:
-        overrides = [*overrides, f"task={_task_for(method, output, len(inputs))}"]
+        overrides = [*overrides, f"task={_task_for(method, output, len(inputs), of_task)}"]
+    check_overrides(overrides, multirun=False)
     values = OmegaConf.to_container(compose(overrides), resolve=True)
     check_root(values)
     task = Choice.of("task", values["task"])
@@ -142,14 +144,17 @@ def _memory_gb() -> float:
     return 0.9 * psutil.virtual_memory().total / 2**30
 
 
-def _task_for(method: Any, output: str, inputs: int) -> str:
-    """The task that a method, the kind of the output file and the number of inputs leave no doubt about."""
+def _task_for(method: Any, output: str, inputs: int, parameters: list[str]) -> str:
+    """The task that a method, the kind of the output file, the number of inputs, and the parameters that are given to
+    it (``task.ratio=4``) leave no doubt about."""
     tasks = [t for t in registry().names("task") if method.solves(t)]
     suffix = Path(output).suffix.lower()
     kinds = {"mesh"} if suffix in MESH_SUFFIXES else {"cloud"} if suffix in CLOUD_SUFFIXES else {"mesh", "cloud"}
     classes = {t: registry().find("task", t).cls for t in tasks}
     fitting = [t for t, c in classes.items() if getattr(c, "output", "cloud") in kinds]
     fitting = [t for t in fitting if inputs in getattr(classes[t], "files", (1,))] or fitting
+    named = {word.partition("=")[0].partition(".")[2].partition(".")[0] for word in parameters}
+    fitting = [t for t in fitting if named <= {f.name for f in registry().find("task", t).fields}] or fitting
     if len(fitting) == 1:
         return fitting[0]
     if not tasks:

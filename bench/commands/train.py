@@ -103,7 +103,7 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
     from ..sweep.composition import compose
     from ..sweep.overrides import check_overrides, chosen
 
-    check_overrides(overrides, multirun=False)
+    check_overrides([word for word in overrides if not word.startswith("task.")], multirun=False)
     if not any(word.startswith("method=") for word in overrides):
         raise UsageError("choose a method: detailbench train method=NAME (detailbench list methods)")
     if not any(word.startswith("task=") for word in overrides):
@@ -112,6 +112,7 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
         if len(solves) != 1:
             raise UsageError(f"method {method.name} solves {', '.join(solves) or 'no task'}: add task=NAME")
         overrides = [*overrides, f"task={solves[0]}"]
+    check_overrides(overrides, multirun=False)
     values = OmegaConf.to_container(compose(overrides), resolve=True)
     check_root(values)
     weights = values["training"]["weights"]

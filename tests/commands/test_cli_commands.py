@@ -245,6 +245,11 @@ def test_apply_asks_for_the_task_where_it_is_open(shell, cloud_file):
     given = shell.call("apply", "method=identity", "task=denoise", "scan.xyz", "clean.ply")
     assert given.returncode == 0, given.stderr
     assert (shell.work / "clean.ply").read_bytes().startswith(b"ply")
+    # A parameter that one of the tasks has says which is meant.
+    dense = shell.call("apply", "method=identity", "scan.xyz", "dense.ply", "task.ratio=2")
+    assert dense.returncode == 0 and "400 points" in dense.stdout, dense.stderr
+    wrong = shell.call("apply", "method=identity", "task=denoise", "scan.xyz", "dense.ply", "task.ratio=2")
+    assert wrong.returncode == 1 and "task denoise has no parameter 'ratio'" in wrong.stderr
 
 
 NOTING = '''
