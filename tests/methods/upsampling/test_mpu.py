@@ -64,11 +64,6 @@ def test_625_points_sixteenfold():
     assert upsampled(Mpu(**LIGHT), sphere(625), 16).shape == (10_000, 3)
 
 
-@pytest.mark.study
-def test_5000_points_sixteenfold():
-    assert upsampled(Mpu(**LIGHT), sphere(5000), 16).shape == (80_000, 3)
-
-
 def test_equal_runs_give_equal_points_in_whatever_order_the_input_is():
     points = sphere(200)
     first = upsampled(Mpu(**LIGHT), points, 4)

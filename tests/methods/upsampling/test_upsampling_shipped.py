@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from bench import Case, PointCloud, Run, generator
-from bench.datasets.bumps import Bumps
 from bench.geometry.poisson_disk import sample_poisson_disk
-from bench.metrics.even_distances import EvenDistances
 from bench.plugins.registry import registry
 from bench.plugins.schema import parameters
 from bench.plugins.weights import FACTS, facts_of, load, shipped
@@ -46,7 +44,8 @@ def test_the_defaults_have_weights(name):
 @pytest.fixture(scope="module")
 def sparse():
     """A test shape, which no training saw, as 625 points with noise of 0.25 %."""
-    shape, frame = next(iter(Bumps().shapes("test"))).framed()
+    bumps = registry().find("dataset", "bumps").cls()
+    shape, frame = next(iter(bumps.shapes("test"))).framed()
     rng = generator("shipped")
     points = sample_poisson_disk(shape, 625, rng)[0] + rng.normal(scale=0.0025, size=(625, 3))
     return Case("bumps", {"cloud": PointCloud(points), "ratio": 4}, shape, frame)
@@ -59,6 +58,7 @@ def test_they_are_nearer_to_the_truth_than_points_at_random(name, sparse):
     run = Run(weights=load(shipped(plugin, values)), threads=1)
     output = plugin.cls().upsample(**sparse.input, run=run)
     assert len(output) == 2500
-    scores = EvenDistances().score(output, sparse)
+    even = registry().find("metric", "even_distances").cls()
+    scores = even.score(output, sparse)
     twice = PointCloud(np.repeat(sparse.input["cloud"].points, 4, axis=0))
-    assert scores["even_chamfer_l2_sum"] < 0.6 * EvenDistances().score(twice, sparse)["even_chamfer_l2_sum"]
+    assert scores["even_chamfer_l2_sum"] < 0.6 * even.score(twice, sparse)["even_chamfer_l2_sum"]
