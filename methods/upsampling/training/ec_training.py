@@ -11,15 +11,15 @@ from torch import Tensor
 
 from bench import Run
 
-from ...learned.training.resumable import progress, step_generator, train
-from ...learned.training.schedules import late_decay
+from ...learned.training.resumable import step_generator
 from ..losses.nearest_surface import squared_to_segments, squared_to_triangles
 from ..losses.repulsion import hinge_repulsion
 from ..networks.ec_network import EcNetwork
 from ..networks.neighbours import gather, nearest
+from .decaying import DecayingTraining
 from .edges import EdgedSurfaces
 from .pairs import Augmentation, Patches, held_out
-from .pu_training import VALIDATED, VALIDATIONS, adam
+from .pu_training import VALIDATED, adam
 
 SURFACE, EDGE, APART, DISTANCE = 500.0, 50.0, 500.0, 5.0  # weights of the four terms
 CUT = 0.5  # of distances to edges, in radii of the patch
@@ -45,7 +45,7 @@ class Plan:
     decay: float
 
 
-class Training:
+class Training(DecayingTraining):
     """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
 
     Parameters
@@ -64,19 +64,6 @@ class Training:
         self.pairs, self.held_out = held_out(examples, plan.points, run.device)
         self.surfaces = EdgedSurfaces(examples, run.device)
         self.optimizer = adam(network, network.last, plan.learning_rate)
-
-    def weights(self) -> dict[str, np.ndarray]:
-        """Train, and return the weights."""
-        steps = self.plan.steps
-        every = max(50, (steps or 2000) // VALIDATIONS)
-        arguments = {"steps": steps, "optimizer": self.optimizer, "every": every}
-        return train(self.network, self.loss, self.run, prepare=self.prepare, validate=self.validate, **arguments)
-
-    def prepare(self, step: int) -> None:
-        """Set the learning rate."""
-        done = progress(self.run, step, self.plan.steps)
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.plan.learning_rate * late_decay(done, final=self.plan.decay)
 
     def loss(self, step: int) -> Tensor:
         """The sum of the four terms for a batch; the part of the weights is in the optimiser."""

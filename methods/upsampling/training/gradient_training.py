@@ -12,11 +12,11 @@ from torch import Tensor
 
 from bench import Run
 
-from ...learned.training.resumable import progress, step_generator, train
-from ...learned.training.schedules import late_decay
+from ...learned.training.resumable import step_generator
 from ..networks.distance_network import DistanceNetwork
 from .clouds import Clouds, rotations
-from .pu_training import VALIDATED, VALIDATIONS
+from .decaying import DecayingTraining
+from .pu_training import VALIDATED
 
 if TYPE_CHECKING:
     from bench import TrainingData
@@ -134,7 +134,7 @@ class Queries(Clouds):
         return Batch(moved(points, jitter), moved(queries), exact[..., 0], normals)
 
 
-class Training:
+class Training(DecayingTraining):
     """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
 
     Parameters
@@ -151,19 +151,6 @@ class Training:
         self.clouds = Queries(examples, plan.points, run.device)
         self.held_out = Queries(examples, plan.points, run.device, held_out=True)
         self.optimizer = torch.optim.Adam(network.parameters(), lr=plan.learning_rate)
-
-    def weights(self) -> dict[str, np.ndarray]:
-        """Train, and return the weights."""
-        steps = self.plan.steps
-        every = max(50, (steps or 2000) // VALIDATIONS)
-        arguments = {"steps": steps, "optimizer": self.optimizer, "every": every}
-        return train(self.network, self.loss, self.run, prepare=self.prepare, validate=self.validate, **arguments)
-
-    def prepare(self, step: int) -> None:
-        """Set the learning rate."""
-        done = progress(self.run, step, self.plan.steps)
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.plan.learning_rate * late_decay(done, final=self.plan.decay)
 
     def loss(self, step: int) -> Tensor:
         """The mean error of the distance at queries, in spacings of the clouds."""

@@ -11,11 +11,11 @@ from torch import Tensor
 
 from bench import Run
 
-from ...learned.training.resumable import progress, step_generator, train
-from ...learned.training.schedules import late_decay
+from ...learned.training.resumable import step_generator
 from ..losses.matching import earth_mover
 from ..losses.repulsion import repulsion
 from ..networks.pu_network import PuNetwork
+from .decaying import DecayingTraining
 from .loss import chamfer
 from .pairs import Augmentation, held_out
 
@@ -23,7 +23,6 @@ EARTH_MOVER = 100.0
 WEIGHTS = 1e-5  # of half the sum of squares of all weights and biases but the last layer's
 RADIUS, WIDTH = 0.07, 0.03  # of the repulsion, for 1,024 points in a patch
 VALIDATED = 16  # held-out patches
-VALIDATIONS = 20  # in a training
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Plan:
     tolerance: float
 
 
-class Training:
+class Training(DecayingTraining):
     """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
 
     Parameters
@@ -62,19 +61,6 @@ class Training:
         self.network, self.plan, self.run, self.seed, self.widening = network, plan, run, run.seed, widening
         self.pairs, self.held_out = held_out(examples, plan.points, run.device)
         self.optimizer = adam(network, network.last, plan.learning_rate)
-
-    def weights(self) -> dict[str, np.ndarray]:
-        """Train, and return the weights."""
-        steps = self.plan.steps
-        every = max(50, (steps or 2000) // VALIDATIONS)
-        arguments = {"steps": steps, "optimizer": self.optimizer, "every": every}
-        return train(self.network, self.loss, self.run, prepare=self.prepare, validate=self.validate, **arguments)
-
-    def prepare(self, step: int) -> None:
-        """Set the learning rate."""
-        done = progress(self.run, step, self.plan.steps)
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.plan.learning_rate * late_decay(done, final=self.plan.decay)
 
     def loss(self, step: int) -> Tensor:
         """100 EMD + repulsion of a batch; the part of the weights is in the optimiser."""
