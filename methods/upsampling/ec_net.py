@@ -34,6 +34,7 @@ class EcNet:
 
     points: int = 156  # of a patch (thesis: 1,024), half of which are upsampled; all points where a cloud has fewer
     overlap: float = 3.0  # patches that upsample a point, on average
+    central: int = 1  # of so many patches a point's copies are taken, where it is nearest the seed (thesis: 0, of all)
     bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for those that the sensor gives
     scans: tuple[str, ...] = ()  # instead of bases, sensors of four times as many points each, the sparsest first
     angle: float = 30.0  # degrees between the normals of two faces from which on an edge is sharp
@@ -92,7 +93,7 @@ class EcNet:
         return Training(network, examples, Plan(**own), self._widening(), run).weights()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
-        """Exactly ``ratio`` times as many points, from the farthest on.
+        """Exactly ``ratio`` times as many points.
 
         A ratio that is no power of four is reached from the next one by thinning.
         """
@@ -100,6 +101,7 @@ class EcNet:
 
         from bench.geometry.check import check_points
 
+        from .networks.ec_network import cropped
         from .networks.pu_network import RATIO
         from .patches.passes import in_passes, loaded
 
@@ -108,7 +110,8 @@ class EcNet:
         network = loaded(self._network(), run.weights, run)
         # Patches overlap twice as often, since half of each is upsampled.
         points = in_passes(
-            cloud.points, ratio, RATIO, self.points, 2 * self.overlap, lambda patches: network(patches)[0], run
+            *(cloud.points, ratio, RATIO, self.points, 2 * self.overlap),
+            *(lambda patches: network(patches)[0], run, self.central, cropped),
         )
         return PointCloud(points)
 

@@ -34,7 +34,9 @@ class Mpu:
     skip: float = 0.2  # weight of the features of the level before (thesis: 1); 0 for none
     patch: int = 156  # points of a patch at most (thesis: 312)
     share: float = 0.25  # of the cloud that a patch has at most (a part of neighbours + 1 points it always has)
+    recut: bool = True  # each level cuts patches of its own; without it, those of the first go through all levels whole
     overlap: float = 3.0  # patches that a point is in, on average
+    central: int = 1  # of so many patches a point's copies are taken, where it is nearest the seed (thesis: 0, of all)
     bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for the clouds that the sensor gives
     scans: tuple[str, ...] = ()  # instead of bases, levels + 1 sensors of doubling density, the sparsest first
     noise: float = 0.0025  # of the clouds in training (but not of the sensor's), relative to the radius of the shape
@@ -59,14 +61,27 @@ class Mpu:
             "code",
             "skip",
         ),
-        *("patch", "share", "bases", "scans", "noise", "scale", "steps", "batch", "learning_rate", "decay", "inherit"),
+        *(
+            "patch",
+            "share",
+            "bases",
+            "scans",
+            "noise",
+            "scale",
+            "steps",
+            "batch",
+            "learning_rate",
+            "decay",
+            "inherit",
+            "recut",
+        ),
     )
 
     def __post_init__(self) -> None:
         for name in ("levels", "growth", "convolutions", "neighbours", "batch"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
-        for name in ("skip", "noise", "scale", "steps"):
+        for name in ("skip", "noise", "scale", "steps", "central"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
         for name in ("learning_rate", "overlap", "decay"):
@@ -114,7 +129,7 @@ class Mpu:
         from bench.geometry.check import check_points
         from bench.geometry.farthest import farthest_points
 
-        from .patches.progressive import double, patch_size
+        from .patches.progressive import double, double_whole, patch_size
 
         check_points(cloud.points, "mpu", at_least=2)
         torch.set_num_threads(run.threads)
@@ -126,7 +141,8 @@ class Mpu:
         while left > 0:
             times = left if self.single else min(left, self.levels)
             size = patch_size(len(points), self.patch, self.neighbours, self.share)
-            points = double(points, network, times, size, self.overlap)
+            doubling = double if self.recut else double_whole
+            points = doubling(points, network, times, size, self.overlap, self.central)
             left -= times
         count = ratio * len(cloud)
         return PointCloud(points if len(points) == count else points[farthest_points(points, count)])

@@ -1,4 +1,4 @@
-"""PU-Net: the points of a patch four times, by features at several scales and branches of layers."""
+"""PU-Net: a patch to four times as many points, by features at several scales and branches of layers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @register("method", cite="Yu et al. 2018", requires=("torch", "safetensors", "scipy"))
 @dataclass(frozen=True)
 class PuNet:
-    """PU-Net (Yu et al. 2018): 814,307 parameters, four times as many points; 16 times by two passes.
+    """PU-Net (Yu et al. 2018): 814,307 parameters, four times as many points; 16 times by two passes, or ``times=16``.
 
     The loss is 100 times the earth mover's distance, the repulsion, and 1e-5 of half the squares of the weights. The
     published patches have 1,024 points (``method=pu_net_thesis``); radii are for those, and are widened by
@@ -29,8 +29,10 @@ class PuNet:
 
     points: int = 156  # of a patch (thesis: 1,024); all points where a cloud has fewer
     overlap: float = 3.0  # patches that a point is in, on average
+    central: int = 1  # of so many patches a point's copies are taken, where it is nearest the seed (thesis: 0, of all)
+    times: int = 4  # as many points by one pass: a branch of layers for each
     bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for those that the sensor gives
-    scans: tuple[str, ...] = ()  # instead of bases, sensors of four times as many points each, the sparsest first
+    scans: tuple[str, ...] = ()  # instead of bases, sensors of ``times`` as many points each, the sparsest first
     subset: bool = False  # learn from uneven random parts of the truths, as published, instead of clouds of their own
     noise: float = 0.0025  # of the inputs in training, relative to the radius of the shape
     jitter: float = 0.01  # of every other patch in training, relative to its radius (thesis: 0.025)
@@ -43,9 +45,9 @@ class PuNet:
     decay: float = 0.05  # factor of the learning rate over the last fifth of training (thesis: 1)
     tolerance: float = 1.0  # of the matching on CUDA, relative to the mean distance; on the CPU it is exact
 
-    examples_by: ClassVar[tuple[str, ...]] = ("bases", "scans")
+    examples_by: ClassVar[tuple[str, ...]] = ("bases", "scans", "times")
     trained_by: ClassVar[tuple[str, ...]] = (
-        *("points", "bases", "scans", "subset", "noise", "jitter", "scale", "shift"),
+        *("points", "times", "bases", "scans", "subset", "noise", "jitter", "scale", "shift"),
         *("repulsion", "steps", "batch", "learning_rate", "decay", "tolerance"),
     )
 
@@ -53,15 +55,17 @@ class PuNet:
         from .settings import check_training
 
         check_training(self)
+        if self.times < 2:
+            raise ValueError(f"times: expected at least 2, got {self.times}")
         if not self.repulsion >= 0:
             raise ValueError(f"repulsion: expected at least 0, got {self.repulsion}")
 
     def examples(self, data: TrainingData, run: Run) -> Mapping[str, np.ndarray]:
-        """Pairs of clouds of each shape: inputs, and Poisson disks of four times as many points as truths."""
+        """Pairs of clouds of each shape: inputs, and Poisson disks of ``times`` as many points as truths."""
         from .training.clouds import pack
         from .training.pairs import pairs_of
 
-        of_cases = enumerate(pairs_of(data, run, self.bases, self.scans))
+        of_cases = enumerate(pairs_of(data, run, self.bases, self.scans, self.times))
         return pack((number, pair) for number, (_, pairs) in of_cases for pair in pairs)
 
     def fit(self, examples: Mapping[str, np.ndarray], run: Run) -> Mapping[str, np.ndarray]:
@@ -77,26 +81,26 @@ class PuNet:
         return Training(network, examples, Plan(**own), self._widening(), run).weights()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
-        """Exactly ``ratio`` times as many points, from the farthest on.
+        """Exactly ``ratio`` times as many points.
 
-        A ratio that is no power of four is reached from the next one by thinning.
+        A ratio that is no power of ``times`` is reached from the next one by thinning.
         """
         import torch
 
         from bench.geometry.check import check_points
 
-        from .networks.pu_network import RATIO
         from .patches.passes import in_passes, loaded
 
         check_points(cloud.points, "pu_net", at_least=1)
         torch.set_num_threads(run.threads)
         network = loaded(self._network(), run.weights, run)
-        return PointCloud(in_passes(cloud.points, ratio, RATIO, self.points, self.overlap, network, run))
+        how = (self.times, self.points, self.overlap)
+        return PointCloud(in_passes(cloud.points, ratio, *how, network, run, self.central))
 
     def _network(self, generator: Any = None) -> PuNetwork:
         from .networks.pu_network import PuNetwork
 
-        return PuNetwork(self._widening(), generator)
+        return PuNetwork(self._widening(), generator, self.times)
 
     def _widening(self) -> float:
         return math.sqrt(1024 / self.points)

@@ -19,8 +19,8 @@ def check_training(method: Any, scans: int = 2) -> None:
     ValueError
         Naming the parameter and what is expected.
     """
-    for name, least in (("steps", 0), ("batch", 1)):
-        if getattr(method, name) < least:
+    for name, least in (("steps", 0), ("batch", 1), ("central", 0)):
+        if getattr(method, name, least) < least:
             raise ValueError(f"{name}: expected at least {least}, got {getattr(method, name)}")
     if method.points < 8:
         raise ValueError(f"points: expected at least 8, got {method.points}")

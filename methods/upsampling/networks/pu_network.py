@@ -1,4 +1,4 @@
-"""The network of PU-Net (Yu et al. 2018): a patch to four times as many points."""
+"""The network of PU-Net (Yu et al. 2018): a patch to several times as many points."""
 
 from __future__ import annotations
 
@@ -23,20 +23,22 @@ class PuNetwork(nn.Module):
         Factor of the published radii: patches of fewer points have wider gaps.
     generator : torch.Generator, optional
         The weights are drawn from it, on the CPU.
+    times : int
+        Branches: as many points for each.
 
     Notes
     -----
-    814,307 parameters.
+    814,307 parameters with four branches.
     """
 
-    def __init__(self, widening: float = 1.0, generator: torch.Generator | None = None):
+    def __init__(self, widening: float = 1.0, generator: torch.Generator | None = None, times: int = RATIO):
         super().__init__()
         self.features = PointFeatures(tuple(widening * radius for radius in RADII), generator=generator)
-        self.branches = Branches(self.features.outputs + 3, RATIO, generator)
+        self.branches = Branches(self.features.outputs + 3, times, generator)
         self.first = Pointwise(self.branches.outputs, 64, generator)
         self.last = Pointwise(64, 3, generator)
 
     def forward(self, points: Tensor) -> Tensor:
-        """Points (3, b, n) of normalised patches to (3, b, 4 n): the coordinates themselves, not offsets."""
+        """Points (3, b, n) of normalised patches to (3, b, times * n): the coordinates themselves, not offsets."""
         copies = self.branches(torch.cat([self.features(points), points]))
         return self.last(F.relu(self.first(copies)))

@@ -43,11 +43,67 @@ def cut(points: np.ndarray, seeds: np.ndarray, size: int) -> np.ndarray:
     Returns
     -------
     (h, size) int array
-        Indices into ``points``, nearest first.
+        Indices into ``points``, the seed first and the others from the nearest on.
     """
     from scipy.spatial import cKDTree
 
-    return cKDTree(points).query(points[seeds], np.arange(1, size + 1))[1]
+    patches = cKDTree(points).query(points[seeds], np.arange(1, size + 1))[1]
+    # Of points that coincide any may come first, and a seed with many copies may be left out.
+    for row in np.flatnonzero(patches[:, 0] != seeds):
+        patches[row, patches[row] == seeds[row]] = patches[row, 0]
+        patches[row, 0] = seeds[row]
+    return patches
+
+
+def covering(points: np.ndarray, size: int, overlap: float = 3.0, used: int | None = None) -> np.ndarray:
+    """Patches around farthest points, and around others until each point is in one.
+
+    Farthest points are as dense in sparse parts of a cloud as in dense ones, where small patches then leave gaps.
+
+    Parameters
+    ----------
+    points : (m, 3) array
+    size : int
+        Points of a patch; all of them where the cloud has fewer.
+    overlap : float
+        How many patches a point is in, on average.
+    used : int, optional
+        Only so many points of a patch count, the ones nearest its seed.
+
+    Returns
+    -------
+    (h, min(size, m)) int array
+        Indices into ``points``, the seed first and the others from the nearest on.
+    """
+    from bench.geometry.farthest import farthest_points
+
+    count = len(points)
+    size = min(size, count)
+    used = min(used or size, size)
+    seeds = farthest_points(points, min(seed_count(count, size, overlap), count))
+    patches = cut(points, seeds, size)
+    while True:
+        bare = np.ones(count, dtype=bool)
+        bare[patches[:, :used]] = False
+        missing = np.flatnonzero(bare)
+        if not len(missing):
+            return patches
+        seeds = missing[farthest_points(points[missing], -(-len(missing) // used))]
+        patches = np.concatenate([patches, cut(points, seeds, size)])
+
+
+def centrality(patches: np.ndarray) -> np.ndarray:
+    """In how many other patches each point of (h, n) patches lies nearer the seed: (h, n) int array, 0 in the best one.
+
+    Nearness is told by the column; of equal ones the first patch is the better.
+    """
+    h, n = patches.shape
+    flat = patches.ravel()
+    order = np.lexsort((np.tile(np.arange(n), h), flat))
+    begins = np.flatnonzero(np.diff(flat[order], prepend=-1))
+    rank = np.empty(len(flat), dtype=np.int64)
+    rank[order] = np.arange(len(flat)) - np.repeat(begins, np.diff(begins, append=len(flat)))
+    return rank.reshape(h, n)
 
 
 def normalise(patches: np.ndarray) -> Normalised:

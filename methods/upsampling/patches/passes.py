@@ -16,12 +16,20 @@ TOGETHER = 1 << 13  # points of the patches that a network is given at once
 
 
 def in_passes(
-    points: np.ndarray, ratio: int, times: int, size: int, overlap: float, network: Callable[[Tensor], Tensor], run: Run
+    points: np.ndarray,
+    ratio: int,
+    times: int,
+    size: int,
+    overlap: float,
+    network: Callable[[Tensor], Tensor],
+    run: Run,
+    central: int = 0,
+    used: Callable[[int], int] = lambda n: n,
 ) -> np.ndarray:
     """Upsample a cloud by ``ratio``, with a network that gives ``times`` as many points.
 
-    Passes follow each other until there are enough points; in between, and at the end, a cloud is thinned to the exact
-    count by farthest points.
+    Passes follow each other until there are enough points; in between, and at the end, a cloud that has more than the
+    exact count is thinned by farthest points.
 
     Parameters
     ----------
@@ -33,8 +41,12 @@ def in_passes(
     overlap : float
         Patches that a point is in, on average.
     network : function
-        (3, b, n) float32 tensor of normalised patches, nearest the seed first, to (3, b, k).
+        (3, b, n) float32 tensor of normalised patches, nearest the seed first, to (3, b, times * u).
     run : Run
+    central : int
+        Of so many patches the copies of a point are taken; 0 for all. See :func:`.whole.in_patches`.
+    used : function
+        How many points u of a patch of n are upsampled, those nearest the seed.
 
     Returns
     -------
@@ -48,7 +60,7 @@ def in_passes(
         def upsample(patches: np.ndarray) -> np.ndarray:
             return _applied(network, patches, run.device)
 
-        points = in_patches(points, size, overlap, upsample, count)
+        points = in_patches(points, size, overlap, upsample, count, central, used(min(size, len(points))))
         grown *= times
         run.progress(min(grown, ratio), ratio)
         if last:

@@ -11,12 +11,14 @@ from bench.geometry.farthest import farthest_points
 
 from ..networks.bilateral import NEIGHBOURS, Nearby
 from ..networks.unit import Unit, Units
-from .cut import Normalised, normalise
-from .whole import patches_of, whole
+from ..training.chain import run_levels
+from .cut import centrality, covering, normalise
+from .whole import in_patches, whole
 
 BATCH = 16  # patches at once: 16 of 312 points take 100 MB
 STRAY = 5.0  # a point is stray when its squared distance to the next is so many times the mean
 COPIES = 1e-5  # points nearer to each other than about this, relative to the radius of the cloud, are one
+NO_SEEDS = np.random.default_rng(0)  # nothing is drawn where nothing is cut
 SPARE = 1.02  # thinned to this share first: what is stray can then go
 
 
@@ -35,11 +37,14 @@ def patch_size(points: int, patch: int, neighbours: int, share: float = 0.25) ->
 
 
 @torch.no_grad()
-def double(points: np.ndarray, network: Units, times: int, size: int, overlap: float) -> np.ndarray:
+def double(points: np.ndarray, network: Units, times: int, size: int, overlap: float, central: int = 0) -> np.ndarray:
     """Upsample a cloud by 2 to the power of ``times``.
 
     At each level the patches of the whole cloud are put together and thinned, as the paper reads; the released code
-    goes through all levels within each patch of the first one, which takes four times as many evaluations.
+    goes through all levels within each patch of the first one, which takes four times as many evaluations. Farthest
+    points prefer what lies off the surface, and near the border of its patch a point is upsampled worst: with
+    ``central=1`` nothing is thinned, and no point is doubled by a patch that has it near the border while another one
+    has it nearer its seed.
 
     Parameters
     ----------
@@ -51,6 +56,9 @@ def double(points: np.ndarray, network: Units, times: int, size: int, overlap: f
         Points of a patch, at all levels.
     overlap : float
         How many patches a point is in, on average.
+    central : int
+        Of so many patches the two copies of a point are taken, of those in which it is nearest the seed; 0 for all.
+        Unless it is 1, strays are left out between levels.
 
     Returns
     -------
@@ -60,13 +68,31 @@ def double(points: np.ndarray, network: Units, times: int, size: int, overlap: f
     points, frame = whole(points)
     count, before = len(points), None
     for level in range(times):
-        if level:
+        if level and central != 1:
             points = points[~strays(points)]
         last = level == times - 1
-        dense, before = _level(points, network[level], before, size, overlap, keep=not last)
+        dense, before = _level(points, network[level], before, size, overlap, central, keep=not last)
         count *= 2
-        points = thin(dense, count)
+        points = dense if len(dense) == count else thin(dense, count)
     return frame.restore(points[None])[0]
+
+
+@torch.no_grad()
+def double_whole(
+    points: np.ndarray, network: Units, times: int, size: int, overlap: float, central: int = 0
+) -> np.ndarray:
+    """As :func:`double`, but each patch of the cloud goes through all levels as it is, without further cutting."""
+    device = next(network.parameters()).device
+
+    def upsample(patches: np.ndarray) -> np.ndarray:
+        dense = []
+        for first in range(0, len(patches), BATCH):
+            some = torch.from_numpy(patches[first : first + BATCH].astype(np.float32)).permute(2, 0, 1).contiguous()
+            out, _ = run_levels(network, some.to(device), [], times, NO_SEEDS, recut=False)
+            dense.append(out.permute(1, 2, 0).cpu().numpy().astype(np.float64))
+        return np.concatenate(dense)
+
+    return in_patches(points, size, overlap, upsample, len(points) << times, central)
 
 
 def strays(points: np.ndarray) -> np.ndarray:
@@ -104,52 +130,38 @@ def thin(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def _level(
-    points: np.ndarray, unit: Unit, before: Level | None, size: int, overlap: float, keep: bool
+    points: np.ndarray, unit: Unit, before: Level | None, size: int, overlap: float, central: int, keep: bool
 ) -> tuple[np.ndarray, Level | None]:
     """All patches of a level through its unit: their points together, and what the next level interpolates."""
     from scipy.spatial import cKDTree
 
     device = next(unit.parameters()).device
-    patches = patches_of(points, size, overlap)
-    frames = normalise(points[patches])
-    if before is not None and unit.skip:
+    patches = covering(points, size, overlap)
+    rank = centrality(patches)
+    skips = before is not None and unit.skip
+    if skips:
         k = min(NEIGHBOURS, len(before.points))
         distance, index = cKDTree(before.points).query(points, np.arange(1, k + 1))
         squared, index = torch.from_numpy((distance**2).astype(np.float32)), torch.from_numpy(index)
-    owner = _central(patches, len(points))
     features = torch.zeros(unit.features.outputs, len(points)) if keep and unit.skip else None
     dense = []
     for first in range(0, len(patches), BATCH):
-        some = slice(first, first + BATCH)
-        part = torch.from_numpy(patches[some])
+        some = patches[first : first + BATCH]
+        part, frames = torch.from_numpy(some), normalise(points[some])
         nearby = None
-        if before is not None and unit.skip:
+        if skips:
             flat = index[part].transpose(1, 2)  # (b, k, n)
             gathered = before.features[:, flat.reshape(-1)].reshape(-1, *flat.shape)
             nearby = Nearby(squared[part].transpose(1, 2).to(device), gathered.to(device))
-        inputs = torch.from_numpy(frames.points[some].astype(np.float32)).permute(2, 0, 1).contiguous()
+        inputs = torch.from_numpy(frames.points.astype(np.float32)).permute(2, 0, 1).contiguous()
         out, found = unit(inputs.to(device), nearby)
-        local = Normalised(
-            out.permute(1, 2, 0).cpu().numpy().astype(np.float64), frames.centres[some], frames.radii[some]
-        )
-        dense.append(local.restore(local.points).reshape(-1, 3))
+        local = frames.restore(out.permute(1, 2, 0).cpu().numpy().astype(np.float64))
+        mine = rank[first : first + BATCH]
+        if central:
+            local = local.reshape(len(some), -1, some.shape[1], 3).transpose(0, 2, 1, 3)[mine < central]
+        dense.append(local.reshape(-1, 3))
         if features is not None:
-            mine = owner[part.numpy()] == np.arange(first, first + len(part))[:, None]
-            features[:, part[torch.from_numpy(mine)]] = found.cpu()[:, torch.from_numpy(mine)]
-    kept = None
-    if features is not None:
-        covered = owner >= 0
-        kept = Level(points[covered], features[:, torch.from_numpy(covered)])
-    return np.concatenate(dense), kept
-
-
-def _central(patches: np.ndarray, count: int) -> np.ndarray:
-    """For each of ``count`` points the patch (of (h, n)) in which it is nearest the seed; -1 without any.
-
-    Its features are taken from there: far from the border, as in training.
-    """
-    owner = np.full(count, -1)
-    numbers = np.arange(len(patches))
-    for column in patches.T[::-1]:  # from the farthest to the seeds: the last one to write stays
-        owner[column] = numbers
-    return owner
+            # Of the patch in which a point is nearest the seed: far from the border, as in training.
+            best = torch.from_numpy(mine == 0)
+            features[:, part[best]] = found.cpu()[:, best]
+    return np.concatenate(dense), None if features is None else Level(points, features)

@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.geometry.farthest import farthest_points
 
-from .cut import Normalised, cut, normalise, seed_count
+from .cut import Normalised, centrality, covering, normalise
 
 
 def in_patches(
@@ -17,6 +17,8 @@ def in_patches(
     overlap: float,
     upsample_patches: Callable[[np.ndarray], np.ndarray],
     count: int,
+    central: int = 0,
+    used: int | None = None,
 ) -> np.ndarray:
     """Upsample overlapping patches of a cloud, and thin what they give together to ``count`` points.
 
@@ -28,20 +30,30 @@ def in_patches(
     overlap : float
         How many patches a point is in, on average.
     upsample_patches : function
-        Given (h, n, 3) float64 normalised patches, it returns (h, r n, 3) points in the same frames.
+        Given (h, n, 3) float64 normalised patches, the seed first, it returns (h, r u, 3) points in the same frames:
+        first copies of the first u points of each patch, then second ones, and so on.
     count : int
-        At most h r n: what the patches give together.
+        At most r m.
+    central : int
+        Of so many patches the copies of a point are taken, of those in which it is nearest the seed; 0 for all.
+    used : int, optional
+        u, where it is less than n.
 
     Returns
     -------
     (count, 3) float64 array
-        In greedy order, from the farthest points on. The order of the input makes no difference.
+        Farthest points where there are more. The order of the input makes no difference.
     """
     points, frame = whole(points)
-    patches = patches_of(points, size, overlap)
+    patches = covering(points, size, overlap, used)
     normalised = normalise(points[patches])
-    dense = normalised.restore(upsample_patches(normalised.points)).reshape(-1, 3)
-    return frame.restore(dense[farthest_points(dense, count)][None])[0]
+    patches = patches[:, :used]
+    dense = normalised.restore(upsample_patches(normalised.points))
+    if central:
+        taken = centrality(patches) < central
+        dense = dense.reshape(len(patches), -1, patches.shape[1], 3).transpose(0, 2, 1, 3)[taken]
+    dense = dense.reshape(-1, 3)
+    return frame.restore((dense if len(dense) == count else dense[farthest_points(dense, count)])[None])[0]
 
 
 def whole(points: np.ndarray) -> tuple[np.ndarray, Normalised]:
@@ -50,10 +62,3 @@ def whole(points: np.ndarray) -> tuple[np.ndarray, Normalised]:
     points = np.asarray(points, dtype=np.float64)
     frame = normalise(points[np.lexsort(points.T)][None])
     return frame.points[0], frame
-
-
-def patches_of(points: np.ndarray, size: int, overlap: float) -> np.ndarray:
-    """Patches around farthest points: (h, min(size, m)) indices into points (m, 3)."""
-    size = min(size, len(points))
-    seeds = farthest_points(points, min(seed_count(len(points), size, overlap), len(points)))
-    return cut(points, seeds, size)

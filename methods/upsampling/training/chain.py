@@ -19,6 +19,7 @@ def run_levels(
     rng: np.random.Generator,
     first_trained: int = 0,
     apart: bool = False,
+    recut: bool = True,
 ) -> tuple[Tensor, Tensor]:
     """What the last level makes of a patch, and what it should have made (Wang et al. 2019, section 3.1).
 
@@ -40,17 +41,21 @@ def run_levels(
         The levels before this one have no gradient.
     apart : bool
         Let each level see the truth of the level before instead of its output.
+    recut : bool
+        Without it each level takes all of the output so far.
 
     Returns
     -------
     output, truth : (3, b, 2 n) tensors
-        In the frame of ``points``.
+        In the frame of ``points``; without ``recut``, of n * 2**levels points.
     """
     size = points.shape[2]
     current, before, output = points, None, points
     for level in range(levels):
         with torch.set_grad_enabled(torch.is_grad_enabled() and level >= first_trained):
-            if level:
+            if level and not recut:
+                current = output
+            elif level:
                 chosen = torch.from_numpy(rng.integers(output.shape[2], size=(points.shape[1], 1, 1)))
                 seed = gather(output, chosen.to(output.device))[:, :, 0].detach()
                 current = _around(seed, output, size)
@@ -69,7 +74,7 @@ def run_levels(
             if apart and level < levels - 1:
                 output = truths[0]
                 truths = truths[1:]
-    return output, truths[-1]
+    return output, truths[-1] if truths else output
 
 
 def _around(seed: Tensor, points: Tensor, count: int) -> Tensor:

@@ -41,6 +41,7 @@ class Plan:
     neighbours: int
     noise: float
     scale: float
+    recut: bool
 
 
 class Training:
@@ -116,7 +117,7 @@ class Training:
         wanted = list(range(1, level + 1)) if apart else [level]
         points, *truths = self._clouds.batch(group, plan.batch, wanted, rng, draw, base)
         first = now.level - 1 if now.first == now.level else 0
-        output, truth = run_levels(self.network, points, truths, level, rng, first, apart)
+        output, truth = run_levels(self.network, points, truths, level, rng, first, apart, plan.recut)
         outliers = level == 1 or (now.outliers and level >= now.first)
         return FIDELITY * (plan.levels - level + 1) * chamfer(output, truth, outliers).mean()
 
@@ -129,7 +130,7 @@ class Training:
         for group in range(len(self._held_out.sizes)):
             draw = Draw(self.plan.noise)
             points, dense = self._held_out.batch(group, VALIDATED, [levels], rng, draw)
-            output, truth = run_levels(self.network, points, [dense], levels, rng)
+            output, truth = run_levels(self.network, points, [dense], levels, rng, recut=self.plan.recut)
             scores.append(float(chamfer(output, truth).mean() / chamfer(points, dense).mean()))
         return float(np.mean(scores))
 

@@ -1,4 +1,4 @@
-"""Pairs of clouds of one shape, the second of four times as many points, and patches of them."""
+"""Pairs of clouds of one shape, the second of several times as many points, and patches of them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RATIO = 4
 
 
 def pairs_of(
-    data: TrainingData, run: Run, bases: tuple[int, ...], scans: tuple[str, ...]
+    data: TrainingData, run: Run, bases: tuple[int, ...], scans: tuple[str, ...], times: int = RATIO
 ) -> Iterator[tuple[Case, list[list[np.ndarray]]]]:
     """Each case, with its pairs of clouds.
 
@@ -31,7 +31,8 @@ def pairs_of(
     bases : tuple of int
         Points of the inputs, evenly spread on the exact surface, as the truths are; 0 for the cloud of the sensor.
     scans : tuple of str
-        Instead of them, sensors that give four times as many points each: the truth of one is the input of the next.
+        Instead of them, sensors that give ``times`` as many points each: the truth of one is the input of the next.
+    times : int
     """
     from bench import generator
     from bench.geometry.poisson_disk import sample_poisson_disk
@@ -46,9 +47,9 @@ def pairs_of(
             counts = {base or len(sensed) for base in bases}
             even = {
                 count: sample_poisson_disk(case.reference, count, generator(data.seed, case.id, f"{count} points"))[0]
-                for count in sorted({base for base in bases if base} | {RATIO * count for count in counts})
+                for count in sorted({base for base in bases if base} | {times * count for count in counts})
             }
-            yield case, [[even[base] if base else sensed, even[RATIO * (base or len(sensed))]] for base in bases]
+            yield case, [[even[base] if base else sensed, even[times * (base or len(sensed))]] for base in bases]
         run.progress(number + 1, data.count)
 
 
@@ -69,7 +70,7 @@ class Patches(NamedTuple):
     inputs: Tensor
     """(3, b, n) tensor, nearest the seed first: centroid at 0 and farthest point at 1 before scaling and jitter"""
     truths: Tensor
-    """(3, b, 4 n) tensor, in the same frames"""
+    """(3, b, times * n) tensor, in the same frames"""
     scales: Tensor
     """(b,) tensor: the factors of the augmentation"""
     seeds: Tensor
@@ -90,6 +91,8 @@ class Patches(NamedTuple):
 class Pairs(Clouds):
     """Patches of pairs of clouds that :func:`.clouds.pack` packed; see there for the parameters."""
 
+    times = RATIO  # as many points in the second cloud
+
     def draw(self, count: int, rng: np.random.Generator, how: Augmentation) -> Patches:
         """Patches around random points of random shapes; all of one size.
 
@@ -107,9 +110,9 @@ class Pairs(Clouds):
         for pyramid in pyramids:
             cloud = self._cloud(pyramid, 0)
             seed = cloud[:, :, int(rng.integers(cloud.shape[2])), None]
-            truth = self._sorted_around(seed, self._cloud(pyramid, 1), RATIO * size)
+            truth = self._sorted_around(seed, self._cloud(pyramid, 1), self.times * size)
             if how.subset:
-                part = torch.from_numpy(uneven(RATIO * size, size, rng)).to(truth.device)
+                part = torch.from_numpy(uneven(self.times * size, size, rng)).to(truth.device)
                 inputs.append(self._sorted_around(seed, truth[:, :, part], size))
             else:
                 inputs.append(self._sorted_around(seed, cloud, size))
@@ -161,10 +164,13 @@ def _tensor(array: np.ndarray, like: Tensor) -> Tensor:
     return torch.from_numpy(np.asarray(array, dtype=np.float32)).to(like)
 
 
-def held_out(examples: Mapping[str, np.ndarray], points: int, device: str) -> tuple[Pairs, Pairs]:
+def held_out(examples: Mapping[str, np.ndarray], points: int, device: str, times: int = RATIO) -> tuple[Pairs, Pairs]:
     """The pairs to learn from, and those of the shapes that are held out; patches of at most ``points`` points."""
 
     def size(count: int) -> int:
         return min(points, count)
 
-    return Pairs(examples, size, device), Pairs(examples, size, device, held_out=True)
+    both = Pairs(examples, size, device), Pairs(examples, size, device, held_out=True)
+    for pairs in both:
+        pairs.times = times
+    return both

@@ -30,6 +30,7 @@ class Plan:
     """How the network is trained; the fields are those of the method."""
 
     points: int
+    times: int
     repulsion: float
     subset: bool
     noise: float
@@ -59,7 +60,7 @@ class Training(DecayingTraining):
 
     def __init__(self, network: PuNetwork, examples: Mapping[str, np.ndarray], plan: Plan, widening: float, run: Run):
         self.network, self.plan, self.run, self.seed, self.widening = network, plan, run, run.seed, widening
-        self.pairs, self.held_out = held_out(examples, plan.points, run.device)
+        self.pairs, self.held_out = held_out(examples, plan.points, run.device, plan.times)
         self.optimizer = adam(network, network.last, plan.learning_rate)
 
     def loss(self, step: int) -> Tensor:

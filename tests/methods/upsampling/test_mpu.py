@@ -39,7 +39,13 @@ def test_the_count_is_exact(ratio):
     assert upsampled(Mpu(**LIGHT), sphere(60), ratio).shape == (60 * ratio, 3)
 
 
-@pytest.mark.parametrize("changes", [{"single": True}, {"features": "pu_net"}, {"expansion": "pu_net"}, {"skip": 0.0}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        *({"single": True}, {"features": "pu_net"}, {"expansion": "pu_net"}, {"skip": 0.0}),
+        *({"central": 0}, {"central": 2}, {"recut": False}, {"recut": False, "central": 0}),
+    ],
+)
 def test_the_count_is_exact_for_every_variant(changes):
     assert upsampled(Mpu(**{**LIGHT, **changes}), sphere(100), 4).shape == (400, 3)
 
@@ -96,11 +102,22 @@ def test_a_network_that_only_copies_turns_with_the_cloud():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"levels": 0}, {"skip": -1}, {"patch": 1}, {"bases": ()}, {"scans": ("a",)}, {"convolutions": 1}]
+    "wrong",
+    [{"levels": 0}, {"skip": -1}, {"central": -1}, {"patch": 1}, {"bases": ()}, {"scans": ("a",)}, {"convolutions": 1}],
 )
 def test_wrong_parameters_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Mpu(**wrong)
+
+
+def test_a_point_that_nothing_moves_is_there_as_often_as_the_ratio_says():
+    """No point is lost and none preferred: with offsets of 0, each of the input's points is there four times."""
+    method, run, points = Mpu(**LIGHT), Run(), sphere(200)
+    state = method._network().state_dict()
+    run.weights = {name: t.numpy() * (".offset." not in name) for name, t in state.items()}
+    found = method.upsample(PointCloud(points), 4, run).points
+    distance, index = cKDTree(points).query(found)
+    assert distance.max() < 1e-6 and (np.bincount(index, minlength=200) == 4).all()
 
 
 def test_examples_are_clouds_of_doubling_density():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.methods.upsampling.patches.cut import cut, normalise, seed_count
+from bench.methods.upsampling.patches.cut import centrality, covering, cut, normalise, seed_count
 from bench.methods.upsampling.patches.progressive import patch_size, strays, thin
 from bench.methods.upsampling.patches.whole import in_patches
 
@@ -50,6 +50,43 @@ def test_a_cloud_in_patches_has_the_exact_count(points):
     result = in_patches(POINTS[:points], 50, 3, lambda patches: patches.repeat(4, axis=1), 4 * points)
     assert result.shape == (4 * points, 3)
     assert {tuple(p) for p in np.round(result, 9)} <= {tuple(p) for p in np.round(POINTS, 9)}
+
+
+@pytest.mark.parametrize("used", [None, 10])
+def test_each_point_is_in_a_patch_however_uneven_the_cloud_is(used):
+    crowd = RNG.normal(size=(900, 3)) * 1e-3
+    cloud = np.concatenate([POINTS, crowd, np.full((60, 3), 0.25)])  # and one point sixty times
+    patches = covering(cloud, 20, 3, used)
+    assert set(patches[:, :used].ravel()) == set(range(len(cloud)))
+    assert all(len(set(patch)) == 20 for patch in patches)
+    spread = np.linalg.norm(cloud[patches] - cloud[patches[:, :1]], axis=2)
+    assert (np.diff(spread, axis=1) >= 0).all()
+
+
+def test_centrality_counts_the_patches_that_have_a_point_nearer_their_seed():
+    patches = covering(POINTS, 30, 3)
+    rank = centrality(patches)
+    for number, patch in enumerate(patches):
+        for column, point in enumerate(patch):
+            others = [(int(np.flatnonzero(p == point)[0]), k) for k, p in enumerate(patches) if point in p]
+            assert rank[number, column] == sorted(others).index((column, number))
+
+
+@pytest.mark.parametrize(("central", "used"), [(1, None), (1, 25), (2, 25)])
+def test_a_point_is_taken_from_the_patches_where_it_is_most_central(central, used):
+    """With distances to the seed as heights, the copies of a point are the lowest of all that its patches give."""
+    flat = POINTS * (1, 1, 0)
+
+    def lift(patches):
+        heights = np.linalg.norm(patches - patches[:, :1], axis=2)
+        return np.concatenate([patches[:, :used] + h * heights[:, :used, None] * (0, 0, 1) for h in (1, 2)], axis=1)
+
+    result = in_patches(flat, 50, 3, lift, 600, central, used)
+    assert result.shape == (600, 3)
+    if central == 1:  # then nothing is thinned
+        assert len(np.unique(np.round(result[:, :2], 9), axis=0)) == 300
+    everything = in_patches(flat, 50, 3, lift, 600, 0, used)
+    assert result[:, 2].mean() < 0.75 * everything[:, 2].mean()
 
 
 def test_the_order_of_the_input_makes_no_difference():

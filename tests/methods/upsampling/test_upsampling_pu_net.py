@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -115,6 +117,7 @@ def test_parameters_are_those_of_the_paper():
     assert [count(level) for level in network.features.levels] == [3_296, 16_832, 66_432, 263_936]
     assert [count(layer) for layer in network.features.restore] == [32_832, 16_448, 8_256]
     assert count(network.branches) == 4 * 99_456
+    assert count(PuNetwork(times=16)) == 814_307 + 12 * 99_456
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 50])
@@ -243,6 +246,14 @@ def test_a_killed_training_goes_on_to_the_same_weights(examples, weights):
     assert all((again[name] == weights[name]).all() for name in weights)
 
 
+def test_sixteen_times_in_one_pass():
+    direct = replace(TINY, times=16)
+    found = direct.examples(toy_data(), Run())
+    assert (found["counts"][:, 1] == 16 * found["counts"][:, 0]).all()
+    output = upsampled(direct, direct.fit(found, Logged(seed=3)), np.random.default_rng(0).normal(size=(70, 3)), 16)
+    assert output.shape == (1120, 3) and np.isfinite(output).all()
+
+
 @pytest.mark.parametrize("ratio", [1, 2, 3, 4, 16])
 def test_counts_are_exact(weights, ratio):
     points = np.random.default_rng(0).normal(size=(70, 3))
@@ -266,6 +277,14 @@ def test_points_in_one_place_are_refused(weights):
 def test_published_parameters_are_accepted_and_nonsense_is_not():
     thesis = PuNet(points=1024, subset=True, jitter=0.025, shift=0.1, batch=28, decay=1.0)
     assert thesis._widening() == 1.0
-    for wrong in ({"points": 4}, {"batch": 0}, {"scale": 1.0}, {"bases": ()}, {"scans": ("a",)}, {"repulsion": -1}):
+    for wrong in (
+        {"points": 4},
+        {"batch": 0},
+        {"scale": 1.0},
+        {"bases": ()},
+        {"scans": ("a",)},
+        {"repulsion": -1},
+        {"times": 1},
+    ):
         with pytest.raises(ValueError, match=next(iter(wrong))):
             PuNet(**wrong)

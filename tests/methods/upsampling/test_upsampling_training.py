@@ -191,7 +191,9 @@ def test_a_training_that_was_killed_ends_with_the_same_weights():
             np.testing.assert_array_equal(found[name], wanted[name])
 
 
-@pytest.mark.parametrize("changes", [{}, {"single": True}, {"stages": "at_once"}, {"stages": "apart"}])
+@pytest.mark.parametrize(
+    "changes", [{}, {"single": True}, {"stages": "at_once"}, {"stages": "apart"}, {"recut": False}]
+)
 def test_a_training_lowers_the_validation(changes):
     run = Recorded()
     Mpu(**SMALL, steps=60, learning_rate=5e-3, **changes).fit(examples(), run)
