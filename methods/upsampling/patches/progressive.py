@@ -28,7 +28,7 @@ class Level(NamedTuple):
     points: np.ndarray
     """(m, 3) array: the input of this level"""
     features: torch.Tensor
-    """(c, m) tensor"""
+    """(m, c) tensor: a point's features lie together, to be gathered fast"""
 
 
 def patch_size(points: int, patch: int, neighbours: int, share: float = 0.25) -> int:
@@ -143,7 +143,7 @@ def _level(
         k = min(NEIGHBOURS, len(before.points))
         distance, index = cKDTree(before.points).query(points, np.arange(1, k + 1))
         squared, index = torch.from_numpy((distance**2).astype(np.float32)), torch.from_numpy(index)
-    features = torch.zeros(unit.features.outputs, len(points)) if keep and unit.skip else None
+    features = torch.zeros(len(points), unit.features.outputs) if keep and unit.skip else None
     dense = []
     for first in range(0, len(patches), BATCH):
         some = patches[first : first + BATCH]
@@ -151,7 +151,7 @@ def _level(
         nearby = None
         if skips:
             flat = index[part].transpose(1, 2)  # (b, k, n)
-            gathered = before.features[:, flat.reshape(-1)].reshape(-1, *flat.shape)
+            gathered = before.features.index_select(0, flat.reshape(-1)).T.contiguous().reshape(-1, *flat.shape)
             nearby = Nearby(squared[part].transpose(1, 2).to(device), gathered.to(device))
         inputs = torch.from_numpy(frames.points.astype(np.float32)).permute(2, 0, 1).contiguous()
         out, found = unit(inputs.to(device), nearby)
@@ -163,5 +163,5 @@ def _level(
         if features is not None:
             # Of the patch in which a point is nearest the seed: far from the border, as in training.
             best = torch.from_numpy(mine == 0)
-            features[:, part[best]] = found.cpu()[:, best]
+            features[part[best]] = found.cpu()[:, best].T
     return np.concatenate(dense), None if features is None else Level(points, features)
