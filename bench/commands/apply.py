@@ -84,10 +84,12 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     check_overrides([w for w in overrides if w not in of_task], multirun=False)
     if not any(w.startswith("method=") for w in overrides):
         raise UsageError("choose a method: detailbench apply method=NAME INPUT OUTPUT (detailbench list methods)")
-    method = registry().find("method", resolve("method", chosen("method", overrides)[0]))
+    registry().find("method", resolve("method", chosen("method", overrides)[0]))  # or a message that has its name
     *inputs, output = files
-    tasks = [w for w in overrides if w.startswith("task=")]
-    if not tasks:
+    if not any(w.startswith("task=") for w in overrides):
+        # With its parameters: a chain solves what its last step solves.
+        values = OmegaConf.to_container(compose([w for w in overrides if w not in of_task]), resolve=True)
+        method = Choice.of("method", values["method"])
         overrides = [*overrides, f"task={_task_for(method, output, len(inputs), of_task)}"]
     check_overrides(overrides, multirun=False)
     values = OmegaConf.to_container(compose(overrides), resolve=True)

@@ -11,7 +11,7 @@ from bench import PointCloud, Run, register
 from .inputs import distinct_points
 
 
-@register("method", cite="quadrics: Cazals and Pouget 2005; thinning: Eldar et al. 1997", requires=("scipy",))
+@register("method", cite="quadrics: Cazals and Pouget 2005; thinning: Eldar et al. 1997", requires=("scipy", "numba"))
 @dataclass(frozen=True)
 class MidpointJet:
     """Midpoints between neighbours, moved onto local quadrics and thinned by farthest points: cheap and even."""
@@ -22,6 +22,12 @@ class MidpointJet:
     def __post_init__(self) -> None:
         if self.k < 6:
             raise ValueError(f"k: a quadric needs at least 6 neighbours, got {self.k}")
+
+    def prepare(self) -> None:
+        """Load what is compiled."""
+        from bench.geometry.farthest import load_compiled
+
+        load_compiled()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points; those of the input come first, in its order without repetitions."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench import InvalidOutput, PointCloud, Run, build_parts, generator, register, validate_cloud
-from bench.geometry.farthest import farthest_points
+from bench.geometry.farthest import farthest_points, load_compiled
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -35,7 +35,7 @@ class _AsTheLastStep:
         return partial(self._function, chain)
 
 
-@register("method", requires=("scipy",))
+@register("method", requires=("numba",))
 @dataclass(frozen=True)
 class Chain:
     """Methods one after the other: all but the last denoise the cloud, the last solves the task.
@@ -91,6 +91,7 @@ class Chain:
 
     def prepare(self) -> None:
         """Import what the steps need, and let each prepare itself: no part of the measured call."""
+        load_compiled()
         for number, (plugin, method) in enumerate(self._parts, 1):
             with self._named(number):
                 plugin.require()

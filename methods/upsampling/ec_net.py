@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .networks.ec_network import EcNetwork
 
 
-@register("method", cite="Yu et al. 2018b", requires=("torch", "safetensors", "scipy"))
+@register("method", cite="Yu et al. 2018b", requires=("torch", "safetensors", "scipy", "numba"))
 @dataclass(frozen=True)
 class EcNet:
     """EC-Net (Yu et al. 2018b): 823,652 parameters, four times as many points; 16 times by two passes.
@@ -91,6 +91,12 @@ class EcNet:
         run.parameters = sum(parameter.numel() for parameter in network.parameters())
         own = {name: getattr(self, name) for name in Plan.__dataclass_fields__}
         return Training(network, examples, Plan(**own), self._widening(), run).weights()
+
+    def prepare(self) -> None:
+        """Load what is compiled."""
+        from bench.geometry.farthest import load_compiled
+
+        load_compiled()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .networks.distance_network import DistanceNetwork
 
 
-@register("method", cite="after He et al. 2023", requires=("torch", "safetensors", "scipy"))
+@register("method", cite="after He et al. 2023", requires=("torch", "safetensors", "scipy", "numba"))
 @dataclass(frozen=True)
 class GradPu:
     """After Grad-PU (He et al. 2023): midpoints of neighbours, moved by gradient descent on a learned distance.
@@ -80,6 +80,12 @@ class GradPu:
         run.parameters = sum(parameter.numel() for parameter in network.parameters())
         own = {name: getattr(self, name) for name in Plan.__dataclass_fields__}
         return Training(network, examples, Plan(**own), run).weights()
+
+    def prepare(self) -> None:
+        """Load what is compiled."""
+        from bench.geometry.farthest import load_compiled
+
+        load_compiled()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points; their order says nothing."""

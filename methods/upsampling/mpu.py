@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .networks.unit import Form, Units
 
 
-@register("method", cite="Wang et al. 2019", requires=("torch", "safetensors", "scipy"))
+@register("method", cite="Wang et al. 2019", requires=("torch", "safetensors", "scipy", "numba"))
 @dataclass(frozen=True)
 class Mpu:
     """Multi-step progressive upsampling (thesis 3.1): networks on patches, trained level by level."""
@@ -117,6 +117,12 @@ class Mpu:
         run.parameters = sum(parameter.numel() for parameter in network.parameters())
         own = {name: getattr(self, name) for name in Plan.__dataclass_fields__}
         return Training(network, examples, Plan(**own), run).weights()
+
+    def prepare(self) -> None:
+        """Load what is compiled."""
+        from bench.geometry.farthest import load_compiled
+
+        load_compiled()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points, the order of which says nothing.

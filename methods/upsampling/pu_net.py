@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .networks.pu_network import PuNetwork
 
 
-@register("method", cite="Yu et al. 2018", requires=("torch", "safetensors", "scipy"))
+@register("method", cite="Yu et al. 2018", requires=("torch", "safetensors", "scipy", "numba"))
 @dataclass(frozen=True)
 class PuNet:
     """PU-Net (Yu et al. 2018): 814,307 parameters, four times as many points; 16 times by two passes, or ``times=16``.
@@ -79,6 +79,12 @@ class PuNet:
         run.parameters = sum(parameter.numel() for parameter in network.parameters())
         own = {name: getattr(self, name) for name in Plan.__dataclass_fields__}
         return Training(network, examples, Plan(**own), self._widening(), run).weights()
+
+    def prepare(self) -> None:
+        """Load what is compiled."""
+        from bench.geometry.farthest import load_compiled
+
+        load_compiled()
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points.

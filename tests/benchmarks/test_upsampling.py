@@ -13,7 +13,7 @@ from bench.methods.upsampling.mpu import Mpu
 from bench.methods.upsampling.networks.dense_features import DenseBlock
 from bench.methods.upsampling.networks.neighbours import gather, nearest_others
 
-COUNTS = (5_000, 20_000) if "DETAILBENCH_SHORT" in os.environ else (5_000, 20_000, 80_000, 320_000)
+COUNTS = (5_000, 20_000, 80_000) if "DETAILBENCH_SHORT" in os.environ else (5_000, 20_000, 80_000, 320_000)
 
 
 def textbook(block, x):
@@ -61,6 +61,7 @@ def test_factored_edge_layers_are_faster(benchmark):
 def test_farthest_points_grow_like_sorting(benchmark):
     rng = np.random.default_rng(0)
     times = {}
+    farthest_points(rng.normal(size=(100, 3)), 10)  # compiled
     for count in COUNTS:
         points = rng.normal(size=(3 * count, 3))
         points /= np.linalg.norm(points, axis=1, keepdims=True)
@@ -70,7 +71,7 @@ def test_farthest_points_grow_like_sorting(benchmark):
     print(f"\nfarthest points of three times as many: {table}")
     growth = times[COUNTS[-1]] / times[COUNTS[-2]]
     benchmark.extra_info["four times as many"] = growth
-    assert growth < 10  # N log N is 4.6, N^2 is 16
+    assert growth < 8  # N log N is 4.6, N^2 is 16
 
 
 @pytest.mark.study

@@ -61,12 +61,25 @@ def one_by_one(points, count, taken):
 
 
 @pytest.mark.parametrize("taken", [0, 1, 100])
-@pytest.mark.parametrize("kind", ["sphere", "volume", "line"])
+@pytest.mark.parametrize("kind", ["sphere", "volume", "line", "clusters", "far away"])
 def test_farthest_points_are_those_of_the_greedy_order(kind, taken):
     points = np.random.default_rng(0).standard_normal((800, 3))
+    if kind == "clusters":
+        points[:500] = points[:500] * 1e-4 + 0.3
+    points += 1e5 if kind == "far away" else 0
     points /= np.linalg.norm(points, axis=1, keepdims=True) if kind == "sphere" else 1
     points *= [1, 0, 0] if kind == "line" else 1
     assert np.array_equal(farthest_points(points, 300, taken), one_by_one(points, 300, taken))
+
+
+@pytest.mark.parametrize("count", [1, 32, 33, 125])
+def test_of_equally_far_points_the_first_one_is_taken(count):
+    grid = np.stack(np.meshgrid(*[np.arange(5.0)] * 3), axis=-1).reshape(-1, 3)
+    assert np.array_equal(farthest_points(grid, count), one_by_one(grid, count, 0))
+
+
+def test_a_single_point_is_the_farthest():
+    assert farthest_points(np.ones((1, 3)), 1).tolist() == [0]
 
 
 @pytest.mark.parametrize("taken", [0, 5])
