@@ -34,6 +34,7 @@ class EcNet:
 
     points: int = 156  # of a patch (thesis: 1,024), half of which are upsampled; all points where a cloud has fewer
     overlap: float = 3.0  # patches that upsample a point, on average
+    geodesic: bool = False  # patches are cut along the surface, as published
     central: int = 1  # of so many patches a point's copies are taken, where it is nearest the seed (thesis: 0, of all)
     bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for those that the sensor gives
     scans: tuple[str, ...] = ()  # instead of bases, sensors of four times as many points each, the sparsest first
@@ -109,6 +110,7 @@ class EcNet:
 
         from .networks.ec_network import cropped
         from .networks.pu_network import RATIO
+        from .patches.cut import cut, cut_along
         from .patches.passes import in_passes, loaded
 
         check_points(cloud.points, "ec_net", at_least=1)
@@ -117,7 +119,7 @@ class EcNet:
         # Patches overlap twice as often, since half of each is upsampled.
         points = in_passes(
             *(cloud.points, ratio, RATIO, self.points, 2 * self.overlap),
-            *(lambda patches: network(patches)[0], run, self.central, cropped),
+            *(lambda patches: network(patches)[0], run, self.central, cropped, cut_along if self.geodesic else cut),
         )
         return PointCloud(points)
 

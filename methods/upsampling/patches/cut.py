@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+
+TOGETHER = 64  # seeds whose distances to all points are in memory at once
+
+Cutting = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
 
 
 class Normalised(NamedTuple):
@@ -55,7 +60,49 @@ def cut(points: np.ndarray, seeds: np.ndarray, size: int) -> np.ndarray:
     return patches
 
 
-def covering(points: np.ndarray, size: int, overlap: float = 3.0, used: int | None = None) -> np.ndarray:
+def cut_along(points: np.ndarray, seeds: np.ndarray, size: int, neighbours: int = 10) -> np.ndarray:
+    """As :func:`cut`, but nearest along the edges of a graph, which joins each point to its nearest ones.
+
+    So the other side of a thin part is far away, unless points are sparser than it is thick. Where a seed reaches too
+    few points within three radii of the Euclidean patch, those nearest in space fill up.
+
+    Parameters
+    ----------
+    points : (m, 3) array, m >= size
+    seeds : (h,) int array
+    size : int
+    neighbours : int
+        That a point is joined to, besides those that it is a neighbour of.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+    from scipy.spatial import cKDTree
+
+    m, k = len(points), min(neighbours + 1, len(points))
+    tree = cKDTree(points)
+    lengths, index = tree.query(points, np.arange(1, k + 1))
+    # An edge of length 0 would be none.
+    lengths = np.maximum(lengths, np.finfo(float).tiny).ravel()
+    graph = csr_array((lengths, (np.repeat(np.arange(m), k), index.ravel())), shape=(m, m))
+    patches = cut(points, seeds, size)
+    reach = 3 * np.linalg.norm(points[patches[:, -1]] - points[seeds], axis=1)
+    for first in range(0, len(seeds), TOGETHER):
+        some = slice(first, first + TOGETHER)
+        away = dijkstra(graph, directed=False, indices=seeds[some], limit=max(reach[some].max(), 1e-300))
+        for row, distance in zip(range(first, first + len(away)), away, strict=True):
+            distance[seeds[row]] = -1.0
+            near = np.flatnonzero(distance < np.inf)
+            near = near[np.argsort(distance[near], kind="stable")][:size]
+            if len(near) < size:
+                others = patches[row][~np.isin(patches[row], near)]
+                near = np.concatenate([near, others[: size - len(near)]])
+            patches[row] = near
+    return patches
+
+
+def covering(
+    points: np.ndarray, size: int, overlap: float = 3.0, used: int | None = None, cutting: Cutting = cut
+) -> np.ndarray:
     """Patches around farthest points, and around others until each point is in one.
 
     Farthest points are as dense in sparse parts of a cloud as in dense ones, where small patches then leave gaps.
@@ -69,6 +116,8 @@ def covering(points: np.ndarray, size: int, overlap: float = 3.0, used: int | No
         How many patches a point is in, on average.
     used : int, optional
         Only so many points of a patch count, the ones nearest its seed.
+    cutting : function
+        :func:`cut` or :func:`cut_along`.
 
     Returns
     -------
@@ -81,7 +130,7 @@ def covering(points: np.ndarray, size: int, overlap: float = 3.0, used: int | No
     size = min(size, count)
     used = min(used or size, size)
     seeds = farthest_points(points, min(seed_count(count, size, overlap), count))
-    patches = cut(points, seeds, size)
+    patches = cutting(points, seeds, size)
     while True:
         bare = np.ones(count, dtype=bool)
         bare[patches[:, :used]] = False
@@ -89,7 +138,7 @@ def covering(points: np.ndarray, size: int, overlap: float = 3.0, used: int | No
         if not len(missing):
             return patches
         seeds = missing[farthest_points(points[missing], -(-len(missing) // used))]
-        patches = np.concatenate([patches, cut(points, seeds, size)])
+        patches = np.concatenate([patches, cutting(points, seeds, size)])
 
 
 def centrality(patches: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from bench import Run
 
+from .cut import Cutting, cut
 from .whole import in_patches
 
 TOGETHER = 1 << 13  # points of the patches that a network is given at once
@@ -25,6 +26,7 @@ def in_passes(
     run: Run,
     central: int = 0,
     used: Callable[[int], int] = lambda n: n,
+    cutting: Cutting = cut,
 ) -> np.ndarray:
     """Upsample a cloud by ``ratio``, with a network that gives ``times`` as many points.
 
@@ -47,6 +49,8 @@ def in_passes(
         Of so many patches the copies of a point are taken; 0 for all. See :func:`.whole.in_patches`.
     used : function
         How many points u of a patch of n are upsampled, those nearest the seed.
+    cutting : function
+        How patches are cut.
 
     Returns
     -------
@@ -60,7 +64,8 @@ def in_passes(
         def upsample(patches: np.ndarray) -> np.ndarray:
             return _applied(network, patches, run.device)
 
-        points = in_patches(points, size, overlap, upsample, count, central, used(min(size, len(points))))
+        part = used(min(size, len(points)))
+        points = in_patches(points, size, overlap, upsample, count, central, part, cutting)
         grown *= times
         run.progress(min(grown, ratio), ratio)
         if last:

@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.geometry.farthest import farthest_points
 
-from .cut import Normalised, centrality, covering, normalise
+from .cut import Cutting, Normalised, centrality, covering, cut, normalise
 
 
 def in_patches(
@@ -19,6 +19,7 @@ def in_patches(
     count: int,
     central: int = 0,
     used: int | None = None,
+    cutting: Cutting = cut,
 ) -> np.ndarray:
     """Upsample overlapping patches of a cloud, and thin what they give together to ``count`` points.
 
@@ -38,6 +39,8 @@ def in_patches(
         Of so many patches the copies of a point are taken, of those in which it is nearest the seed; 0 for all.
     used : int, optional
         u, where it is less than n.
+    cutting : function
+        How patches are cut.
 
     Returns
     -------
@@ -45,7 +48,7 @@ def in_patches(
         Farthest points where there are more. The order of the input makes no difference.
     """
     points, frame = whole(points)
-    patches = covering(points, size, overlap, used)
+    patches = covering(points, size, overlap, used, cutting)
     normalised = normalise(points[patches])
     patches = patches[:, :used]
     dense = normalised.restore(upsample_patches(normalised.points))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -146,12 +148,13 @@ def test_a_killed_training_goes_on_to_the_same_weights(examples, weights):
     assert all((again[name] == weights[name]).all() for name in weights)
 
 
+@pytest.mark.parametrize("changes", [{}, {"geodesic": True}, {"central": 0}])
 @pytest.mark.parametrize("ratio", [1, 2, 3, 4, 16])
-def test_counts_are_exact(weights, ratio):
-    points = np.random.default_rng(0).normal(size=(70, 3))
-    output = upsampled(TINY, weights, points, ratio)
+def test_counts_are_exact(weights, ratio, changes):
+    method, points = replace(TINY, **changes), np.random.default_rng(0).normal(size=(70, 3))
+    output = upsampled(method, weights, points, ratio)
     assert output.shape == (70 * ratio, 3) and np.isfinite(output).all()
-    assert (upsampled(TINY, weights, points, ratio) == output).all()
+    assert (upsampled(method, weights, points, ratio) == output).all()
 
 
 @pytest.mark.parametrize("name", tiny_clouds())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.methods.upsampling.patches.cut import centrality, covering, cut, normalise, seed_count
+from bench.methods.upsampling.patches.cut import centrality, covering, cut, cut_along, normalise, seed_count
 from bench.methods.upsampling.patches.progressive import patch_size, strays, thin
 from bench.methods.upsampling.patches.whole import in_patches
 
@@ -61,6 +61,23 @@ def test_each_point_is_in_a_patch_however_uneven_the_cloud_is(used):
     assert all(len(set(patch)) == 20 for patch in patches)
     spread = np.linalg.norm(cloud[patches] - cloud[patches[:, :1]], axis=2)
     assert (np.diff(spread, axis=1) >= 0).all()
+
+
+def test_a_patch_along_the_surface_does_not_see_the_other_side():
+    """Two strands of a narrow U: along it, the nearest points are those with the nearest arc length."""
+    length = np.linspace(0, 4, 401)
+    turned = length > 2
+    strand = np.stack([np.where(turned, 4 - length, length), np.where(turned, 0.05, 0.0), 0 * length], axis=1)
+    seeds = np.array([100, 390])
+    for seed, patch, near in zip(seeds, cut_along(strand, seeds, 21, 2), cut(strand, seeds, 21), strict=True):
+        assert patch[0] == seed and set(patch) == set(range(min(seed - 10, 380), min(seed + 11, 401)))
+        assert len(np.unique(strand[near, 1])) == 2
+
+
+def test_a_patch_along_pieces_is_filled_up_from_others():
+    pieces = np.concatenate([POINTS[:30], POINTS[:30] + 50, np.zeros((12, 3))])
+    patches = covering(pieces, 40, 3, None, cut_along)
+    assert all(len(set(patch)) == 40 for patch in patches) and set(patches.ravel()) == set(range(72))
 
 
 def test_centrality_counts_the_patches_that_have_a_point_nearer_their_seed():
