@@ -185,3 +185,12 @@ def test_one_processor_imports_nothing_in_advance(monkeypatch):
     monkeypatch.setattr(forkserver, "available", lambda: [0])
     forkserver.begin(1)
     assert forkserver._begun == []
+
+
+def test_threads_that_wait_sleep_unless_the_user_wants_them_to_spin(monkeypatch):
+    monkeypatch.delenv("OMP_WAIT_POLICY", raising=False)
+    made = forkserver.server_environment(3)
+    assert made["OMP_WAIT_POLICY"] == "PASSIVE"
+    assert {made[name] for name in forkserver.THREAD_VARIABLES} == {"3"}
+    monkeypatch.setenv("OMP_WAIT_POLICY", "ACTIVE")
+    assert forkserver.server_environment(1)["OMP_WAIT_POLICY"] == "ACTIVE"

@@ -100,7 +100,8 @@ def train(
         if step % LOGGED == 0:
             run.log(step, loss=number)
         step += 1
-        run.progress(*((step, steps) if steps else (round(1000 * progress(run, step, steps)), 1000)))
+        # By the clock, the number of steps to come is estimated from those that are done.
+        run.progress(step, steps or max(step, round(step / max(progress(run, step, steps), 1e-9))))
         run.checkpoint(lambda step=step: state.arrays(step))
     if validate:
         state.offer(validate(), step, run)

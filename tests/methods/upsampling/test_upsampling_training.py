@@ -234,3 +234,11 @@ def test_without_a_number_of_steps_the_stages_go_by_the_clock():
     late = training(method, Clocked(10.0, spent=30.0))
     late.prepare(60)
     assert (late._now.first, late._now.level) == (1, 2)
+
+
+def test_a_training_by_the_clock_reports_its_steps():
+    run, told = Clocked(10.0), []
+    run.on_progress = lambda done, total: told.append((done, total))
+    Mpu(**SMALL, steps=0).fit(examples(), run)
+    assert [done for done, _ in told] == list(range(1, len(told) + 1))
+    assert all(done <= total for done, total in told) and told[-1][0] == run.lines[-1][0]
