@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-TOGETHER = 64  # seeds whose distances to all points are in memory at once
+TOGETHER = 1 << 24  # distances from seeds to all points that are in memory at once: 128 MB
 
 Cutting = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
 
@@ -86,8 +86,9 @@ def cut_along(points: np.ndarray, seeds: np.ndarray, size: int, neighbours: int 
     graph = csr_array((lengths, (np.repeat(np.arange(m), k), index.ravel())), shape=(m, m))
     patches = cut(points, seeds, size)
     reach = 3 * np.linalg.norm(points[patches[:, -1]] - points[seeds], axis=1)
-    for first in range(0, len(seeds), TOGETHER):
-        some = slice(first, first + TOGETHER)
+    together = max(1, TOGETHER // m)
+    for first in range(0, len(seeds), together):
+        some = slice(first, first + together)
         away = dijkstra(graph, directed=False, indices=seeds[some], limit=max(reach[some].max(), 1e-300))
         for row, distance in zip(range(first, first + len(away)), away, strict=True):
             distance[seeds[row]] = -1.0

@@ -18,7 +18,6 @@ from .whole import in_patches, whole
 BATCH = 16  # patches at once: 16 of 312 points take 100 MB
 STRAY = 5.0  # a point is stray when its squared distance to the next is so many times the mean
 COPIES = 1e-5  # points nearer to each other than about this, relative to the radius of the cloud, are one
-NO_SEEDS = np.random.default_rng(0)  # nothing is drawn where nothing is cut
 SPARE = 1.02  # thinned to this share first: what is stray can then go
 
 
@@ -88,7 +87,7 @@ def double_whole(
         dense = []
         for first in range(0, len(patches), BATCH):
             some = torch.from_numpy(patches[first : first + BATCH].astype(np.float32)).permute(2, 0, 1).contiguous()
-            out, _ = run_levels(network, some.to(device), [], times, NO_SEEDS, recut=False)
+            out, _ = run_levels(network, some.to(device), [], times, recut=False)
             dense.append(out.permute(1, 2, 0).cpu().numpy().astype(np.float64))
         return np.concatenate(dense)
 

@@ -16,7 +16,7 @@ def run_levels(
     points: Tensor,
     truths: list[Tensor],
     levels: int,
-    rng: np.random.Generator,
+    rng: np.random.Generator | None = None,
     first_trained: int = 0,
     apart: bool = False,
     recut: bool = True,
@@ -35,8 +35,8 @@ def run_levels(
     truths : list of (3, b, n * 2**level) tensors
         In the frame of ``points``: of the last level; with ``apart``, of each level from the first to the last.
     levels : int
-    rng : numpy Generator
-        Draws the seeds.
+    rng : numpy Generator, optional
+        Draws the seeds; without ``recut`` there are none.
     first_trained : int
         The levels before this one have no gradient.
     apart : bool
