@@ -25,7 +25,7 @@ CLEAN = 1e-4  # RMS error below which an input has no noise
 def curves(rows: pd.DataFrame, by: str, score: str) -> dict[str, pd.DataFrame]:
     """For each method the mean of a score and half its 95 % interval over shapes, by a column."""
     found = {}
-    for name, part in rows.groupby([label(m, v) for m, v in zip(rows["method"], rows["variant"], strict=True)]):
+    for name, part in rows.groupby("line"):
         grouped = part.groupby(by)[f"score.{score}"]
         half = 1.96 * grouped.std() / np.sqrt(grouped.count())
         found[name] = pd.DataFrame({"mean": grouped.mean(), "half": half})
@@ -50,6 +50,9 @@ def main() -> None:
     args = parser.parse_args()
     rows = Results(args.results).rows()
     rows = rows[rows["status"] == "ok"]
+    # A line for each method with its parameters: with which sensor it was trained is not among them.
+    own = rows["variant"].str.split(",weights=").str[0]
+    rows = rows.assign(line=[label(m, v) for m, v in zip(rows["method"], own, strict=True)])
     usual = rows["input.points"].mode()[0]
     level = rows.groupby("sensor")["input.rms"].transform("median").round(4)
     rows = rows.assign(noise=level)

@@ -10,8 +10,8 @@ import torch
 from bench.geometry.farthest import farthest_points
 
 from ..networks.bilateral import NEIGHBOURS, Nearby
+from ..networks.levels import run_levels
 from ..networks.unit import Unit, Units
-from ..training.chain import run_levels
 from .cut import centrality, covering, normalise
 from .whole import in_patches, whole
 

@@ -13,9 +13,9 @@ from bench import Run
 
 from ...learned.training.resumable import progress, step_generator, train
 from ...learned.training.schedules import late_decay
+from ..networks.levels import run_levels
 from ..networks.unit import Units
 from ..patches.progressive import patch_size
-from .chain import run_levels
 from .clouds import Clouds, Draw
 from .loss import FIDELITY, chamfer
 from .schedule import Moment, Stages, moment

@@ -6,8 +6,8 @@ import torch
 
 from bench import Run
 from bench.methods.upsampling.mpu import Mpu
+from bench.methods.upsampling.networks.levels import run_levels
 from bench.methods.upsampling.networks.unit import Form, Units
-from bench.methods.upsampling.training.chain import run_levels
 from bench.methods.upsampling.training.clouds import Clouds, Draw, pack, rotations
 from bench.methods.upsampling.training.fit import Plan, Training
 from bench.methods.upsampling.training.loss import chamfer

@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..networks.bilateral import NEIGHBOURS, Nearby
-from ..networks.neighbours import gather, nearest
-from ..networks.unit import Units
+from .bilateral import NEIGHBOURS, Nearby
+from .neighbours import gather, nearest
+from .unit import Units
 
 
 def run_levels(
