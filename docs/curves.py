@@ -38,7 +38,7 @@ def draw(axes: plt.Axes, found: dict[str, pd.DataFrame], title: str) -> None:
         axes.plot(line.index, line["mean"], marker="o", label=name)
         axes.fill_between(line.index, line["mean"] - line["half"], line["mean"] + line["half"], alpha=0.2)
     axes.set_xlabel(title)
-    axes.set_ylim(bottom=0)
+    axes.locator_params(axis="x", nbins=5)
 
 
 def main() -> None:
@@ -63,6 +63,7 @@ def main() -> None:
     draw(right, over_points, "points of the input")
     right.invert_xaxis()
     left.set_ylabel(args.score)
+    left.set_ylim(bottom=0)  # both have one axis, as far as the higher of the two
     left.legend(fontsize=7)
     figure.tight_layout()
     figure.savefig(args.picture, dpi=120)
