@@ -43,8 +43,8 @@ THREAD_VARIABLES = (
     "NUMBA_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-# Threads that wait for work sleep. By default they spin: beside one other busy process two threads of torch then took 20
-# times as long for a step of a training, beside three 58 times; alone they were 10 % faster.
+# Threads that wait for work sleep. By default they spin: beside one other busy process two threads of torch then took
+# 20 times as long for a step of a training, beside three 58 times; alone they were 10 % faster.
 WAITING = {"OMP_WAIT_POLICY": "PASSIVE"}
 # What every worker needs to make a case and to score an output.
 ALWAYS = (
