@@ -51,7 +51,7 @@ def main() -> None:
     rows = Results(args.results).rows()
     rows = rows[rows["status"] == "ok"]
     # A line for each method with its parameters: with which sensor it was trained is not among them.
-    own = rows["variant"].str.split(",weights=").str[0]
+    own = ("," + rows["variant"]).str.split(",weights=").str[0].str[1:]
     rows = rows.assign(line=[label(m, v) for m, v in zip(rows["method"], own, strict=True)])
     usual = rows["input.points"].mode()[0]
     level = rows.groupby("sensor")["input.rms"].transform("median").round(4)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench import PointCloud, Run, register
+from bench.geometry.farthest import load_compiled
 
 from .inputs import distinct_points
 
@@ -23,11 +24,7 @@ class MidpointJet:
         if self.k < 6:
             raise ValueError(f"k: a quadric needs at least 6 neighbours, got {self.k}")
 
-    def prepare(self) -> None:
-        """Load what is compiled."""
-        from bench.geometry.farthest import load_compiled
-
-        load_compiled()
+    prepare = staticmethod(load_compiled)
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points; those of the input come first, in its order without repetitions."""

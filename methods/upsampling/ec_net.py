@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from bench import PointCloud, Run, register
+from bench.geometry.farthest import load_compiled
 
 if TYPE_CHECKING:
     from bench import TrainingData
@@ -93,11 +94,7 @@ class EcNet:
         own = {name: getattr(self, name) for name in Plan.__dataclass_fields__}
         return Training(network, examples, Plan(**own), self._widening(), run).weights()
 
-    def prepare(self) -> None:
-        """Load what is compiled."""
-        from bench.geometry.farthest import load_compiled
-
-        load_compiled()
+    prepare = staticmethod(load_compiled)
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points.

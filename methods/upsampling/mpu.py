@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 
 from bench import PointCloud, Run, generator, register
+from bench.geometry.farthest import load_compiled
 
 if TYPE_CHECKING:
     from bench import TrainingData
@@ -61,20 +62,8 @@ class Mpu:
             "code",
             "skip",
         ),
-        *(
-            "patch",
-            "share",
-            "bases",
-            "scans",
-            "noise",
-            "scale",
-            "steps",
-            "batch",
-            "learning_rate",
-            "decay",
-            "inherit",
-            "recut",
-        ),
+        *("patch", "share", "bases", "scans", "noise", "scale"),
+        *("steps", "batch", "learning_rate", "decay", "inherit", "recut"),
     )
 
     def __post_init__(self) -> None:
@@ -118,11 +107,7 @@ class Mpu:
         own = {name: getattr(self, name) for name in Plan.__dataclass_fields__}
         return Training(network, examples, Plan(**own), run).weights()
 
-    def prepare(self) -> None:
-        """Load what is compiled."""
-        from bench.geometry.farthest import load_compiled
-
-        load_compiled()
+    prepare = staticmethod(load_compiled)
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points, the order of which says nothing.

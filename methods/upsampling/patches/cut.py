@@ -156,6 +156,28 @@ def centrality(patches: np.ndarray) -> np.ndarray:
     return rank.reshape(h, n)
 
 
+def most_central(dense: np.ndarray, rank: np.ndarray, central: int) -> np.ndarray:
+    """Of what patches give, the copies of each point from the ``central`` patches in which it is nearest the seed.
+
+    Parameters
+    ----------
+    dense : (h, r n, 3) array
+        First copies of the n points of each patch, then second ones, and so on.
+    rank : (h, n) int array
+        Of :func:`centrality`.
+    central : int
+        0 for all.
+
+    Returns
+    -------
+    (k, 3) array
+    """
+    if central:
+        h, n = rank.shape
+        dense = dense.reshape(h, -1, n, 3).transpose(0, 2, 1, 3)[rank < central]
+    return dense.reshape(-1, 3)
+
+
 def normalise(patches: np.ndarray) -> Normalised:
     """Move each patch of (h, n, 3) to its centroid and scale its farthest point to distance 1."""
     centres = patches.mean(axis=1, keepdims=True)

@@ -12,7 +12,7 @@ from bench.geometry.farthest import farthest_points
 from ..networks.bilateral import NEIGHBOURS, Nearby
 from ..networks.levels import run_levels
 from ..networks.unit import Unit, Units
-from .cut import centrality, covering, normalise
+from .cut import centrality, covering, most_central, normalise
 from .whole import in_patches, whole
 
 BATCH = 16  # patches at once: 16 of 312 points take 100 MB
@@ -156,9 +156,7 @@ def _level(
         out, found = unit(inputs.to(device), nearby)
         local = frames.restore(out.permute(1, 2, 0).cpu().numpy().astype(np.float64))
         mine = rank[first : first + BATCH]
-        if central:
-            local = local.reshape(len(some), -1, some.shape[1], 3).transpose(0, 2, 1, 3)[mine < central]
-        dense.append(local.reshape(-1, 3))
+        dense.append(most_central(local, mine, central))
         if features is not None:
             # Of the patch in which a point is nearest the seed: far from the border, as in training.
             best = torch.from_numpy(mine == 0)

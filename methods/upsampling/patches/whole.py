@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.geometry.farthest import farthest_points
 
-from .cut import Cutting, Normalised, centrality, covering, cut, normalise
+from .cut import Cutting, Normalised, centrality, covering, cut, most_central, normalise
 
 
 def in_patches(
@@ -50,12 +50,8 @@ def in_patches(
     points, frame = whole(points)
     patches = covering(points, size, overlap, used, cutting)
     normalised = normalise(points[patches])
-    patches = patches[:, :used]
     dense = normalised.restore(upsample_patches(normalised.points))
-    if central:
-        taken = centrality(patches) < central
-        dense = dense.reshape(len(patches), -1, patches.shape[1], 3).transpose(0, 2, 1, 3)[taken]
-    dense = dense.reshape(-1, 3)
+    dense = most_central(dense, centrality(patches[:, :used]), central)
     return frame.restore((dense if len(dense) == count else dense[farthest_points(dense, count)])[None])[0]
 
 

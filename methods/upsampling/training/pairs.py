@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -89,9 +89,21 @@ class Patches(NamedTuple):
 
 
 class Pairs(Clouds):
-    """Patches of pairs of clouds that :func:`.clouds.pack` packed; see there for the parameters."""
+    """Patches of pairs of clouds that :func:`.clouds.pack` packed; see there for the parameters.
 
-    times = RATIO  # as many points in the second cloud
+    ``times`` as many points are in the second cloud.
+    """
+
+    def __init__(
+        self,
+        examples: Mapping[str, np.ndarray],
+        size_of: Callable[[int], int],
+        device: str,
+        held_out: bool = False,
+        times: int = RATIO,
+    ):
+        super().__init__(examples, size_of, device, held_out)
+        self.times = times
 
     def draw(self, count: int, rng: np.random.Generator, how: Augmentation) -> Patches:
         """Patches around random points of random shapes; all of one size.
@@ -170,7 +182,4 @@ def held_out(examples: Mapping[str, np.ndarray], points: int, device: str, times
     def size(count: int) -> int:
         return min(points, count)
 
-    both = Pairs(examples, size, device), Pairs(examples, size, device, held_out=True)
-    for pairs in both:
-        pairs.times = times
-    return both
+    return Pairs(examples, size, device, times=times), Pairs(examples, size, device, held_out=True, times=times)
