@@ -47,7 +47,7 @@ class EcNet:
     jitter: float = 0.005  # of every other patch in training, relative to its radius
     scale: float = 0.2  # patches in training are scaled by up to this
     shift: float = 0.0  # and moved by up to this (thesis: 0.2)
-    steps: int = 1300  # of training; 0 for as many as its seconds allow
+    steps: int = 4400  # of training; 0 for as many as its seconds allow
     batch: int = 8  # patches of a step (thesis: 12)
     learning_rate: float = 1e-3  # of Adam
     decay: float = 0.05  # factor of the learning rate over the last fifth of training (thesis: 1)

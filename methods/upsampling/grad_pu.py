@@ -41,7 +41,7 @@ class GradPu:
     bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for those that the sensor gives
     scans: tuple[str, ...] = ()  # instead of bases, sensors of four times as many points each, the sparsest first
     noise: float = 0.0025  # of the inputs in training, relative to the radius of the shape
-    steps: int = 2000  # of training; 0 for as many as its seconds allow
+    steps: int = 9200  # of training; 0 for as many as its seconds allow
     batch: int = 8  # patches of a step (He et al.: 32)
     learning_rate: float = 1e-3  # of Adam
     decay: float = 0.05  # factor of the learning rate over the last fifth of training

@@ -40,7 +40,7 @@ class PuNet:
     scale: float = 0.1  # patches in training are scaled by up to this
     shift: float = 0.0  # and moved by up to this (thesis: 0.1)
     repulsion: float = 1.0  # weight of the loss that keeps points apart
-    steps: int = 1600  # of training; 0 for as many as its seconds allow
+    steps: int = 3200  # of training; 0 for as many as its seconds allow
     batch: int = 8  # patches of a step (thesis: 28)
     learning_rate: float = 1e-3  # of Adam
     decay: float = 0.05  # factor of the learning rate over the last fifth of training (thesis: 1)
