@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import torch
+from torch import Tensor
 
 from bench import InvalidOutput, Run
 
 from .batches import Batch
 from .field import Field
+from .losses import Losses
 from .settings import Training
+
+WHOLE = 1 << 16  # points that go through a network at once on a GPU
 
 
 class Sampling(Protocol):
@@ -97,6 +102,17 @@ def fit(
         If the loss is NaN or infinite.
     """
     optimizer = field.optimizer(training)
+    device = next(field.parameters()).device
+    if device.type != "cpu":  # chunks are for the caches of a processor; a GPU is kept busy by large ones
+        training = replace(training, chunk=max(training.chunk, WHOLE))
+
+    def diverged(loss: float, step: int) -> Diverged:
+        return Diverged(
+            f"the training diverged: the loss is {loss} after {step} of {training.steps} steps; "
+            f"try a smaller learning_rate (it is {training.learning_rate:g})"
+        )
+
+    losses = Losses(str(device), diverged)
     progress = Progress(training.steps, run.elapsed, training.seconds)
     held_out = sampler.draw()
     best = _Best(field, held_out, training.chunk)
@@ -105,19 +121,16 @@ def fit(
     steps = 0
     while progress.t < 1:
         t = training.begin + (1 - training.begin) * progress.t
-        loss = _step(field, sampler.draw(), optimizer, t, training)
-        if not math.isfinite(loss):
-            raise Diverged(
-                f"the training diverged: the loss is {loss} after {steps} of {training.steps} steps; "
-                f"try a smaller learning_rate (it is {training.learning_rate:g})"
-            )
+        losses.add(_step(field, sampler.draw(), optimizer, t, training), steps)
         before, steps = progress.t, steps + 1
         progress.step()
         run.progress(round(1000 * progress.t), 1000)
         if _passed(before, progress.t, training.checkpoints):
+            losses.read()
             best.look()
         if progress.t < 1 and _passed(before, progress.t, training.traces):
             offer()
+    losses.read()
     best.restore()
     return Fit(steps, best.loss < at_first)
 
@@ -126,14 +139,14 @@ def _passed(before: float, now: float, marks: int) -> bool:
     return math.floor(before * marks) < math.floor(now * marks)
 
 
-def _step(field: Field, batch: Batch, optimizer: torch.optim.Optimizer, t: float, training: Training) -> float:
+def _step(field: Field, batch: Batch, optimizer: torch.optim.Optimizer, t: float, training: Training) -> Tensor:
     """One step of the optimizer; the loss before it."""
     for group, factor in zip(optimizer.param_groups, field.rates(t), strict=True):
         group["lr"] = training.learning_rate * factor
         for parameter in group["params"]:
             parameter.requires_grad_(factor > 0)
     optimizer.zero_grad(set_to_none=True)
-    loss = 0.0
+    loss = torch.zeros((), device=batch.x.device)
     for chunk in batch.chunks(training.chunk):
         part = field.loss(chunk, t)
         if part.requires_grad:
@@ -142,7 +155,7 @@ def _step(field: Field, batch: Batch, optimizer: torch.optim.Optimizer, t: float
     if training.clip > 0:
         torch.nn.utils.clip_grad_norm_(field.parameters(), training.clip)
     optimizer.step()
-    return float(loss)
+    return loss
 
 
 class _Best:

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from bench import Run, UsageError
+
+from .losses import Losses
 
 NETWORK, OPTIMIZER, BEST = "network.", "optimizer.", "best."
 
@@ -77,36 +80,45 @@ def train(
     Raises
     ------
     UsageError
-        If the loss is not finite, naming the step: a smaller learning rate is what helps.
+        If the loss is not finite, naming the step: a smaller learning rate is what helps. See :class:`.losses.Losses`
+        for when it is raised.
     """
     state = _State(network, optimizer)
+    losses = Losses(run.device, _diverged)
+
+    def arrays(step: int) -> dict[str, np.ndarray]:
+        losses.read()
+        return state.arrays(step)
+
     step = state.resume(run.resumed) if run.resumed else 0
     while (step < steps or not steps) and (run.seconds_left() > 0 or step == 0):
         if validate and step % every == 0 and step > 0:
+            losses.read()
             state.offer(validate(), step, run)
         if prepare:
             prepare(step)
         optimizer.zero_grad(set_to_none=True)
         value = loss(step)
-        number = float(value.detach())
-        if not math.isfinite(number):
-            raise UsageError(
-                f"the training diverged: the loss is {number} at step {step:,}; try a smaller learning rate"
-            )
+        losses.add(value, step)
         value.backward()
         if clip_value is not None:
             nn.utils.clip_grad_value_([p for p in network.parameters() if p.grad is not None], clip_value)
         optimizer.step()
         if step % LOGGED == 0:
-            run.log(step, loss=number)
+            run.log(step, loss=losses.read())
         step += 1
         # By the clock, the number of steps to come is estimated from those that are done.
         run.progress(step, steps or max(step, round(step / max(progress(run, step, steps), 1e-9))))
-        run.checkpoint(lambda step=step: state.arrays(step))
+        run.checkpoint(partial(arrays, step))
+    losses.read()
     if validate:
         state.offer(validate(), step, run)
     run.log(step, done=1)
     return state.best()
+
+
+def _diverged(loss: float, step: int) -> UsageError:
+    return UsageError(f"the training diverged: the loss is {loss} at step {step:,}; try a smaller learning rate")
 
 
 LOGGED = 20  # steps between two lines of the log

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -12,6 +13,7 @@ from torch import Tensor
 from ..networks.neighbours import gather, nearest
 
 FULL = 32767
+FAR = 1e6  # where the points are that fill up the smaller ones of a stack
 
 
 def pack(pyramids: Iterable[tuple[int, list[np.ndarray]]]) -> dict[str, np.ndarray]:
@@ -51,6 +53,32 @@ class Draw:
     scale: float = 0.0  # patches are scaled by a factor from 1 - scale to 1 + scale
 
 
+class Stack(NamedTuple):
+    """Clouds side by side."""
+
+    points: Tensor
+    """(3, b, n) tensor: behind the points of a cloud that has fewer than n come others, at FAR"""
+    counts: np.ndarray
+    """(b,) int array: how many each has"""
+
+    def seeds(self, rng: np.random.Generator) -> Tensor:
+        """A random point of each: (3, b, 1)."""
+        chosen = np.array([int(rng.integers(count)) for count in self.counts])
+        return self.points[:, torch.arange(len(chosen)), torch.from_numpy(chosen)][..., None]
+
+    def around(self, seeds: Tensor, count: int) -> Tensor:
+        """The points nearest the seeds (3, b, 1), in no particular order: (3, b, count).
+
+        Those of a cloud of fewer points come again.
+        """
+        index = nearest(seeds, self.points, count)[:, :, 0]
+        if self.counts.min() < count:
+            counts = torch.from_numpy(self.counts).to(index.device)[:, None]
+            index = index.gather(1, (index >= counts).to(torch.uint8).argsort(dim=1, stable=True))
+            index = index.gather(1, torch.arange(count, device=index.device) % counts.clamp_max(count))
+        return gather(self.points, index[:, None])[:, :, 0]
+
+
 class Clouds:
     """What :func:`pack` made, on a device.
 
@@ -67,9 +95,11 @@ class Clouds:
     def __init__(
         self, examples: Mapping[str, np.ndarray], size_of: Callable[[int], int], device: str, held_out: bool = False
     ):
-        self._points = torch.from_numpy(np.array(examples["points"])).to(device)
-        self._scales = examples["scales"]
         self._counts = examples["counts"]
+        scales = np.repeat(examples["scales"], self._counts.sum(axis=1)).astype(np.float32)
+        points = np.ascontiguousarray(examples["points"].T) * scales
+        # (3, total + 1): the last one is for all that fill up
+        self._points = torch.from_numpy(np.pad(points, ((0, 0), (0, 1)), constant_values=FAR)).to(device)
         self._starts = np.concatenate([[0], self._counts.ravel().cumsum()])[:-1].reshape(self._counts.shape)
         shapes = np.unique(examples["shapes"])
         last = shapes[len(shapes) - max(1, len(shapes) // 10) :]
@@ -104,14 +134,11 @@ class Clouds:
             The inputs, normalised (up to the factor of ``draw``), and the truths, in the same frames.
         """
         size = self.sizes[group]
-        inputs, truths = [], [[] for _ in levels]
-        for pyramid in rng.choice(self._groups[group], count):
-            cloud = self._cloud(pyramid, base)
-            seed = cloud[:, :, int(rng.integers(cloud.shape[2])), None]
-            inputs.append(self._around(seed, cloud, size))
-            for kept, level in zip(truths, levels, strict=True):
-                kept.append(self._around(seed, self._cloud(pyramid, base + level), size << level))
-        patches = torch.cat(inputs, dim=1)
+        pyramids = rng.choice(self._groups[group], count)
+        clouds = self.stack(pyramids, base)
+        seeds = clouds.seeds(rng)
+        patches = clouds.around(seeds, size)
+        truths = [self.stack(pyramids, base + level).around(seeds, size << level) for level in levels]
         if draw.noise:
             noise = np.clip(rng.normal(size=tuple(patches.shape)), -3, 3) * draw.noise
             patches = patches + torch.from_numpy(noise.astype(np.float32)).to(patches)
@@ -124,20 +151,16 @@ class Clouds:
         def move(points: Tensor) -> Tensor:
             return torch.einsum("bij,jbn->ibn", turn, (points - centre) * scale).contiguous()
 
-        return [move(patches), *(move(torch.cat(kept, dim=1)) for kept in truths)]
+        return [move(patches), *map(move, truths)]
 
-    def _cloud(self, pyramid: int, level: int) -> Tensor:
-        start = self._starts[pyramid, level]
-        part = self._points[start : start + self._counts[pyramid, level]]
-        return (part.to(torch.float32) * float(self._scales[pyramid])).T[:, None]
-
-    @staticmethod
-    def _around(seed: Tensor, cloud: Tensor, count: int) -> Tensor:
-        index = nearest(seed, cloud, count).transpose(1, 2)
-        found = gather(cloud, index)[:, :, 0]
-        if found.shape[2] < count:  # a cloud that is smaller than the patch wanted: points come again
-            found = found[:, :, torch.arange(count, device=found.device) % found.shape[2]]
-        return found
+    def stack(self, pyramids: np.ndarray, level: int) -> Stack:
+        """Clouds of one level, side by side: on a GPU, one call serves them all."""
+        counts, starts = self._counts[pyramids, level], self._starts[pyramids, level]
+        along = np.arange(counts.max())
+        rows = np.where(along < counts[:, None], starts[:, None] + along, self._points.shape[1] - 1)
+        rows = torch.from_numpy(rows).to(self._points.device)
+        points = self._points.index_select(1, rows.reshape(-1)).reshape(3, *rows.shape)
+        return Stack(points, counts)
 
 
 def rotations(count: int, rng: np.random.Generator) -> np.ndarray:

@@ -63,7 +63,7 @@ class Training(DecayingTraining):
         self.network, self.plan, self.run, self.seed, self.widening = network, plan, run, run.seed, widening
         self.pairs, self.held_out = held_out(examples, plan.points, run.device)
         self.surfaces = EdgedSurfaces(examples, run.device)
-        self.optimizer = adam(network, network.last, plan.learning_rate)
+        self.optimizer = adam(network, network.last, plan.learning_rate, run.device)
 
     def loss(self, step: int) -> Tensor:
         """The sum of the four terms for a batch; the part of the weights is in the optimiser."""

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..losses.nearest_surface import to_all_segments, to_all_triangles
+from ..networks.neighbours import gather
 from .pairs import Patches
 
 if TYPE_CHECKING:
@@ -86,13 +87,10 @@ class EdgedSurfaces:
     """
 
     def __init__(self, examples: Mapping[str, np.ndarray], device: str):
-        self._parts = []
-        for name, counts in (("triangles", "triangle_counts"), ("segments", "segment_counts")):
-            # (3, k, corners), as everywhere: components first
-            arrays = torch.from_numpy(np.array(examples[name])).to(device).permute(2, 0, 1)
-            self._parts.append(arrays.split(examples[counts].tolist(), dim=1))
         numbers = {int(shape): number for number, shape in enumerate(np.unique(examples["shapes"]))}
-        self._of_pyramid = [numbers[int(shape)] for shape in examples["shapes"]]
+        self._of_pyramid = np.array([numbers[int(shape)] for shape in examples["shapes"]])
+        self._triangles = _Parts(examples["triangles"], examples["triangle_counts"], device)
+        self._segments = _Parts(examples["segments"], examples["segment_counts"], device)
 
     def around(self, patches: Patches, triangles: int, segments: int) -> tuple[Tensor, Tensor]:
         """The triangles and segments nearest the seeds of patches, in the frames of the patches.
@@ -103,17 +101,46 @@ class EdgedSurfaces:
         -------
         (3, b, triangles, 3) tensor, (3, b, segments, 2) tensor
         """
-        found: tuple[list[Tensor], list[Tensor]] = ([], [])
-        for number, pyramid in enumerate(patches.pyramids.tolist()):
-            seed = patches.seeds[:, number : number + 1]
-            corners, ends = (part[self._of_pyramid[pyramid]][:, None] for part in self._parts)
-            near = to_all_triangles(seed, corners)[0, :, 0].argsort(stable=True)[:triangles]
-            near = near[torch.arange(triangles, device=near.device) % len(near)]
-            found[0].append(corners[:, :, near])
-            near = to_all_segments(seed, ends)[0, :, 0].argsort(stable=True)[:segments]
-            none = ends.new_full((3, 1, segments - len(near), 2), FAR)
-            found[1].append(torch.cat([ends[:, :, near], none], dim=2))
-        return _moved(patches, torch.cat(found[0], 1)), _moved(patches, torch.cat(found[1], 1))
+        surfaces = self._of_pyramid[patches.pyramids]
+        corners, counts = self._triangles.stack(surfaces, least=1)
+        near = to_all_triangles(patches.seeds, corners)[:, :, 0].argsort(dim=1, stable=True)
+        # Those that fill up a smaller surface are the farthest.
+        near = near.gather(1, torch.arange(triangles, device=near.device) % counts.clamp_max(triangles))
+        ends, _ = self._segments.stack(surfaces, least=segments)
+        close = to_all_segments(patches.seeds, ends)[:, :, 0].argsort(dim=1, stable=True)[:, :segments]
+        return _moved(patches, _chosen(corners, near)), _moved(patches, _chosen(ends, close))
+
+
+class _Parts:
+    """The triangles, or the segments, of all surfaces, on a device.
+
+    Parameters
+    ----------
+    corners : (total, c, 3) array
+    counts : (surfaces,) int array
+    device : str
+    """
+
+    def __init__(self, corners: np.ndarray, counts: np.ndarray, device: str):
+        # (3, total, c), as everywhere: components first; and a last one that stands far away, a segment without length
+        far = np.full_like(corners, FAR, shape=(1, *corners.shape[1:]))
+        if corners.shape[1] > 2:
+            far += np.eye(3, dtype=far.dtype)
+        self._corners = torch.from_numpy(np.concatenate([corners, far])).to(device).permute(2, 0, 1).contiguous()
+        self._counts, self._starts = counts, np.concatenate([[0], counts.cumsum()])[:-1]
+
+    def stack(self, surfaces: np.ndarray, least: int) -> tuple[Tensor, Tensor]:
+        """Those of some surfaces side by side, (3, b, n, c) with n >= ``least``, and how many each has, (b, 1)."""
+        counts = self._counts[surfaces]
+        along = np.arange(max(counts.max(), least))
+        rows = np.where(along < counts[:, None], self._starts[surfaces][:, None] + along, self._corners.shape[1] - 1)
+        stacked = self._corners[:, torch.from_numpy(rows).to(self._corners.device)]
+        return stacked, torch.from_numpy(counts).to(stacked.device)[:, None]
+
+
+def _chosen(corners: Tensor, index: Tensor) -> Tensor:
+    """The triangles or segments (3, b, n, c) that an index (b, k) names."""
+    return torch.stack([gather(part, index[:, None])[:, :, 0] for part in corners.unbind(3)], dim=-1)
 
 
 def _moved(patches: Patches, corners: Tensor) -> Tensor:

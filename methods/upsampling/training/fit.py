@@ -61,7 +61,7 @@ class Training:
         self._now: Moment | None = None
         self._clouds = Clouds(examples, self._size, run.device)
         self._held_out = Clouds(examples, self._size, run.device, held_out=True)
-        self.optimizer = torch.optim.Adam(network.parameters(), lr=plan.learning_rate)
+        self.optimizer = torch.optim.Adam(network.parameters(), lr=plan.learning_rate, fused=run.device != "cpu")
         self._units = len(network)
 
     def weights(self) -> dict[str, np.ndarray]:

@@ -14,6 +14,7 @@ from bench import Run
 
 from ...learned.training.resumable import step_generator
 from ..networks.distance_network import DistanceNetwork
+from ..networks.neighbours import gather
 from .clouds import Clouds, rotations
 from .decaying import DecayingTraining
 from .pu_training import VALIDATED
@@ -104,34 +105,33 @@ class Queries(Clouds):
 
     def __init__(self, examples: Mapping[str, np.ndarray], points: int, device: str, held_out: bool = False):
         super().__init__(examples, lambda count: min(points, count), device, held_out)
-        counts = examples["counts"][:, 1]
-        self._truths = torch.from_numpy(np.array(examples["truths"])).to(device).split(counts.tolist())
+        self._truths = torch.from_numpy(np.array(examples["truths"])).to(device)
+        self._truth_starts = np.concatenate([[0], examples["counts"][:, 1].cumsum()])[:-1]
 
     def draw(self, count: int, rng: np.random.Generator, noise: float) -> Batch:
         """Patches around random points, with as many queries, which lie in the half nearest the middle."""
         weights = np.array([len(group) for group in self._groups])
         group = int(rng.choice(len(weights), p=weights / weights.sum()))
         size = self.sizes[group]
-        points, queries, truths = [], [], []
-        for pyramid in rng.choice(self._groups[group], count):
-            cloud, places = self._cloud(pyramid, 0), self._cloud(pyramid, 1)
-            seed = cloud[:, :, int(rng.integers(cloud.shape[2])), None]
-            points.append(self._around(seed, cloud, size))
-            inner = (places - seed).square().sum(0)[0].argsort(stable=True)[: PER_POINT * size // 2]
-            some = inner[torch.from_numpy(rng.choice(len(inner), size, replace=False)).to(inner.device)]
-            queries.append(places[:, :, some])
-            truths.append(self._truths[pyramid][some])
-        turn = rotations(count, rng)
+        pyramids = rng.choice(self._groups[group], count)
+        clouds, places = self.stack(pyramids, 0), self.stack(pyramids, 1)
+        seeds = clouds.seeds(rng)
+        inner = (places.points - seeds).square().sum(0).argsort(dim=1, stable=True)
+        half = np.minimum(PER_POINT * size // 2, places.counts)
+        chosen = np.stack([rng.choice(number, size, replace=False) for number in half])
+        index = inner.gather(1, torch.from_numpy(chosen).to(inner.device))
+        starts = torch.from_numpy(self._truth_starts[pyramids]).to(index.device)
+        exact = self._truths[starts[:, None] + index]
+        turn = torch.from_numpy(rotations(count, rng)).to(clouds.points)
         jitter = np.clip(rng.normal(size=(3, count, size)), -3, 3) * noise
 
-        def moved(parts: list[Tensor], by: np.ndarray | float = 0.0) -> Tensor:
-            x = torch.cat(parts, dim=1)
-            x = x + torch.as_tensor(by, dtype=x.dtype, device=x.device)
-            return torch.einsum("bij,jbn->ibn", torch.from_numpy(turn).to(x), x).contiguous()
+        def moved(x: Tensor) -> Tensor:
+            return torch.einsum("bij,jbn->ibn", turn, x).contiguous()
 
-        exact = torch.stack(truths)
-        normals = moved([exact[..., 1:].permute(2, 0, 1)])
-        return Batch(moved(points, jitter), moved(queries), exact[..., 0], normals)
+        points = clouds.around(seeds, size)
+        points = points + torch.from_numpy(jitter).to(points)
+        queries = gather(places.points, index[:, None])[:, :, 0]
+        return Batch(moved(points), moved(queries), exact[..., 0], moved(exact[..., 1:].permute(2, 0, 1)))
 
 
 class Training(DecayingTraining):
@@ -150,7 +150,7 @@ class Training(DecayingTraining):
         self.network, self.plan, self.run, self.seed = network, plan, run, run.seed
         self.clouds = Queries(examples, plan.points, run.device)
         self.held_out = Queries(examples, plan.points, run.device, held_out=True)
-        self.optimizer = torch.optim.Adam(network.parameters(), lr=plan.learning_rate)
+        self.optimizer = torch.optim.Adam(network.parameters(), lr=plan.learning_rate, fused=run.device != "cpu")
 
     def loss(self, step: int) -> Tensor:
         """The mean error of the distance at queries, in spacings of the clouds."""

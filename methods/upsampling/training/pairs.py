@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..networks.neighbours import gather
 from .clouds import Clouds, rotations
 
 if TYPE_CHECKING:
@@ -118,24 +119,21 @@ class Pairs(Clouds):
         group = int(rng.choice(len(weights), p=weights / weights.sum()))
         size = self.sizes[group]
         pyramids = rng.choice(self._groups[group], count)
-        inputs, truths, seeds = [], [], []
-        for pyramid in pyramids:
-            cloud = self._cloud(pyramid, 0)
-            seed = cloud[:, :, int(rng.integers(cloud.shape[2])), None]
-            truth = self._sorted_around(seed, self._cloud(pyramid, 1), self.times * size)
-            if how.subset:
-                part = torch.from_numpy(uneven(self.times * size, size, rng)).to(truth.device)
-                inputs.append(self._sorted_around(seed, truth[:, :, part], size))
-            else:
-                inputs.append(self._sorted_around(seed, cloud, size))
-            truths.append(truth)
-            seeds.append(seed)
-        return _framed(torch.cat(inputs, 1), torch.cat(truths, 1), torch.cat(seeds, 1), pyramids, rng, how)
+        clouds = self.stack(pyramids, 0)
+        seeds = clouds.seeds(rng)
+        truths = _sorted(self.stack(pyramids, 1).around(seeds, self.times * size), seeds)
+        if how.subset:  # of points that are sorted already
+            parts = np.stack([uneven(self.times * size, size, rng) for _ in pyramids])
+            inputs = gather(truths, torch.from_numpy(parts).to(truths.device)[:, None])[:, :, 0]
+        else:
+            inputs = _sorted(clouds.around(seeds, size), seeds)
+        return _framed(inputs, truths, seeds, pyramids, rng, how)
 
-    def _sorted_around(self, seed: Tensor, cloud: Tensor, count: int) -> Tensor:
-        found = self._around(seed, cloud, count)
-        order = (found - seed).square().sum(0)[0].argsort(stable=True)
-        return found[:, :, order]
+
+def _sorted(points: Tensor, seeds: Tensor) -> Tensor:
+    """Points (3, b, n), those nearest their seeds (3, b, 1) first."""
+    order = (points - seeds).square().sum(0).argsort(dim=1, stable=True)
+    return gather(points, order[:, None])[:, :, 0]
 
 
 def _framed(

@@ -61,7 +61,7 @@ class Training(DecayingTraining):
     def __init__(self, network: PuNetwork, examples: Mapping[str, np.ndarray], plan: Plan, widening: float, run: Run):
         self.network, self.plan, self.run, self.seed, self.widening = network, plan, run, run.seed, widening
         self.pairs, self.held_out = held_out(examples, plan.points, run.device, plan.times)
-        self.optimizer = adam(network, network.last, plan.learning_rate)
+        self.optimizer = adam(network, network.last, plan.learning_rate, run.device)
 
     def loss(self, step: int) -> Tensor:
         """100 EMD + repulsion of a batch; the part of the weights is in the optimiser."""
@@ -85,9 +85,9 @@ class Training(DecayingTraining):
         return float((chamfer(output, patches.truths) / chamfer(patches.inputs, patches.truths)).mean())
 
 
-def adam(network: torch.nn.Module, last: torch.nn.Module, rate: float) -> torch.optim.Adam:
+def adam(network: torch.nn.Module, last: torch.nn.Module, rate: float, device: str) -> torch.optim.Adam:
     """Adam over a network, with the derivative of 1e-5 |w|^2 / 2 added to the gradients of all layers but the last."""
     spared = {id(parameter) for parameter in last.parameters()}
     others = [parameter for parameter in network.parameters() if id(parameter) not in spared]
     groups = [{"params": others, "weight_decay": WEIGHTS}, {"params": list(last.parameters()), "weight_decay": 0.0}]
-    return torch.optim.Adam(groups, lr=rate)
+    return torch.optim.Adam(groups, lr=rate, fused=device != "cpu")

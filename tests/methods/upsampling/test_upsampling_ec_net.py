@@ -19,9 +19,10 @@ from bench.methods.upsampling.losses.nearest_surface import (
     to_all_triangles,
 )
 from bench.methods.upsampling.networks.ec_network import EcNetwork
+from bench.methods.upsampling.training.clouds import pack
 from bench.methods.upsampling.training.ec_training import near_edges
-from bench.methods.upsampling.training.edges import FAR, EdgedSurfaces, edged
-from bench.methods.upsampling.training.pairs import Augmentation, held_out
+from bench.methods.upsampling.training.edges import FAR, EdgedSurfaces, edged, pack_edged
+from bench.methods.upsampling.training.pairs import Augmentation, Patches, held_out
 
 TINY = EcNet(points=24, bases=(0,), steps=6, batch=2, triangles=40, segments=6)
 
@@ -98,6 +99,25 @@ def test_what_lies_around_a_patch_is_moved_with_it(examples):
     lengths = (segments[..., 0] - segments[..., 1]).square().sum(0).sqrt()
     assert (lengths[:, :12] > 0.1).all() and (lengths[:, 12:] == 0).all()
     assert segments[:, :, 12:].abs().amax() > FAR / 10
+
+
+def test_surfaces_of_different_sizes_side_by_side_are_those_of_each_alone():
+    box, ball = edged(shape(BOX), 1000, 30.0), edged(shape(BALL), 300, 30.0)
+    cloud = np.random.default_rng(0).normal(size=(9, 3))
+    packed = pack((number, [cloud, cloud]) for number in range(2)) | pack_edged([box, ball])
+    frame = (torch.eye(3).expand(2, 3, 3), torch.zeros(3, 2, 1), torch.ones(2, 1))
+    seeds = torch.tensor([[2.0, 0.1], [0.3, 0.2], [0.1, 1.4]])[..., None]
+    none = torch.zeros(3, 2, 1)
+    patches = Patches(none, none, torch.ones(2), seeds, np.array([0, 1]), frame, none)
+    triangles, segments = EdgedSurfaces(packed, "cpu").around(patches, 30, 5)
+    for number, surface in enumerate((box, ball)):
+        corners = components_first(surface.triangles[None], torch.float32)
+        squared = to_all_triangles(seeds[:, number : number + 1], corners)[0, :, 0]
+        chosen = to_all_triangles(seeds[:, number : number + 1], triangles[:, number : number + 1])[0, :, 0]
+        count = min(30, len(squared))
+        torch.testing.assert_close(chosen[:count], squared.sort().values[:count])
+        torch.testing.assert_close(chosen[count:], chosen[: 30 - count])
+    assert segments[:, 0].abs().max() < 10 and (segments[:, 1] == FAR).all()
 
 
 def test_a_surface_with_fewer_triangles_gives_them_again(examples):

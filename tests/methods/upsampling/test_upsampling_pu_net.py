@@ -131,7 +131,7 @@ def test_features_do_not_depend_on_the_order_behind_the_first_point(n):
 
 def test_the_weights_decay_but_for_the_last_layer():
     network = PuNetwork()
-    optimizer = adam(network, network.last, 1e-3)
+    optimizer = adam(network, network.last, 1e-3, "cpu")
     decayed, spared = optimizer.param_groups
     assert spared["params"] == list(network.last.parameters()) and spared["weight_decay"] == 0
     assert len(decayed["params"]) == len(list(network.parameters())) - 2 and decayed["weight_decay"] == 1e-5

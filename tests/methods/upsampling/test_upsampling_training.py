@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from scipy.spatial import cKDTree
 
 from bench import Run
 from bench.methods.upsampling.mpu import Mpu
@@ -153,6 +154,26 @@ def test_patches_are_normalised_with_their_truth():
     scaled, _ = clouds.batch(0, 50, [2], rng, Draw(scale=0.2))
     radius = scaled.norm(dim=0).amax(1)
     assert 0.8 <= radius.min() < 0.85 and 1.15 < radius.max() <= 1.2
+
+
+def test_patches_of_clouds_of_different_sizes_are_those_of_each_alone():
+    rng = np.random.default_rng(0)
+    sizes = [30, 200, 7, 90]
+    alone = [rng.normal(size=(size, 3)) * (1 + number) for number, size in enumerate(sizes)]
+    packed = pack((number, [cloud, cloud]) for number, cloud in enumerate(alone))
+    stack = Clouds(packed | {"shapes": np.zeros(4, int)}, lambda points: 16, "cpu").stack(np.array([2, 0, 3, 1]), 0)
+    seeds = stack.seeds(rng)
+    found = stack.around(seeds, 16)
+    assert found.shape == (3, 4, 16)
+    for number, which in enumerate([2, 0, 3, 1]):
+        cloud, seed = alone[which], seeds[:, number, 0].numpy()
+        assert np.abs(cloud - seed).max(axis=1).min() < 1e-3  # one of its points
+        order = np.linalg.norm(cloud - seed, axis=1).argsort()[:16]
+        distance, index = cKDTree(cloud).query(found[:, number].T.numpy())
+        assert distance.max() < 1e-3  # of rounding to 16 bits
+        # Seven points come again in turn; of the larger clouds the nearest come once.
+        times = np.bincount(index, minlength=len(cloud))
+        assert set(index) == set(order) and times.max() == -(-16 // len(order))
 
 
 def test_shapes_held_out_are_in_no_batch():
