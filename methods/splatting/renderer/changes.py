@@ -1,0 +1,80 @@
+"""What a splat that comes to a pixel, or leaves it, changes there: the cases of figure 3.17.
+
+All numbers are derivatives of the loss times the change of the pixel's colours, summed over channels; positive ones
+are of no use (Eq. 3.13).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def per_pixel(index, attributes, image, gradient):
+    """The gradient times the attributes of the entries, and times the image; and whether it is not 0."""
+    height, width, layers = index.shape
+    of_entries, of_image = np.zeros((height, width, layers)), np.zeros((height, width))
+    active = np.zeros((height, width), np.bool_)
+    for i in prange(height):
+        for j in range(width):
+            for c in range(gradient.shape[2]):
+                active[i, j] |= gradient[i, j, c] != 0
+                of_image[i, j] += gradient[i, j, c] * image[i, j, c]
+                for entry in range(layers):
+                    if index[i, j, entry] >= 0:
+                        of_entries[i, j, entry] += gradient[i, j, c] * attributes[index[i, j, entry], c]
+    return of_entries, of_image, active
+
+
+@njit(cache=True, error_model="numpy")
+def entry_of(k, i, j, index):
+    """The place of a splat in the list of a pixel, or -1."""
+    for entry in range(index.shape[2]):
+        if index[i, j, entry] == k:
+            return entry
+    return -1
+
+
+@njit(cache=True, error_model="numpy")
+def of_hidden(i, j, entry, pixel_size, of_own, depth, rho, of_image, total, epsilon):
+    """Case (b) of a splat that covers the pixel, behind others: the derivative by its depth, to the front."""
+    weight = rho[i, j, entry]
+    change = weight * (of_own - of_image[i, j]) / (total[i, j] + weight)
+    if not change < 0:
+        return 0.0
+    return change / (depth[i, j, 0] - depth[i, j, entry] - math.sqrt(epsilon) * pixel_size)
+
+
+@njit(cache=True, error_model="numpy")
+def change_without(i, j, entry, index, depth, rho, front, of_entries, of_image, limit):
+    """Case (c): how the loss changes, to first order, when a splat that is seen leaves the pixel."""
+    weight, value, seen = 0.0, 0.0, front[i, j]
+    for e in range(seen):
+        if e != entry:
+            weight += rho[i, j, e]
+            value += rho[i, j, e] * of_entries[i, j, e]
+    if seen == 1:  # the next layer appears
+        for e in range(1, index.shape[2]):
+            if index[i, j, e] >= 0 and depth[i, j, e] - depth[i, j, 1] <= limit:
+                weight += rho[i, j, e]
+                value += rho[i, j, e] * of_entries[i, j, e]
+    return (value / weight if weight > 0 else 0.0) - of_image[i, j]
+
+
+@njit(cache=True, error_model="numpy")
+def change_with(i, j, z, peak, of_own, depth, rho, front, of_entries, of_image, total, limit):
+    """Cases (a) and (b): how the loss changes, to first order, when a splat comes to the pixel."""
+    change, weight, seen = of_own - of_image[i, j], total[i, j], front[i, j]
+    if seen > 0 and depth[i, j, seen - 1] - limit > z:  # it would hide some of what is seen
+        weight, value = 0.0, 0.0
+        for e in range(seen):
+            if depth[i, j, e] - limit <= z:
+                weight += rho[i, j, e]
+                value += rho[i, j, e] * (of_entries[i, j, e] - of_image[i, j])
+        return (peak * change + value) / (peak + weight)
+    if not change < 0:
+        return 0.0
+    return peak * change / (peak + weight)

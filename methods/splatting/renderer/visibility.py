@@ -1,0 +1,210 @@
+"""The gradient of positions by what becomes visible and what hides (Eq. 3.9 to 3.13), over all pixels.
+
+Each pixel that the loss would like to change pulls at every splat, however far it is. A splat that is not seen there is
+drawn towards the pixel, and to the front; one that is seen and disturbs is driven away. Pixels near a splat count one
+by one, farther ones in blocks: see :mod:`.blocks`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from .blocks import LEAF, of_block, pyramid
+from .camera import Camera
+from .changes import change_with, change_without, entry_of, of_hidden, per_pixel
+from .ellipses import Ellipses
+from .raster import Lists, span
+from .settings import Drawing
+
+FAINT = 30.0  # beta from which on a Gaussian is nothing
+
+
+@njit(cache=True, error_model="numpy")
+def _guarded(value, by):
+    return value + by if value >= 0 else value - by
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, opening):
+    shown, place, position, _, form, half, peak, _ = ellipses
+    index, depth, rho, front = lists
+    pull, of_entries, of_image, total = pixels
+    epsilon, limit, occlusion, typical = how
+    starts, shapes, count, classes, sums = blocks
+    fx, fy, skew, _, _ = lens
+    height, width = active.shape
+    back = np.zeros((len(shown), 3))
+    top = len(shapes) - 1
+    for k in prange(len(shown)):
+        if not shown[k]:
+            continue
+        u, v, z = place[k, 0], place[k, 1], position[k, 2]
+        pixel_size, radius = z / math.sqrt(fx * fy), max(half[k, 0], half[k, 1])
+        gx, gy, gz = 0.0, 0.0, 0.0
+        # (level, row, column) of blocks still to be looked at: at most three siblings on each level wait
+        waiting = np.empty((4 * (top + 2), 3), np.int64)
+        waiting[0, 0], waiting[0, 1], waiting[0, 2] = top, 0, 0
+        left = 1
+        while left:
+            left -= 1
+            level, row, column = waiting[left]
+            block = starts[level] + row * shapes[level, 1] + column
+            if count[block] == 0:
+                continue
+            size = LEAF << level
+            off_x = abs((column + 0.5) * size - place[k, 0])
+            off_y = abs((row + 0.5) * size - place[k, 1])
+            touches = off_x <= 0.5 * size + half[k, 0] and off_y <= 0.5 * size + half[k, 1]
+            if opening > 0 and not touches and max(off_x, off_y) >= opening * size:
+                for number in range(count[block]):
+                    which = classes[block, number]
+                    ax, ay, az = of_block(
+                        k,
+                        u,
+                        v,
+                        z,
+                        peak[k],
+                        pixel_size,
+                        sums,
+                        block,
+                        which,
+                        attributes,
+                        epsilon,
+                        limit,
+                        occlusion,
+                        typical,
+                    )
+                    gx, gy, gz = gx + ax, gy + ay, gz + az
+            elif level > 0:
+                for row_below in range(2 * row, min(2 * row + 2, shapes[level - 1, 0])):
+                    for column_below in range(2 * column, min(2 * column + 2, shapes[level - 1, 1])):
+                        waiting[left, 0], waiting[left, 1], waiting[left, 2] = level - 1, row_below, column_below
+                        left += 1
+            else:
+                for i in range(row * LEAF, min(row * LEAF + LEAF, height)):
+                    for j in range(column * LEAF, min(column * LEAF + LEAF, width)):
+                        if not active[i, j]:
+                            continue
+                        dx, dy, of_own, entry = j + 0.5 - u, i + 0.5 - v, 0.0, -1
+                        for c in range(attributes.shape[1]):
+                            of_own += pull[i, j, c] * attributes[k, c]
+                        if abs(dx) <= half[k, 0] and abs(dy) <= half[k, 1]:
+                            entry = entry_of(k, i, j, index)
+                        squared = dx * dx + dy * dy + epsilon
+                        if entry >= front[i, j]:
+                            if occlusion:
+                                gz += of_hidden(i, j, entry, pixel_size, of_own, depth, rho, of_image, total, epsilon)
+                        elif entry >= 0:
+                            change = change_without(i, j, entry, index, depth, rho, front, of_entries, of_image, limit)
+                            if change < 0:  # it can leave on either side
+                                away = math.sqrt(squared)
+                                change *= 1 / _guarded(away * (away + radius), epsilon) + 1 / _guarded(
+                                    away * (away - radius), epsilon
+                                )
+                                gx += change * dx
+                                gy += change * dy
+                        else:
+                            change = change_with(
+                                i, j, z, peak[k], of_own, depth, rho, front, of_entries, of_image, total, limit
+                            )
+                            if change < 0:
+                                gx += change / squared * dx
+                                gy += change / squared * dy
+                                if occlusion and z - depth[i, j, 0] > limit:
+                                    dz = depth[i, j, 0] - z
+                                    gz += change * dz / (squared * pixel_size * pixel_size + dz * dz)
+        back[k, 0], back[k, 1], back[k, 2] = gx * fx / z, (gx * skew + gy * fy) / z, gz
+    return back
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def _gaussian_gradient(ellipses, lists, pixels, active, attributes, lens, how):
+    """By the Gaussians, which end soon: pixels beyond FAINT are nothing."""
+    shown, place, position, _, form, half, peak, _ = ellipses
+    index, depth, rho, front = lists
+    pull, of_entries, of_image, total = pixels
+    _, limit, cutoff = how
+    fx, fy, skew, _, _ = lens
+    height, width = active.shape
+    back = np.zeros((len(shown), 3))
+    far = math.sqrt(FAINT / cutoff)
+    for k in prange(len(shown)):
+        if not shown[k]:
+            continue
+        u, v, z = place[k, 0], place[k, 1], position[k, 2]
+        gx, gy = 0.0, 0.0
+        left, right = span(u, far * half[k, 0], width)
+        top, bottom = span(v, far * half[k, 1], height)
+        for i in range(top, bottom + 1):
+            for j in range(left, right + 1):
+                if not active[i, j]:
+                    continue
+                of_own = 0.0
+                for c in range(attributes.shape[1]):
+                    of_own += pull[i, j, c] * attributes[k, c]
+                entry = entry_of(k, i, j, index)
+                if entry >= front[i, j]:
+                    continue
+                if entry >= 0:
+                    change = -min(
+                        change_without(i, j, entry, index, depth, rho, front, of_entries, of_image, limit), 0.0
+                    )
+                else:
+                    change = min(
+                        change_with(i, j, z, peak[k], of_own, depth, rho, front, of_entries, of_image, total, limit),
+                        0.0,
+                    )
+                dx, dy = j + 0.5 - u, i + 0.5 - v
+                mx, my = form[k, 0] * dx + form[k, 1] * dy, form[k, 1] * dx + form[k, 2] * dy
+                change *= math.exp(-0.5 * (dx * mx + dy * my))
+                gx += change * mx
+                gy += change * my
+        back[k, 0], back[k, 1] = gx * fx / z, (gx * skew + gy * fy) / z
+    return back
+
+
+def visibility_gradient(
+    ellipses: Ellipses,
+    lists: Lists,
+    total: np.ndarray,
+    image: np.ndarray,
+    attributes: np.ndarray,
+    gradient: np.ndarray,
+    camera: Camera,
+    how: Drawing,
+) -> np.ndarray:
+    """The gradient of the positions.
+
+    Parameters
+    ----------
+    ellipses : Ellipses
+    lists : Lists
+    total : (h, w) float64 array
+        The sum of the weights of each pixel.
+    image, gradient : (h, w, c) float64 arrays
+        The image, and the derivative of the loss by it.
+    attributes : (n, c) float64 array
+    camera : Camera
+    how : Drawing
+
+    Returns
+    -------
+    (n, 3) float64 array
+        In the world.
+    """
+    of_entries, of_image, active = per_pixel(lists.index, attributes, image, gradient)
+    pixels = (gradient, of_entries, of_image, total)
+    arguments = (tuple(ellipses), tuple(lists), pixels, active)
+    if how.gradient == "rbf":
+        settings = (how.epsilon, how.depth_limit, how.cutoff)
+        back = _gaussian_gradient(*arguments, attributes, camera.lens(), settings)
+    else:
+        peaks = ellipses.peak[ellipses.shown]
+        typical = float(np.median(peaks)) if len(peaks) else 1.0
+        blocks = pyramid(gradient, of_image, total, lists.depth, lists.front, active, typical)
+        settings = (how.epsilon, how.depth_limit, how.occlusion, typical)
+        back = _gradient(*arguments, blocks, attributes, camera.lens(), settings, float(how.opening))
+    return back @ camera.rotation
