@@ -11,6 +11,8 @@ from bench.geometry.hopeless import no_faces, no_points
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
+    from bench import Views
+
 
 @register("method", requires=("trimesh",))
 @dataclass(frozen=True)
@@ -32,3 +34,7 @@ class Empty:
     def detail_transfer(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, run: Run) -> Trimesh:
         """A mesh without vertices and faces."""
         return no_faces()
+
+    def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
+        """No points."""
+        return no_points()

@@ -12,6 +12,8 @@ from bench.geometry.hopeless import SIZE, random_cloud, random_triangles
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
+    from bench import Views
+
 
 @register("method", requires=("trimesh",))
 @dataclass(frozen=True)
@@ -38,3 +40,7 @@ class Noise:
     def detail_transfer(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, run: Run) -> Trimesh:
         """As many tiny triangles, turned at random, as the target's base has vertices."""
         return random_triangles(len(target_base.vertices), run.rng, self.size)
+
+    def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
+        """As many points as the cloud to begin with has."""
+        return PointCloud(random_cloud(len(cloud), run.rng).points)

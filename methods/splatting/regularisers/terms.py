@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numba import njit, prange
 
+from ..renderer.threads import use
 from .planes import least_direction
 from .settings import Regularity
 
@@ -29,7 +29,7 @@ class Neighbours:
     def __init__(self, points: np.ndarray, how: Regularity, threads: int = 1):
         from scipy.spatial import cKDTree
 
-        self._how, self._threads = how, max(1, min(threads, numba.config.NUMBA_NUM_THREADS))
+        self._how, self._threads = how, threads
         k = min(how.neighbours + 1, len(points))
         _, index = cKDTree(points).query(points, np.arange(1, k + 1), workers=threads)
         # A point is not its own neighbour, also where others coincide with it.
@@ -52,7 +52,7 @@ class Neighbours:
         -------
         float, (n, 3) float64 array
         """
-        numba.set_num_threads(self._threads)
+        use(self._threads)
         how = self._how
         settings = (how.repulsion_distance, _opening(how.angle), how.form == "released")
         each, gradient = _repulsion(*_float(points, normals, 1 / (1 + np.asarray(hidden))), self.index, *settings)
@@ -67,7 +67,7 @@ class Neighbours:
         -------
         (n, 3) float64 array
         """
-        numba.set_num_threads(self._threads)
+        use(self._threads)
         how = self._how
         released = how.form == "released"
         visible = 1 / (1 + np.asarray(hidden)) ** (2 if released else 1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from .blending import blend, blend_back
@@ -12,6 +11,7 @@ from .camera import Camera
 from .ellipses import Ellipses, project
 from .raster import Lists, rasterise
 from .settings import Drawing
+from .threads import use
 from .visibility import visibility_gradient
 from .weights import weight_gradients
 
@@ -94,7 +94,7 @@ def draw(
         So many threads draw, and so many make the gradients until the next call; the result does not depend on it.
     """
     how = how or Drawing()
-    numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))
+    use(threads)
     points, normals, attributes = (np.ascontiguousarray(a, dtype=np.float64) for a in (points, normals, attributes))
     sigma = np.broadcast_to(np.asarray(sigma, dtype=np.float64), (len(points),)).copy()
     ellipses = project(points, normals, sigma, camera, how)

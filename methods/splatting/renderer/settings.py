@@ -41,6 +41,9 @@ class Drawing:
     opening : float
         Pixels are taken together in blocks for splats whose distance is at least this times the size of the block;
         0 takes every pixel by itself.
+    window : float
+        Pixels farther from a splat than this, in columns or rows, do not pull at it; 0 for no such limit. (Released:
+        64, shrinking to 16.)
     """
 
     cutoff: float = 1.0
@@ -55,12 +58,13 @@ class Drawing:
     occlusion: bool = True
     weights: bool = False
     opening: float = 2.0
+    window: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("cutoff", "depth_limit", "near", "epsilon"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected a number above 0, got {getattr(self, name)}")
-        for name in ("blur", "opening"):
+        for name in ("blur", "opening", "window"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
         if self.layers < 1:

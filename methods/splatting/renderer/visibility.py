@@ -32,7 +32,7 @@ def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, op
     shown, place, position, _, form, half, peak, _ = ellipses
     index, depth, rho, front = lists
     pull, of_entries, of_image, total = pixels
-    epsilon, limit, occlusion, typical = how
+    epsilon, limit, occlusion, typical, window = how
     starts, shapes, count, classes, sums = blocks
     fx, fy, skew, _, _ = lens
     height, width = active.shape
@@ -57,8 +57,12 @@ def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, op
             size = LEAF << level
             off_x = abs((column + 0.5) * size - place[k, 0])
             off_y = abs((row + 0.5) * size - place[k, 1])
+            far = max(off_x, off_y)
+            if far > window + 0.5 * size:
+                continue
+            whole = opening > 0 and far >= opening * size and far <= window - 0.5 * size
             touches = off_x <= 0.5 * size + half[k, 0] and off_y <= 0.5 * size + half[k, 1]
-            if opening > 0 and not touches and max(off_x, off_y) >= opening * size:
+            if whole and not touches:
                 for number in range(count[block]):
                     which = classes[block, number]
                     ax, ay, az = of_block(
@@ -89,6 +93,8 @@ def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, op
                         if not active[i, j]:
                             continue
                         dx, dy, of_own, entry = j + 0.5 - u, i + 0.5 - v, 0.0, -1
+                        if max(abs(dx), abs(dy)) > window:
+                            continue
                         for c in range(attributes.shape[1]):
                             of_own += pull[i, j, c] * attributes[k, c]
                         if abs(dx) <= half[k, 0] and abs(dy) <= half[k, 1]:
@@ -205,6 +211,6 @@ def visibility_gradient(
         peaks = ellipses.peak[ellipses.shown]
         typical = float(np.median(peaks)) if len(peaks) else 1.0
         blocks = pyramid(gradient, of_image, total, lists.depth, lists.front, active, typical)
-        settings = (how.epsilon, how.depth_limit, how.occlusion, typical)
+        settings = (how.epsilon, how.depth_limit, how.occlusion, typical, how.window or math.inf)
         back = _gradient(*arguments, blocks, attributes, camera.lens(), settings, float(how.opening))
     return back @ camera.rotation

@@ -1,0 +1,118 @@
+"""Shape fitting: points that look like images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from ..contract.ball_views import views_of_a_ball
+from ..contract.case import Case
+from ..contract.shape import Shape
+from ..contract.task import Task, validate_cloud
+from ..contract.views import Views
+from ..contract.views_file import load_views
+from ..errors import UsageError
+from ..geometry.cloud import Frame, PointCloud
+from ..plugins.registry import register
+
+
+@register("task")
+@dataclass(frozen=True)
+class FitShape(Task):
+    """Images of a shape and a cloud to begin with -> a cloud of the shape's surface.
+
+    A method is called as ``fit_shape(views, cloud, run)``: images with masks, cameras and known lights, and oriented
+    points that have nothing to do with the shape. It returns a cloud of any number of points. (``multiview`` is to be
+    the task that asks for a mesh.)
+    """
+
+    takes: ClassVar[str] = "views"
+    output: ClassVar[str] = "cloud"
+    promise: ClassVar[str] = "a PointCloud, not empty, all finite"
+    primary: ClassVar[tuple[str, ...]] = ("chamfer_l1_mean",)
+    files: ClassVar[tuple[int, ...]] = (1, 2)
+
+    start: Literal["sphere", "cube"] = "sphere"  # what the points to begin with lie on
+    points: int = 2000  # how many of them
+    size: float = 0.7  # radius of the sphere, or half the edge of the cube; the shape has the radius 1
+
+    def __post_init__(self) -> None:
+        if self.start not in ("sphere", "cube"):
+            raise ValueError(f"start: expected sphere or cube, got {self.start!r}")
+        if self.points < 4:
+            raise ValueError(f"points: expected at least 4, got {self.points}")
+        if not self.size > 0:
+            raise ValueError(f"size: expected a number above 0, got {self.size}")
+
+    def input(self, sensed: Views) -> dict[str, Any]:
+        """The views, and the points to begin with."""
+        return {"views": sensed, "cloud": self.beginning()}
+
+    def beginning(self) -> PointCloud:
+        """The points to begin with, evenly spread, with normals outwards: a Fibonacci sphere, or six grids."""
+        if self.start == "sphere":
+            k = np.arange(self.points) + 0.5
+            height, angle = 1 - 2 * k / self.points, k * np.pi * (3 - np.sqrt(5))
+            around = np.sqrt(1 - height**2)
+            normals = np.column_stack([around * np.cos(angle), around * np.sin(angle), height])
+            return PointCloud(self.size * normals, normals)
+        # As many on each side as come out even, the rest on the last ones.
+        sides = np.array_split(np.arange(self.points), 6)
+        points, normals = [], []
+        for number, members in enumerate(sides):
+            axis, sign = number // 2, 2 * (number % 2) - 1
+            k = np.arange(len(members)) + 0.5
+            # Even spread over a square: a lattice of the golden ratio
+            u, v = 2 * k / max(len(members), 1) - 1, 2 * ((k * (np.sqrt(5) - 1) / 2) % 1) - 1
+            place = np.empty((len(members), 3))
+            place[:, axis], place[:, axis - 2], place[:, axis - 1] = sign, u, v
+            points.append(place)
+            normals.append(np.tile(sign * np.eye(3)[axis], (len(members), 1)))
+        return PointCloud(self.size * np.concatenate(points), np.concatenate(normals))
+
+    def describe(self, case: Case) -> dict[str, float]:
+        """How many views there are, how many pixels across, and how much of them the shape covers."""
+        views: Views = case.input["views"]
+        return {"views": len(views), "pixels": float(views.width), "covered": float(views.masks.mean())}
+
+    def describe_words(self, medians: Mapping[str, float]) -> str:
+        """The same, in a sentence."""
+        if not {"views", "pixels", "covered"} <= set(medians):
+            return ""
+        return (
+            f"input, median of the cases: {medians['views']:.0f} images of {medians['pixels']:.0f} pixels across, "
+            f"{medians['covered']:.0%} covered."
+        )
+
+    def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
+        """Views from an ``.npz`` file with the arrays of :meth:`bench.Views.arrays`, and a cloud to begin with.
+
+        The frame is that of the cloud; without one, cameras are taken to look at a shape of radius 1 at the origin.
+        """
+        from ..geometry.io.files import load_cloud
+
+        if len(paths) not in self.files:
+            raise UsageError(f"expected VIEWS.npz, or VIEWS.npz and a cloud to begin with; got {len(paths)} files")
+        views = load_views(paths[0])
+        if len(paths) == 1:
+            return self.input(views), Frame(np.zeros(3), 1.0)
+        cloud = load_cloud(paths[1])
+        frame = Frame.of(cloud.points)
+        if cloud.normals is None:
+            raise UsageError(f"{paths[1]}: the cloud to begin with needs normals")
+        start = PointCloud(frame.apply(cloud.points), cloud.normals)
+        return {"views": views.in_frame(frame), "cloud": start}, frame
+
+    def validate(self, output: Any, input: dict[str, Any]) -> None:
+        """Hold an output against the promise."""
+        validate_cloud(output, self.promise)
+
+    def toy(self) -> Case:
+        """A small case for the conformance kit: twelve images of a ball, shaded in closed form."""
+        from trimesh.creation import icosphere
+
+        shape, frame = Shape("toy", icosphere(subdivisions=3), tags=("smooth",)).framed()
+        return Case("toy", self.input(views_of_a_ball(12, 48)), shape, frame, 0, ("smooth",))

@@ -1,0 +1,112 @@
+"""DSS: points that are drawn until they look like the images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bench import BadInput, PointCloud, Run, Views, register
+
+
+@register("method", cite="Yifan et al. 2019", requires=("scipy", "numba", "torch"))
+@dataclass(frozen=True)
+class Dss:
+    """Differentiable surface splatting (thesis 3.2): oriented points follow the differences between images.
+
+    Cycles of two descents over some of the views: of the normals through the shading, then of the positions through
+    what becomes visible and what hides (Eq. 3.12), with repulsion and projection. Lengths of the regularisers are in
+    spacings of the points to begin with, so that other counts of points need no other numbers.
+    """
+
+    cycles: int = 8  # each with other views
+    normal_steps: int = 15  # of a cycle
+    point_steps: int = 25  # of a cycle
+    views: int = 12  # images that a cycle looks at
+    normal_rate: float = 0.25  # of the descent, for each point: of 8,003 points it is the released 2,000
+    point_rate: float = 5.0  # of the descent
+    largest: float = 0.01  # of a gradient, number by number; times the rate it is the largest step
+    rate_decay: float = 0.75  # factor of both rates, and of projection, from cycle to cycle (released: 1)
+    momentum: float = 0.1
+    width: float = (
+        0.8  # standard deviation of a point's Gaussian, in spacings of the cloud to begin with (released: 0.5)
+    )
+    cutoff: float = 1.0  # C of Eq. 3.7
+    depth_limit: float = 0.05  # T: what lies behind by more is hidden
+    layers: int = 5  # K: splats that a pixel remembers
+    gradient: Literal["dss", "rbf"] = "dss"  # of positions: by visibility, or by the Gaussians' derivative
+    weights: bool = False  # also the derivative of the weights (thesis: in the equations; released code: not)
+    window: float = 0.25  # pixels farther from a point than this pull no more, in widths of the image; 0: all pull
+    window_decay: float = 0.8  # factor of the window from cycle to cycle (released: 0.9)
+    window_least: float = 0.0625  # widths of the image
+    opening: float = 2.0  # pixels are taken together in blocks from this distance on, in sizes of the block; 0: never
+    repulsion: float = 0.03  # weight of Eq. 3.17 (thesis: 0.05)
+    repulsion_distance: float = 1.25  # spacings
+    projection: float = 0.05  # weight of Eq. 3.18 (thesis: 0.02)
+    projection_distance: float = 2.5  # spacings (released: 7.5, of which 32 neighbours fill 3)
+    project_every: int = 2  # steps
+    regularisers: Literal["released", "thesis"] = "released"  # which form, where the two differ
+
+    def __post_init__(self) -> None:
+        for name in ("cycles", "views", "project_every", "layers"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        at_least_0 = ("repulsion", "projection", "momentum", "opening", "window", "window_least")
+        for name in ("normal_steps", "point_steps", *at_least_0):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
+        positive = (
+            "normal_rate",
+            "point_rate",
+            "largest",
+            "width",
+            "cutoff",
+            "depth_limit",
+            "window_decay",
+            "rate_decay",
+        )
+        for name in positive:
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected a number above 0, got {getattr(self, name)}")
+
+    def prepare(self) -> None:
+        """Load the compiled loops, or compile them."""
+        from .fitting.warm import load_compiled
+
+        load_compiled()
+
+    def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
+        """As many points as the cloud to begin with, with normals."""
+        from bench.geometry.spacing import mean_spacing
+
+        from .fitting.cycles import Schedule, fit
+        from .fitting.views import Gallery
+        from .regularisers.settings import Regularity
+        from .renderer.settings import Drawing
+
+        if views.light_directions is None:
+            raise BadInput("dss: the views have no lights; it matches diffuse shading under known lights")
+        if cloud.normals is None:
+            raise BadInput("dss: the cloud to begin with has no normals")
+        spacing = mean_spacing(cloud.points)
+        drawing = Drawing(
+            cutoff=self.cutoff,
+            depth_limit=self.depth_limit,
+            layers=self.layers,
+            gradient=self.gradient,
+            weights=self.weights,
+            opening=self.opening,
+        )
+        regular = Regularity(
+            repulsion=self.repulsion,
+            projection=self.projection,
+            repulsion_distance=self.repulsion_distance * spacing,
+            projection_distance=self.projection_distance * spacing,
+            form=self.regularisers,
+        )
+        settings = {name: getattr(self, name) for name in Schedule.__dataclass_fields__}
+        schedule = Schedule(**settings | {"normal_rate": self.normal_rate * len(cloud)})
+        gallery = Gallery(views, drawing, run.threads)
+        fitted = fit(gallery, cloud, self.width * spacing, schedule, regular, run, run.trace)
+        return PointCloud(np.array(fitted.points), fitted.normals)

@@ -1,0 +1,14 @@
+"""Threads of the compiled loops."""
+
+from __future__ import annotations
+
+import numba
+
+
+def use(threads: int) -> None:
+    """Let the compiled loops that follow run on so many threads, as far as there are processors.
+
+    Numba's own pool is taken: it is everywhere, and other pools warn of versions that they do not like.
+    """
+    numba.config.THREADING_LAYER = "workqueue"
+    numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))
