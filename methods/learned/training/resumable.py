@@ -30,11 +30,15 @@ def step_generator(seed: int, step: int, purpose: str = "") -> np.random.Generat
 def progress(run: Run, step: int, steps: int) -> float:
     """How far a training is before a step, from 0 to 1, for schedules.
 
-    By its steps, or with ``steps=0`` by the clock: of the seconds that it has, those before an interruption included.
+    By its steps; by the clock where there are none to count to (``steps=0``), and where the time will not do for them:
+    a schedule always runs to its end. The clock counts the seconds before an interruption too.
     """
-    if steps:
-        return step / steps
-    return min((run.spent + run.elapsed()) / max(run.spent + run.seconds, 1e-9), 1.0)
+    by_clock = min((run.spent + run.elapsed()) / max(run.spent + run.seconds, 1e-9), 1.0)
+    by_steps = step / steps if steps else 0.0
+    return by_clock if not steps or by_clock > by_steps + LATE else by_steps
+
+
+LATE = 0.05  # of a training: steps that lag behind the clock by more will not be done in time
 
 
 def train(
@@ -60,7 +64,8 @@ def train(
     run : Run
         Says how much time is left, and stores logs and checkpoints.
     steps : int
-        At most; 0 for as many as the time allows. The weights of such a training cannot be made again to the bit.
+        At most; 0 for as many as the time allows. The weights of such a training, and of one whose time ends before its
+        steps are done, cannot be made again to the bit.
     optimizer : Optimizer
         Over parameters of ``network``; Adam, with state that is made at the first step.
     prepare : function of the number of a step, optional

@@ -59,6 +59,7 @@ class Training:
     def __init__(self, network: Units, examples: Mapping[str, np.ndarray], plan: Plan, run: Run):
         self.network, self.plan, self.run, self.seed = network, plan, run, run.seed
         self._now: Moment | None = None
+        self._done = 0.0
         self._clouds = Clouds(examples, self._size, run.device)
         self._held_out = Clouds(examples, self._size, run.device, held_out=True)
         self.optimizer = torch.optim.Adam(network.parameters(), lr=plan.learning_rate, fused=run.device != "cpu")
@@ -82,10 +83,10 @@ class Training:
     def prepare(self, step: int) -> None:
         """Freeze, set the rate, and let a level begin as the one before it."""
         plan, network = self.plan, self.network
-        done = progress(self.run, step, plan.steps)
+        self._done = done = max(self._done, progress(self.run, step, plan.steps))
         before, now = self._now, self.moment(step, done)
         # By the clock, the first step of a level need not be the one at which its stage begins.
-        opens = now.opens if plan.steps else before is not None and before.level < now.level
+        opens = now.opens or (before is not None and before.level < now.level)
         self._now = now
         if opens and now.level > 1 and plan.inherit:
             trained = network[now.level - 2].state_dict()
@@ -100,7 +101,8 @@ class Training:
     def moment(self, step: int, done: float) -> Moment:
         """What holds at a step, with so much of the training done."""
         steps = self.plan.steps
-        step, steps = (step, steps) if steps else (int(done * (TICKS - 1)), TICKS)
+        if not steps or done > step / steps:
+            step, steps = int(done * (TICKS - 1)), TICKS
         return moment(step, steps, self._units, self.plan.stages)
 
     def loss(self, step: int) -> Tensor:

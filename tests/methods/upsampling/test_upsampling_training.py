@@ -263,3 +263,25 @@ def test_a_training_by_the_clock_reports_its_steps():
     Mpu(**SMALL, steps=0).fit(examples(), run)
     assert [done for done, _ in told] == list(range(1, len(told) + 1))
     assert all(done <= total for done, total in told) and told[-1][0] == run.lines[-1][0]
+
+
+def test_where_the_time_will_not_do_for_the_steps_the_stages_go_by_the_clock():
+    method = Mpu(**SMALL, steps=100_000, learning_rate=5e-3)
+    trained = training(method, Clocked(40.0))
+    seen, rates = [], []
+    for step in range(150):
+        trained.prepare(step)
+        seen.append((trained._now.first, trained._now.level))
+        rates.append(trained.optimizer.param_groups[0]["lr"])
+    assert list(dict.fromkeys(seen)) == [(1, 1), (2, 2), (1, 2)]
+    assert rates[-1] < 0.2 * max(rates)  # it falls at the end
+
+
+def test_where_it_will_the_clock_changes_nothing():
+    steps = 60
+    in_time, without_clock = (training(Mpu(**SMALL, steps=steps), run) for run in (Clocked(20.0), None))
+    for step in range(steps):  # 60 looks at the clock, at most 15 of the 20 seconds
+        for each in (in_time, without_clock):
+            each.prepare(step)
+        assert in_time._now == without_clock._now
+        assert in_time.optimizer.param_groups[0]["lr"] == without_clock.optimizer.param_groups[0]["lr"]
