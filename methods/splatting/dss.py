@@ -107,6 +107,6 @@ class Dss:
         )
         settings = {name: getattr(self, name) for name in Schedule.__dataclass_fields__}
         schedule = Schedule(**settings | {"normal_rate": self.normal_rate * len(cloud)})
-        gallery = Gallery(views, drawing, run.threads)
+        gallery = Gallery.of(views, drawing, run.threads)
         fitted = fit(gallery, cloud, self.width * spacing, schedule, regular, run, run.trace)
         return PointCloud(np.array(fitted.points), fitted.normals)

@@ -74,9 +74,9 @@ def fit(
         )
     ]
     step = 0
-    for cycle, chosen in enumerate(_views_of_cycles(len(gallery.views), schedule, run.rng)):
+    for cycle, chosen in enumerate(_views_of_cycles(len(gallery.cameras), schedule, run.rng)):
         regular = replace(regular, projection=regular.projection * (schedule.rate_decay if cycle else 1.0))
-        gallery.how = replace(gallery.how, window=schedule.window_at(cycle, gallery.views.width))
+        gallery.how = replace(gallery.how, window=schedule.window_at(cycle, gallery.cameras[0].width))
         for of_normals, count, descent in turns:
             descent.begin(schedule.rate_decay if cycle else 1.0)
             for _ in range(count):

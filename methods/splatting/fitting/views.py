@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,17 @@ from ..renderer.camera import Camera
 from ..renderer.drawn import Drawn, draw
 from ..renderer.settings import Drawing
 from .smape import smape
+
+
+class Lights(NamedTuple):
+    """Of each view, k lights that are infinitely far."""
+
+    directions: np.ndarray
+    """(v, k, 3) array of unit length, towards the lights"""
+    colors: np.ndarray
+    """(v, k, 3) array"""
+    ambient: np.ndarray
+    """(v, 3) array: light from everywhere"""
 
 
 class Look(NamedTuple):
@@ -30,29 +42,46 @@ class Gallery:
 
     Parameters
     ----------
-    views : Views
-        With lights: colours are made by diffuse shading, as the images were.
+    cameras : sequence of Camera
+    wanted : (v, h, w, 3) float array
+        The images, from 0 to 1.
+    lights : Lights
+        Colours are made by diffuse shading, as those of the images were.
     how : Drawing
     threads : int
     epsilon : float
         Of the loss.
     """
 
-    def __init__(self, views: Views, how: Drawing, threads: int, epsilon: float = 0.01):
-        self.views, self.how, self.threads, self.epsilon = views, how, threads, epsilon
-        self.wanted = views.images.astype(np.float64) / 255
-        self._cameras = [Camera.of(views, number) for number in range(len(views))]
+    def __init__(
+        self,
+        cameras: Sequence[Camera],
+        wanted: np.ndarray,
+        lights: Lights,
+        how: Drawing,
+        threads: int,
+        epsilon: float = 0.01,
+    ):
+        self.cameras, self.wanted, self.lights = cameras, wanted, lights
+        self.how, self.threads, self.epsilon = how, threads, epsilon
+
+    @classmethod
+    def of(cls, views: Views, how: Drawing, threads: int) -> Gallery:
+        """The images of views that have lights."""
+        cameras = [Camera.of(views, number) for number in range(len(views))]
+        ambient = np.zeros((len(views), 3)) if views.ambient is None else views.ambient
+        lights = Lights(views.light_directions, views.light_colors, ambient)
+        return cls(cameras, views.images.astype(np.float64) / 255, lights, how, threads)
 
     def shaded(self, normals: np.ndarray, view: int) -> tuple[np.ndarray, np.ndarray]:
         """The colours (n, 3) of points under the lights of a view, and which lights (n, k) they see."""
-        lights = normals @ self.views.light_directions[view].T
-        ambient = 0.0 if self.views.ambient is None else self.views.ambient[view]
-        return np.maximum(lights, 0) @ self.views.light_colors[view] + ambient, lights > 0
+        facing = normals @ self.lights.directions[view].T
+        return np.maximum(facing, 0) @ self.lights.colors[view] + self.lights.ambient[view], facing > 0
 
     def draw(self, points: np.ndarray, normals: np.ndarray, sigma: np.ndarray | float, view: int) -> Drawn:
         """What a view shows of points."""
         colors, _ = self.shaded(normals, view)
-        return draw(points, normals, colors, sigma, self._cameras[view], self.how, self.threads)
+        return draw(points, normals, colors, sigma, self.cameras[view], self.how, self.threads)
 
     def look(
         self, points: np.ndarray, normals: np.ndarray, sigma: np.ndarray | float, chosen: np.ndarray, of_normals: bool
@@ -79,8 +108,8 @@ class Gallery:
             hidden += drawn.occlusions()
             if of_normals:
                 _, lit = self.shaded(normals, view)
-                by_light = drawn.attribute_gradient(slope) @ self.views.light_colors[view].T * lit
-                gradient += by_light @ self.views.light_directions[view]
+                by_light = drawn.attribute_gradient(slope) @ self.lights.colors[view].T * lit
+                gradient += by_light @ self.lights.directions[view]
                 if self.how.weights:
                     gradient += drawn.weight_gradients(slope)[1]
             else:

@@ -75,7 +75,7 @@ def views():
 
 def test_a_ball_of_the_right_size_looks_like_the_images(views):
     points, normals, _, _ = ball(2000)
-    gallery = Gallery(views, Drawing(), threads=1)
+    gallery = Gallery.of(views, Drawing(), 1)
     chosen = np.arange(12)
     losses = [gallery.look(size * points, normals, 0.03, chosen, False).loss for size in (0.8, 1.0, 1.2)]
     assert losses[1] < 0.4 * min(losses[0], losses[2])
@@ -87,7 +87,7 @@ def test_a_ball_of_the_right_size_looks_like_the_images(views):
 
 def test_points_are_drawn_outwards_where_the_ball_is_too_small_and_inwards_where_it_is_too_large(views):
     points, normals, _, _ = ball(500)
-    gallery = Gallery(views, Drawing(window=12.0), threads=1)
+    gallery = Gallery.of(views, Drawing(window=12.0), 1)
     for size, sign in ((0.7, -1), (1.3, 1)):
         gradient = gallery.look(size * points, normals, 0.06, np.arange(12), False).gradient
         assert (sign * (gradient * normals).sum(1) > 0).mean() > 0.9
@@ -96,7 +96,7 @@ def test_points_are_drawn_outwards_where_the_ball_is_too_small_and_inwards_where
 def test_without_a_window_the_pull_of_a_ring_cancels(views):
     # The sum of d / |d|^2 over a ring vanishes inside it, so all pixels together only draw points to the middle.
     points, normals, _, _ = ball(500)
-    gradient = Gallery(views, Drawing(), threads=1).look(0.7 * points, normals, 0.06, np.arange(12), False).gradient
+    gradient = Gallery.of(views, Drawing(), 1).look(0.7 * points, normals, 0.06, np.arange(12), False).gradient
     assert ((gradient * normals).sum(1) > 0).mean() > 0.8
 
 
@@ -105,7 +105,7 @@ def test_the_gradient_of_normals_is_a_finite_difference(views):
     rng = np.random.default_rng(0)
     normals = normals + 0.3 * rng.normal(size=normals.shape)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    gallery, chosen = Gallery(views, Drawing(), threads=1), np.array([3])
+    gallery, chosen = Gallery.of(views, Drawing(), 1), np.array([3])
     # The shape of a splat depends on its normal too, which is no part of this derivative: only the shading changes.
     look = gallery.look(points, normals, 0.08, chosen, True)
     drawn = gallery.draw(points, normals, 0.08, 3)

@@ -1,0 +1,1 @@
+"""Clouds that are filtered through images of them."""

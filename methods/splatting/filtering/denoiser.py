@@ -1,0 +1,80 @@
+"""What the denoisers by filtered images share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bench import PointCloud, Run
+from bench.geometry.check import check_points
+
+
+@dataclass(frozen=True)
+class FilteredImages:
+    """A denoiser that filters images of the cloud; a subclass has :meth:`filter_image`."""
+
+    cycles: int = 8  # each with other cameras
+    views: int = 12  # images of a cycle
+    pixels: int = 256  # along each side of an image
+    span: float = 0.93  # what an image shows across; the cloud has the radius 1
+    normal_steps: int = 19  # of a cycle
+    point_steps: int = 1  # of a cycle
+    normal_rate: float = 0.1  # of the descent, for each point (released: 2,000 for 20,000 points)
+    largest: float = 0.01  # of a gradient, number by number
+    momentum: float = 0.1
+    recursive: bool = False  # filter images of the cloud as it is, instead of the cloud as it came
+    width: float = 0.5  # standard deviation of a point's Gaussian, in spacings
+    depth_limit: float = 0.025  # what lies behind by more is hidden
+    repulsion: float = 0.05  # weight of Eq. 3.17
+    projection: float = 0.05  # weight of Eq. 3.18 (released, for noise of 1 %: 0.1)
+    repulsion_distance: float = 1.25  # spacings
+    projection_distance: float = 3.0  # spacings
+    regularisers: Literal["released", "thesis"] = "released"  # which form, where the two differ
+
+    def __post_init__(self) -> None:
+        for name in ("cycles", "views", "pixels"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        for name in ("normal_steps", "point_steps", "repulsion", "projection", "momentum"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
+        for name in ("span", "normal_rate", "largest", "width", "depth_limit"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected a number above 0, got {getattr(self, name)}")
+
+    def prepare(self) -> None:
+        """Load the compiled loops, or compile them."""
+        from bench.geometry.farthest import load_compiled as load_farthest
+
+        from ..fitting.warm import load_compiled
+
+        load_farthest()
+        load_compiled()
+
+    def filter_image(self, image: np.ndarray) -> np.ndarray:
+        """A shaded image (h, w, 3), from 0 to 1, without its noise."""
+        raise NotImplementedError
+
+    def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
+        """As many points in the same order, with normals; normals are estimated where there are none."""
+        from bench.geometry.normals import with_normals
+        from bench.geometry.spacing import mean_spacing
+
+        from ..regularisers.settings import Regularity
+        from ..renderer.settings import Drawing
+        from .cycles import Filtering, filtered
+
+        check_points(cloud.points, type(self).__name__.lower(), at_least=10)
+        oriented, spacing = with_normals(cloud), mean_spacing(cloud.points)
+        regular = Regularity(
+            repulsion=self.repulsion,
+            projection=self.projection,
+            repulsion_distance=self.repulsion_distance * spacing,
+            projection_distance=self.projection_distance * spacing,
+            form=self.regularisers,
+        )
+        settings = Filtering(**{name: getattr(self, name) for name in Filtering.__dataclass_fields__})
+        drawing = Drawing(depth_limit=self.depth_limit)
+        return filtered(oriented, spacing, self.filter_image, settings, drawing, regular, run)
