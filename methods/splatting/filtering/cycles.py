@@ -35,6 +35,7 @@ class Filtering:
     largest: float
     momentum: float
     recursive: bool
+    average: float
 
 
 def filtered(
@@ -95,8 +96,29 @@ def filtered(
                 around = Neighbours(points, regular, run.threads)
                 if regular.repulsion:
                     # 1 / d^2 in spacings: a step is a part of the spacing, whatever the number of points.
-                    points = points - around.repulsion(points, normals, hidden)[1] * len(points) * spacing**3
+                    apart = around.repulsion(points, normals, hidden)[1] * len(points) * spacing**3
+                    points = points - np.clip(apart, -LEAP * spacing, LEAP * spacing)
                 points = around.projected(points, normals, hidden)
+                if how.average:
+                    points = _averaged(points, normals, first[0], spacing, how.average)
             run.progress(cycle * steps + step + 1, how.cycles * steps)
         run.trace(PointCloud(points, normals))
     return PointCloud(points, normals)
+
+
+LEAP = 0.1  # spacings that a point moves by repulsion at most, along each axis
+AVERAGED = 16  # nearest points as they came, whose mean a point is drawn to
+
+
+def _averaged(points: np.ndarray, normals: np.ndarray, given: np.ndarray, spacing: float, weight: float) -> np.ndarray:
+    """Points, moved along their normals towards the mean of those that were given near them.
+
+    As in the released code (there with the weight 0.01): without it, projection moves convex parts outwards step by
+    step. Weights of the mean are exp(-d^2 / 4 D^2), with D twice the spacing.
+    """
+    from scipy.spatial import cKDTree
+
+    distance, index = cKDTree(given).query(points, min(AVERAGED, len(given)))
+    near = np.exp(-(distance.reshape(len(points), -1) ** 2) / (16 * spacing**2))
+    mean = (near[..., None] * given[index.reshape(near.shape)]).sum(axis=1) / near.sum(axis=1, keepdims=True)
+    return points + weight * ((mean - points) * normals).sum(axis=1, keepdims=True) * normals

@@ -15,12 +15,12 @@ from bench.geometry.check import check_points
 class FilteredImages:
     """A denoiser that filters images of the cloud; a subclass has :meth:`filter_image`."""
 
-    cycles: int = 8  # each with other cameras
+    cycles: int = 4  # each with other cameras (released: 8)
     views: int = 12  # images of a cycle
     pixels: int = 256  # along each side of an image
     span: float = 0.93  # what an image shows across; the cloud has the radius 1
     normal_steps: int = 19  # of a cycle
-    point_steps: int = 1  # of a cycle
+    point_steps: int = 5  # of a cycle (released: 1)
     normal_rate: float = 0.1  # of the descent, for each point (released: 2,000 for 20,000 points)
     largest: float = 0.01  # of a gradient, number by number
     momentum: float = 0.1
@@ -28,7 +28,8 @@ class FilteredImages:
     width: float = 0.5  # standard deviation of a point's Gaussian, in spacings
     depth_limit: float = 0.025  # what lies behind by more is hidden
     repulsion: float = 0.05  # weight of Eq. 3.17
-    projection: float = 0.05  # weight of Eq. 3.18 (released, for noise of 1 %: 0.1)
+    projection: float = 0.1  # weight of Eq. 3.18 (released: 0.05; for noise of 1 % 0.1)
+    average: float = 0.1  # weight of the mean of the points as they came, along the normals (released: 0.01)
     repulsion_distance: float = 1.25  # spacings
     projection_distance: float = 3.0  # spacings
     regularisers: Literal["released", "thesis"] = "released"  # which form, where the two differ
@@ -37,7 +38,7 @@ class FilteredImages:
         for name in ("cycles", "views", "pixels"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
-        for name in ("normal_steps", "point_steps", "repulsion", "projection", "momentum"):
+        for name in ("normal_steps", "point_steps", "repulsion", "projection", "average", "momentum"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
         for name in ("span", "normal_rate", "largest", "width", "depth_limit"):
