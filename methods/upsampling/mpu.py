@@ -42,7 +42,7 @@ class Mpu:
     scans: tuple[str, ...] = ()  # instead of bases, levels + 1 sensors of doubling density, the sparsest first
     noise: float = 0.0025  # of the clouds in training (but not of the sensor's), relative to the radius of the shape
     scale: float = 0.2  # patches in training are scaled by up to this
-    steps: int = 7500  # of training (thesis: 120,300); 0 for as many as its seconds allow, with stages by the clock
+    steps: int = 5000  # of training (thesis: 120,300); 0 for as many as its seconds allow, with stages by the clock
     batch: int = 8  # patches of a step (thesis: 28)
     learning_rate: float = 2e-3  # of Adam (thesis: 5e-4, for a hundred times as many steps)
     decay: float = 0.1  # factor of the learning rate over the last fifth of training (thesis: 1)
