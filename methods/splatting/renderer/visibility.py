@@ -19,6 +19,7 @@ from .ellipses import Ellipses
 from .raster import Lists, span
 from .settings import Drawing
 
+RAGGED = 4.0  # the border of a window is as rough as blocks of this part of it
 FAINT = 30.0  # beta from which on a Gaussian is nothing
 
 
@@ -60,7 +61,12 @@ def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, op
             far = max(off_x, off_y)
             if far > window + 0.5 * size:
                 continue
-            whole = opening > 0 and far >= opening * size and far <= window - 0.5 * size
+            crossed = far > window - 0.5 * size
+            if crossed and opening > 0 and RAGGED * size <= window:  # small blocks are within the window, or beyond
+                if far > window:
+                    continue
+                crossed = False
+            whole = opening > 0 and far >= opening * size and not crossed
             touches = off_x <= 0.5 * size + half[k, 0] and off_y <= 0.5 * size + half[k, 1]
             if whole and not touches:
                 for number in range(count[block]):
@@ -93,7 +99,7 @@ def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, op
                         if not active[i, j]:
                             continue
                         dx, dy, of_own, entry = j + 0.5 - u, i + 0.5 - v, 0.0, -1
-                        if max(abs(dx), abs(dy)) > window:
+                        if crossed and max(abs(dx), abs(dy)) > window:
                             continue
                         for c in range(attributes.shape[1]):
                             of_own += pull[i, j, c] * attributes[k, c]

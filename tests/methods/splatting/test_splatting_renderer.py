@@ -216,6 +216,24 @@ def test_blocks_of_pixels_are_near_to_all_pixels_one_by_one(shift):
     np.testing.assert_allclose(everything, exact, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("window", [5.0, 12.0, 30.0])
+def test_a_window_ends_the_pull(window):
+    points, normals, colors, sigma = ball(300)
+    camera = crooked_camera(97, 83)
+    drawn = draw(points, normals, colors, sigma, camera, Drawing(opening=0.0, window=window))
+    gradient = some_gradient(drawn)
+    found, place = drawn.position_gradient(gradient), drawn.ellipses.place
+    everywhere = replace(drawn, how=Drawing(opening=0.0))
+    for k in np.flatnonzero(drawn.ellipses.shown)[::29]:
+        rows, columns = np.mgrid[:83, :97] + 0.5
+        near = np.maximum(np.abs(columns - place[k, 0]), np.abs(rows - place[k, 1])) <= window
+        alone = everywhere.position_gradient(np.where(near[..., None], gradient, 0))
+        np.testing.assert_allclose(found[k], alone[k], rtol=1e-9, atol=1e-12)
+    by_blocks = replace(drawn, how=Drawing(window=window)).position_gradient(np.abs(gradient) * -1)
+    exact = drawn.position_gradient(np.abs(gradient) * -1)
+    assert np.linalg.norm(by_blocks - exact) < 0.2 * np.linalg.norm(exact)
+
+
 def test_threads_change_nothing():
     points, normals, colors, sigma = ball(400)
     found = []
