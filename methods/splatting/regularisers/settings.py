@@ -23,7 +23,7 @@ class Regularity:
     Parameters
     ----------
     neighbours : int
-        At most so many of a point's neighbours count.
+        How many of a point's nearest neighbours count.
     repulsion_distance, projection_distance : float
         D: those beyond do not count.
     angle : float

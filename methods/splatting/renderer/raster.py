@@ -25,7 +25,7 @@ class Lists(NamedTuple):
     rho: np.ndarray
     """(h, w, K) float64 array: weights of Eq. 3.6"""
     front: np.ndarray
-    """(h, w) int64 array: so many of them are seen; those behind are hidden"""
+    """(h, w) int64 array: how many of them are seen; the others are hidden"""
 
 
 def rasterise(ellipses: Ellipses, camera: Camera, how: Drawing) -> Lists:

@@ -21,7 +21,7 @@ class Drawing:
     depth_limit : float
         T: what lies so much behind the front of a pixel is hidden there. (Thesis: 1 % of the diagonal of the box.)
     layers : int
-        K: so many of the nearest splats of a pixel are kept.
+        K: how many of the nearest splats of a pixel are kept.
     cull : bool
         Points whose normals point away are not drawn; without it, all are seen from both sides.
     grazing : float
