@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..geometry.spiral import golden_spiral
 from .views import Views
 
 
 def views_of_a_ball(count: int, pixels: int) -> Views:
     """Images of the unit ball, shaded by three lights of red, green and blue, in closed form."""
-    k = np.arange(count) + 0.5
-    height, angle = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
-    around = np.sqrt(1 - height**2)
-    backward = np.column_stack([around * np.cos(angle), around * np.sin(angle), height])
+    backward = golden_spiral(count)
     distance, focal = 3.0, 1.3 * pixels
     right = np.cross([0.0, 0, 1], backward)
     right /= np.linalg.norm(right, axis=1, keepdims=True)

@@ -16,6 +16,7 @@ from ..contract.views import Views
 from ..contract.views_file import load_views
 from ..errors import UsageError
 from ..geometry.cloud import Frame, PointCloud
+from ..geometry.spiral import golden_spiral
 from ..plugins.registry import register
 
 
@@ -54,10 +55,7 @@ class FitShape(Task):
     def beginning(self) -> PointCloud:
         """The points to begin with, evenly spread, with normals outwards: a Fibonacci sphere, or six grids."""
         if self.start == "sphere":
-            k = np.arange(self.points) + 0.5
-            height, angle = 1 - 2 * k / self.points, k * np.pi * (3 - np.sqrt(5))
-            around = np.sqrt(1 - height**2)
-            normals = np.column_stack([around * np.cos(angle), around * np.sin(angle), height])
+            normals = golden_spiral(self.points)
             return PointCloud(self.size * normals, normals)
         # As many on each side as come out even, the rest on the last ones.
         sides = np.array_split(np.arange(self.points), 6)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from bench import BadInput, PointCloud, Run, Views, register
 
 
@@ -98,15 +96,8 @@ class Dss:
             weights=self.weights,
             opening=self.opening,
         )
-        regular = Regularity(
-            repulsion=self.repulsion,
-            projection=self.projection,
-            repulsion_distance=self.repulsion_distance * spacing,
-            projection_distance=self.projection_distance * spacing,
-            form=self.regularisers,
-        )
+        regular = Regularity.of(self, spacing)
         settings = {name: getattr(self, name) for name in Schedule.__dataclass_fields__}
         schedule = Schedule(**settings | {"normal_rate": self.normal_rate * len(cloud)})
         gallery = Gallery.of(views, drawing, run.threads)
-        fitted = fit(gallery, cloud, self.width * spacing, schedule, regular, run, run.trace)
-        return PointCloud(np.array(fitted.points), fitted.normals)
+        return fit(gallery, cloud, self.width * spacing, schedule, regular, run)

@@ -9,7 +9,7 @@ import numpy as np
 
 from bench import PointCloud, Run
 
-from ..fitting.descent import Descent
+from ..fitting.descent import Descent, unit
 from ..fitting.views import Gallery
 from ..regularisers.settings import Regularity
 from ..regularisers.terms import Neighbours
@@ -89,9 +89,7 @@ def filtered(
             if step < how.normal_steps:
                 look = gallery.look(points, normals, sigma, np.arange(len(cameras)), True)
                 descent.look(look.loss)
-                moved = descent.step(normals, look.gradient)
-                length = np.linalg.norm(moved, axis=1, keepdims=True)
-                normals = np.where(length > 1e-9, moved / np.maximum(length, 1e-9), normals)
+                normals = unit(descent.step(normals, look.gradient), normals)
             else:
                 around = Neighbours(points, regular, run.threads)
                 if regular.repulsion:

@@ -69,13 +69,7 @@ class FilteredImages:
 
         check_points(cloud.points, type(self).__name__.lower(), at_least=10)
         oriented, spacing = with_normals(cloud), mean_spacing(cloud.points)
-        regular = Regularity(
-            repulsion=self.repulsion,
-            projection=self.projection,
-            repulsion_distance=self.repulsion_distance * spacing,
-            projection_distance=self.projection_distance * spacing,
-            form=self.regularisers,
-        )
+        regular = Regularity.of(self, spacing)
         settings = Filtering(**{name: getattr(self, name) for name in Filtering.__dataclass_fields__})
         drawing = Drawing(depth_limit=self.depth_limit)
         return filtered(oriented, spacing, self.filter_image, settings, drawing, regular, run)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from bench import PointCloud, Run
 
 from ..regularisers.settings import Regularity
 from ..regularisers.terms import Neighbours
-from .descent import Descent
+from .descent import Descent, unit
 from .views import Gallery
 
 
@@ -45,7 +45,6 @@ def fit(
     schedule: Schedule,
     regular: Regularity,
     run: Run,
-    seen: Callable[[PointCloud], None] | None = None,
 ) -> PointCloud:
     """The cloud, after it was fitted to the images, or as far as it came in time.
 
@@ -59,9 +58,7 @@ def fit(
     schedule : Schedule
     regular : Regularity
     run : Run
-        Draws the views of each cycle.
-    seen : function of a cloud, optional
-        Called after each cycle.
+        Draws the views of each cycle, and is offered the cloud after it.
     """
     points, normals = np.array(cloud.points), np.array(cloud.normals)
     steps = schedule.normal_steps + schedule.point_steps
@@ -86,7 +83,7 @@ def fit(
                 hidden = now.hidden
                 descent.look(now.loss)
                 if of_normals:
-                    normals = _unit(descent.step(normals, now.gradient), normals)
+                    normals = unit(descent.step(normals, now.gradient), normals)
                 else:
                     gradient = now.gradient
                     if regular.repulsion:
@@ -98,8 +95,7 @@ def fit(
                 if regular.projection and step % schedule.project_every == 0:
                     points = Neighbours(points, regular, run.threads).projected(points, normals, hidden)
                 run.progress(step, schedule.cycles * steps)
-        if seen:
-            seen(PointCloud(points, normals))
+        run.trace(PointCloud(points, normals))
     return PointCloud(points, normals)
 
 
@@ -112,9 +108,3 @@ def _views_of_cycles(total: int, schedule: Schedule, rng: np.random.Generator) -
             order += rng.permutation(total).tolist()
         yield np.array(order[:count])
         order = order[count:]
-
-
-def _unit(normals: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """At unit length; what vanished stays as before."""
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(length > 1e-9, normals / np.maximum(length, 1e-9), before)

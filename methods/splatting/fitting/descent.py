@@ -45,3 +45,9 @@ class Descent:
         self._waited += 1
         if self._patience and self._waited > self._patience:
             self.rate, self._waited = self.rate * self.HALF, 0
+
+
+def unit(normals: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Normals (n, 3) at unit length; those that vanished are as before."""
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > 1e-9, normals / np.maximum(length, 1e-9), before)

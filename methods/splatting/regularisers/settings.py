@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,17 @@ class Regularity:
     projection: float = 0.05
     largest: float = 0.02
     form: Literal["released", "thesis"] = "released"
+
+    @classmethod
+    def of(cls, method: Any, spacing: float) -> Regularity:
+        """That of a method, whose distances are in spacings of the points."""
+        return cls(
+            repulsion=method.repulsion,
+            projection=method.projection,
+            repulsion_distance=method.repulsion_distance * spacing,
+            projection_distance=method.projection_distance * spacing,
+            form=method.regularisers,
+        )
 
     def __post_init__(self) -> None:
         if self.neighbours < 3:

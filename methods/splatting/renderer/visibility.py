@@ -138,7 +138,7 @@ def _gaussian_gradient(ellipses, lists, pixels, active, attributes, lens, how):
     shown, place, position, _, form, half, peak, _ = ellipses
     index, depth, rho, front = lists
     pull, of_entries, of_image, total = pixels
-    _, limit, cutoff = how
+    limit, cutoff = how
     fx, fy, skew, _, _ = lens
     height, width = active.shape
     back = np.zeros((len(shown), 3))
@@ -211,7 +211,7 @@ def visibility_gradient(
     pixels = (gradient, of_entries, of_image, total)
     arguments = (tuple(ellipses), tuple(lists), pixels, active)
     if how.gradient == "rbf":
-        settings = (how.epsilon, how.depth_limit, how.cutoff)
+        settings = (how.depth_limit, how.cutoff)
         back = _gaussian_gradient(*arguments, attributes, camera.lens(), settings)
     else:
         peaks = ellipses.peak[ellipses.shown]
