@@ -8,6 +8,7 @@ from itertools import islice
 import numpy as np
 import pytest
 from even_meshes import even
+from scipy.ndimage import distance_transform_edt, label
 from scipy.spatial import cKDTree
 
 from bench import generator
@@ -32,6 +33,7 @@ from bench.datasets.surfaces.sdf_nodes import (
     torus,
 )
 from bench.datasets.surfaces.tubes import TubeSurface, circle, ellipse, nearest_approach, torus_knot
+from bench.datasets.teapots import Teapots
 from bench.datasets.tpms import SYMMETRY, WINDOWS, ClippedLevel, Tpms, _body
 from bench.geometry.topology import count_topology
 from bench.geometry.traits import GAP
@@ -67,6 +69,21 @@ def diagonal(mesh) -> float:
 
 def torus_distance(points, major, minor):
     return np.hypot(np.hypot(points[:, 0], points[:, 1]) - major, points[:, 2]) - minor
+
+
+@pytest.mark.parametrize("kind", ["teapot", "mug"])
+def test_teapots_and_mugs_have_one_handle_whose_hole_is_open(kind):
+    made = next(islice(Teapots(kind=kind, upright=True).shapes("test"), 3, None))
+    counts = count_topology(made.mesh.vertices, made.mesh.faces)
+    assert (counts.components, counts.genus, counts.watertight) == (1, 1, True)
+    # The silhouette along y, at 2.5 % of the size: in its background, the hole of the handle is a piece of its own.
+    size = np.linalg.norm(made.mesh.vertices - made.mesh.vertices.mean(axis=0), axis=1).max()
+    line = np.arange(-1.3, 1.3, 0.025) * size
+    places = np.stack(np.meshgrid(line, np.arange(-0.4, 0.4, 0.02), line, indexing="ij"), axis=-1)
+    free = (made.surface.body.field.value(places.reshape(-1, 3)) > 0).reshape(places.shape[:3]).all(axis=1)
+    pieces, count = label(free)
+    assert count == 2
+    assert 2 * 0.025 * distance_transform_edt(free & (pieces != pieces[0, 0])).max() > 0.2
 
 
 # -- the building block ------------------------------------------------------------------------------------------------
