@@ -44,6 +44,8 @@ class Dss:
     projection: float = 0.05  # weight of Eq. 3.18 (thesis: 0.02)
     projection_distance: float = 2.5  # spacings (released: 7.5, of which 32 neighbours fill 3)
     project_every: int = 2  # steps
+    silhouettes: float = 1.0  # part of the way to the silhouette that points outside of it move (thesis: 0)
+    loss_epsilon: float = 1.0  # of Eq. 3.19 (thesis: 1e-5, released: 0.01)
     regularisers: Literal["released", "thesis"] = "released"  # which form, where the two differ
 
     def __post_init__(self) -> None:
@@ -99,5 +101,5 @@ class Dss:
         regular = Regularity.of(self, spacing)
         settings = {name: getattr(self, name) for name in Schedule.__dataclass_fields__}
         schedule = Schedule(**settings | {"normal_rate": self.normal_rate * len(cloud)})
-        gallery = Gallery.of(views, drawing, run.threads)
+        gallery = Gallery.of(views, drawing, run.threads, self.loss_epsilon)
         return fit(gallery, cloud, self.width * spacing, schedule, regular, run)

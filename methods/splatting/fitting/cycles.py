@@ -32,6 +32,7 @@ class Schedule:
     window: float
     window_decay: float
     window_least: float
+    silhouettes: float
 
     def window_at(self, cycle: int, width: int) -> float:
         """How far pixels pull in a cycle, in pixels of an image so wide."""
@@ -91,6 +92,8 @@ def fit(
                             gradient + Neighbours(points, regular, run.threads).repulsion(points, normals, hidden)[1]
                         )
                     points = descent.step(points, gradient)
+                    if schedule.silhouettes and gallery.silhouettes:
+                        points = points + schedule.silhouettes * gallery.silhouettes.offsets(points, chosen)
                 step += 1
                 if regular.projection and step % schedule.project_every == 0:
                     points = Neighbours(points, regular, run.threads).projected(points, normals, hidden)

@@ -12,6 +12,7 @@ from bench import Views
 from ..renderer.camera import Camera
 from ..renderer.drawn import Drawn, draw
 from ..renderer.settings import Drawing
+from .silhouettes import Silhouettes
 from .smape import smape
 
 
@@ -51,6 +52,8 @@ class Gallery:
     threads : int
     epsilon : float
         Of the loss.
+    silhouettes : Silhouettes, or None
+        Where the shape is seen, if that is known.
     """
 
     def __init__(
@@ -61,17 +64,19 @@ class Gallery:
         how: Drawing,
         threads: int,
         epsilon: float = 0.01,
+        silhouettes: Silhouettes | None = None,
     ):
         self.cameras, self.wanted, self.lights = cameras, wanted, lights
-        self.how, self.threads, self.epsilon = how, threads, epsilon
+        self.how, self.threads, self.epsilon, self.silhouettes = how, threads, epsilon, silhouettes
 
     @classmethod
-    def of(cls, views: Views, how: Drawing, threads: int) -> Gallery:
+    def of(cls, views: Views, how: Drawing, threads: int, epsilon: float = 0.01) -> Gallery:
         """The images of views that have lights."""
         cameras = [Camera.of(views, number) for number in range(len(views))]
         ambient = np.zeros((len(views), 3)) if views.ambient is None else views.ambient
         lights = Lights(views.light_directions, views.light_colors, ambient)
-        return cls(cameras, views.images.astype(np.float64) / 255, lights, how, threads)
+        silhouettes = Silhouettes(views.masks, cameras)
+        return cls(cameras, views.images.astype(np.float64) / 255, lights, how, threads, epsilon, silhouettes)
 
     def shaded(self, normals: np.ndarray, view: int) -> tuple[np.ndarray, np.ndarray]:
         """The colours (n, 3) of points under the lights of a view, and which lights (n, k) they see."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from scipy.spatial import cKDTree
-from splat_scenes import ball
+from splat_scenes import ball, crooked_camera
 
 from bench import BadInput, PointCloud, Run, UsageError, Views
 from bench.contract.ball_views import views_of_a_ball
@@ -16,9 +16,11 @@ from bench.contract.views_file import load_views
 from bench.methods.splatting.dss import Dss
 from bench.methods.splatting.fitting.cycles import Schedule
 from bench.methods.splatting.fitting.descent import Descent
+from bench.methods.splatting.fitting.silhouettes import Silhouettes
 from bench.methods.splatting.fitting.smape import smape
 from bench.methods.splatting.fitting.views import Gallery
 from bench.methods.splatting.renderer.blending import blend
+from bench.methods.splatting.renderer.camera import Camera
 from bench.methods.splatting.renderer.settings import Drawing
 from bench.tasks.fit_shape import FitShape
 
@@ -59,10 +61,51 @@ def test_the_descent_is_that_of_torch():
 
 
 def test_the_window_shrinks_to_its_least():
-    plan = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, window=0.25, window_decay=0.5, window_least=0.1)
+    plan = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, 0.25, 0.5, 0.1, 1.0)
     assert [plan.window_at(cycle, 200) for cycle in range(3)] == [50, 25, 20]
-    everywhere = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, window=0.0, window_decay=0.5, window_least=0.1)
+    everywhere = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, 0.0, 0.5, 0.1, 1.0)
     assert everywhere.window_at(3, 200) == 0
+
+
+# -- silhouettes -------------------------------------------------------------------------------------------------------
+
+
+def test_points_outside_a_silhouette_move_to_its_nearest_pixel():
+    rng = np.random.default_rng(0)
+    camera, points = crooked_camera(), rng.uniform(-0.8, 0.8, (300, 3))
+    mask = np.zeros((20, 24), dtype=bool)
+    mask[7:12, 9:15] = True
+    x, y, _ = (camera.to_camera(points) @ np.asarray(camera.intrinsics).T).T / camera.to_camera(points)[:, 2]
+    moved = points + Silhouettes(mask[None], [camera]).offsets(points, np.array([0]))
+    there = camera.to_camera(moved) @ np.asarray(camera.intrinsics).T
+    np.testing.assert_allclose(there[:, 2], camera.to_camera(points)[:, 2])  # depths stay
+    u, v = there[:, 0] / there[:, 2], there[:, 1] / there[:, 2]
+    rows, columns = np.nonzero(mask)
+    centers = np.column_stack([columns, rows]) + 0.5
+    pixels = np.clip(np.floor([x, y]), 0, [[23], [19]]).T + 0.5  # the silhouette nearest to a point's own pixel
+    for k, own in enumerate(pixels):
+        least = np.linalg.norm(centers - own, axis=1).min()
+        if np.array_equal(moved[k], points[k]):
+            assert least <= 1.5
+        else:
+            assert np.linalg.norm(centers - [u[k], v[k]], axis=1).min() < 1e-9
+            assert np.linalg.norm(own - [u[k], v[k]]) == pytest.approx(least)
+
+
+def test_silhouettes_carve_a_cube_of_points_to_a_ball(views):
+    points = np.random.default_rng(0).uniform(-1.2, 1.2, (2000, 3))
+    silhouettes = Silhouettes(views.masks, [Camera.of(views, number) for number in range(len(views))])
+    before = points
+    for _ in range(10):
+        points = points + silhouettes.offsets(points, np.arange(len(views)))
+    radius, was = np.linalg.norm(points, axis=1), np.linalg.norm(before, axis=1)
+    assert radius.max() < 1.15 and was.max() > 1.8
+    np.testing.assert_array_equal(points[was < 0.95], before[was < 0.95])
+
+
+def test_views_without_a_silhouette_move_nothing(views):
+    silhouettes = Silhouettes(np.zeros_like(views.masks), [Camera.of(views, n) for n in range(len(views))])
+    assert not silhouettes.offsets(np.random.default_rng(0).normal(size=(50, 3)), np.arange(len(views))).any()
 
 
 # -- what images say ---------------------------------------------------------------------------------------------------
