@@ -36,13 +36,13 @@ class FitShape(Task):
     primary: ClassVar[tuple[str, ...]] = ("chamfer_l1_mean",)
     files: ClassVar[tuple[int, ...]] = (1, 2)
 
-    start: Literal["sphere", "cube"] = "sphere"  # what the points to begin with lie on
+    start: Literal["sphere", "cube", "square"] = "sphere"  # what the points lie on; a square faces the first camera
     points: int = 2000  # how many of them
-    size: float = 0.7  # radius of the sphere, or half the edge of the cube; the shape has the radius 1
+    size: float = 0.7  # radius of the sphere, or half the edge of cube and square; the shape has the radius 1
 
     def __post_init__(self) -> None:
-        if self.start not in ("sphere", "cube"):
-            raise ValueError(f"start: expected sphere or cube, got {self.start!r}")
+        if self.start not in ("sphere", "cube", "square"):
+            raise ValueError(f"start: expected sphere, cube or square, got {self.start!r}")
         if self.points < 4:
             raise ValueError(f"points: expected at least 4, got {self.points}")
         if not self.size > 0:
@@ -50,10 +50,19 @@ class FitShape(Task):
 
     def input(self, sensed: Views) -> dict[str, Any]:
         """The views, and the points to begin with."""
-        return {"views": sensed, "cloud": self.beginning()}
+        return {"views": sensed, "cloud": self.beginning(sensed.extrinsics[0, :, :3])}
 
-    def beginning(self) -> PointCloud:
-        """The points to begin with, evenly spread, with normals outwards: a Fibonacci sphere, or six grids."""
+    def beginning(self, axes: np.ndarray | None = None) -> PointCloud:
+        """The points to begin with, evenly spread, with normals outwards.
+
+        A Fibonacci sphere, six lattices, or one that faces a camera with ``axes`` (3, 3), in rows.
+        """
+        if self.start == "square":
+            axes = np.eye(3) if axes is None else axes
+            u, v = _lattice(self.points)
+            return PointCloud(
+                self.size * (u[:, None] * axes[0] + v[:, None] * axes[1]), np.tile(-axes[2], (self.points, 1))
+            )
         if self.start == "sphere":
             normals = golden_spiral(self.points)
             return PointCloud(self.size * normals, normals)
@@ -62,9 +71,7 @@ class FitShape(Task):
         points, normals = [], []
         for number, members in enumerate(sides):
             axis, sign = number // 2, 2 * (number % 2) - 1
-            k = np.arange(len(members)) + 0.5
-            # Even spread over a square: a lattice of the golden ratio
-            u, v = 2 * k / max(len(members), 1) - 1, 2 * ((k * (np.sqrt(5) - 1) / 2) % 1) - 1
+            u, v = _lattice(len(members))
             place = np.empty((len(members), 3))
             place[:, axis], place[:, axis - 2], place[:, axis - 1] = sign, u, v
             points.append(place)
@@ -114,3 +121,9 @@ class FitShape(Task):
 
         shape, frame = Shape("toy", icosphere(subdivisions=3), tags=("smooth",)).framed()
         return Case("toy", self.input(views_of_a_ball(12, 48)), shape, frame, 0, ("smooth",))
+
+
+def _lattice(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """An even spread over the square from -1 to 1: a lattice of the golden ratio."""
+    k = np.arange(count) + 0.5
+    return 2 * k / max(count, 1) - 1, 2 * ((k * (np.sqrt(5) - 1) / 2) % 1) - 1

@@ -23,7 +23,7 @@ class Dss:
     point_steps: int = 25  # of a cycle
     views: int = 12  # images that a cycle looks at
     normal_rate: float = 0.25  # of the descent, for each point: of 8,003 points it is the released 2,000
-    point_rate: float = 5.0  # of the descent
+    point_rate: float = 2.0  # of the descent (thesis: 5)
     largest: float = 0.01  # of a gradient, number by number; times the rate it is the largest step
     rate_decay: float = 0.75  # factor of both rates, and of projection, from cycle to cycle (released: 1)
     momentum: float = 0.1
@@ -45,6 +45,8 @@ class Dss:
     projection_distance: float = 2.5  # spacings (released: 7.5, of which 32 neighbours fill 3)
     project_every: int = 2  # steps
     silhouettes: float = 1.0  # part of the way to the silhouette that points outside of it move (thesis: 0)
+    refinements: int = 0  # cycles that look closely at where the images differ most (released fine-tuning: 15)
+    refined_part: float = 0.35  # widths of the images that they look at
     loss_epsilon: float = 1.0  # of Eq. 3.19 (thesis: 1e-5, released: 0.01)
     regularisers: Literal["released", "thesis"] = "released"  # which form, where the two differ
 

@@ -12,6 +12,8 @@ from bench import PointCloud, Run
 from ..regularisers.settings import Regularity
 from ..regularisers.terms import Neighbours
 from .descent import Descent, unit
+from .refinement import focus
+from .silhouettes import Silhouettes
 from .views import Gallery
 
 
@@ -33,6 +35,8 @@ class Schedule:
     window_decay: float
     window_least: float
     silhouettes: float
+    refinements: int
+    refined_part: float
 
     def window_at(self, cycle: int, width: int) -> float:
         """How far pixels pull in a cycle, in pixels of an image so wide."""
@@ -61,45 +65,90 @@ def fit(
     run : Run
         Draws the views of each cycle, and is offered the cloud after it.
     """
-    points, normals = np.array(cloud.points), np.array(cloud.normals)
-    steps = schedule.normal_steps + schedule.point_steps
-    hidden = np.zeros(len(points))
-    turns = [
-        (of_normals, count, Descent(rate, schedule.largest, schedule.momentum, int(0.6 * count)))
-        for of_normals, count, rate in (
-            (True, schedule.normal_steps, schedule.normal_rate),
-            (False, schedule.point_steps, schedule.point_rate),
-        )
-    ]
-    step = 0
+    fitting = Fitting(cloud, sigma, schedule, regular, run)
     for cycle, chosen in enumerate(_views_of_cycles(len(gallery.cameras), schedule, run.rng)):
-        regular = replace(regular, projection=regular.projection * (schedule.rate_decay if cycle else 1.0))
+        if cycle:
+            fitting.slow_down(schedule.rate_decay)
         gallery.how = replace(gallery.how, window=schedule.window_at(cycle, gallery.cameras[0].width))
-        for of_normals, count, descent in turns:
-            descent.begin(schedule.rate_decay if cycle else 1.0)
+        if not fitting.cycle(gallery, chosen, gallery.silhouettes, chosen):
+            return fitting.cloud()
+    before: list[np.ndarray] = []
+    apart = schedule.refined_part / 2 * float(np.ptp(fitting.points, axis=0).max())
+    for _ in range(schedule.refinements):
+        found = focus(
+            gallery, fitting.points, fitting.normals, sigma, schedule.refined_part, schedule.views, before, apart
+        )
+        if found is None:
+            break
+        before.append(found.place)
+        if not fitting.cycle(found.gallery, np.arange(len(found.gallery.cameras)), gallery.silhouettes, found.views):
+            break
+    return fitting.cloud()
+
+
+class Fitting:
+    """Points and normals on their way, and the descents that move them."""
+
+    def __init__(self, cloud: PointCloud, sigma: float, schedule: Schedule, regular: Regularity, run: Run):
+        self.points, self.normals = np.array(cloud.points), np.array(cloud.normals)
+        self._hidden = np.zeros(len(cloud))
+        self._sigma, self._schedule, self._regular, self._run = sigma, schedule, regular, run
+        counts = schedule.normal_steps, schedule.point_steps
+        self._descents = [
+            Descent(rate, schedule.largest, schedule.momentum, int(0.6 * count))
+            for count, rate in zip(counts, (schedule.normal_rate, schedule.point_rate), strict=True)
+        ]
+        self._turns = [(True, counts[0]), (False, counts[1])]
+        self._step, self._steps = 0, (schedule.cycles + schedule.refinements) * sum(counts)
+
+    def cloud(self) -> PointCloud:
+        """As far as it came."""
+        return PointCloud(self.points, self.normals)
+
+    def slow_down(self, factor: float) -> None:
+        """Rates and projection, from now on."""
+        self._regular = replace(self._regular, projection=self._regular.projection * factor)
+        for descent in self._descents:
+            descent.rate *= factor
+
+    def cycle(self, gallery: Gallery, chosen: np.ndarray, silhouettes: Silhouettes | None, seen_by: np.ndarray) -> bool:
+        """One descent of the normals and one of the points; whether there was time for it.
+
+        Parameters
+        ----------
+        gallery : Gallery
+        chosen : (m,) int array
+            Which of its images are looked at.
+        silhouettes : Silhouettes, or None
+        seen_by : (m,) int array
+            Which of the silhouettes points move to.
+        """
+        for (of_normals, count), descent in zip(self._turns, self._descents, strict=True):
+            descent.begin()
             for _ in range(count):
-                if run.seconds_left() <= 0:
-                    return PointCloud(points, normals)
-                now = gallery.look(points, normals, sigma, chosen, of_normals)
-                hidden = now.hidden
+                if self._run.seconds_left() <= 0:
+                    return False
+                now = gallery.look(self.points, self.normals, self._sigma, chosen, of_normals)
+                self._hidden = np.where(now.shown > 0, now.hidden, self._hidden)
                 descent.look(now.loss)
                 if of_normals:
-                    normals = unit(descent.step(normals, now.gradient), normals)
+                    self.normals = unit(descent.step(self.normals, now.gradient), self.normals)
                 else:
                     gradient = now.gradient
-                    if regular.repulsion:
-                        gradient = (
-                            gradient + Neighbours(points, regular, run.threads).repulsion(points, normals, hidden)[1]
-                        )
-                    points = descent.step(points, gradient)
-                    if schedule.silhouettes and gallery.silhouettes:
-                        points = points + schedule.silhouettes * gallery.silhouettes.offsets(points, chosen)
-                step += 1
-                if regular.projection and step % schedule.project_every == 0:
-                    points = Neighbours(points, regular, run.threads).projected(points, normals, hidden)
-                run.progress(step, schedule.cycles * steps)
-        run.trace(PointCloud(points, normals))
-    return PointCloud(points, normals)
+                    if self._regular.repulsion:
+                        gradient = gradient + self._around().repulsion(self.points, self.normals, self._hidden)[1]
+                    self.points = descent.step(self.points, gradient)
+                    if self._schedule.silhouettes and silhouettes:
+                        self.points += self._schedule.silhouettes * silhouettes.offsets(self.points, seen_by)
+                self._step += 1
+                if self._regular.projection and self._step % self._schedule.project_every == 0:
+                    self.points = self._around().projected(self.points, self.normals, self._hidden)
+                self._run.progress(self._step, self._steps)
+        self._run.trace(self.cloud())
+        return True
+
+    def _around(self) -> Neighbours:
+        return Neighbours(self.points, self._regular, self._run.threads)
 
 
 def _views_of_cycles(total: int, schedule: Schedule, rng: np.random.Generator) -> Iterator[np.ndarray]:

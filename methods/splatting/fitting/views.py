@@ -27,6 +27,16 @@ class Lights(NamedTuple):
     """(v, 3) array: light from everywhere"""
 
 
+class Window(NamedTuple):
+    """A part of an image."""
+
+    view: int
+    left: int
+    top: int
+    width: int
+    height: int
+
+
 class Look(NamedTuple):
     """The views of one step, together."""
 
@@ -34,6 +44,8 @@ class Look(NamedTuple):
     """The sum over the views"""
     gradient: np.ndarray
     """(n, 3) array: of positions or normals, the mean over the views that show a point"""
+    shown: np.ndarray
+    """(n,) array: how many views show a point"""
     hidden: np.ndarray
     """(n,) array: o_k of Eq. 3.16, how often a point was hidden, for each view that shows it"""
 
@@ -78,6 +90,17 @@ class Gallery:
         silhouettes = Silhouettes(views.masks, cameras)
         return cls(cameras, views.images.astype(np.float64) / 255, lights, how, threads, epsilon, silhouettes)
 
+    def cropped(self, windows: Sequence[Window]) -> Gallery:
+        """Parts of the images, all of one size, as images of cameras of their own."""
+        cameras, wanted = [], []
+        for view, left, top, width, height in windows:
+            camera, place = self.cameras[view], np.s_[top : top + height, left : left + width]
+            moved = np.asarray(camera.intrinsics) - np.array([[0, 0, left], [0, 0, top], [0, 0, 0]])
+            cameras.append(Camera(camera.extrinsics, moved, width, height))
+            wanted.append(self.wanted[view][place])
+        lights = Lights(*(of[[window.view for window in windows]] for of in self.lights))
+        return Gallery(cameras, np.array(wanted), lights, self.how, self.threads, self.epsilon)
+
     def shaded(self, normals: np.ndarray, view: int) -> tuple[np.ndarray, np.ndarray]:
         """The colours (n, 3) of points under the lights of a view, and which lights (n, k) they see."""
         facing = normals @ self.lights.directions[view].T
@@ -121,4 +144,4 @@ class Gallery:
                 gradient += drawn.position_gradient(slope)
                 if self.how.weights:
                     gradient += drawn.weight_gradients(slope)[0]
-        return Look(loss, gradient / (shown + 0.01)[:, None], hidden / (shown + 0.01))
+        return Look(loss, gradient / (shown + 0.01)[:, None], shown, hidden / (shown + 0.01))

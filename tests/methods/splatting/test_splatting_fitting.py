@@ -16,9 +16,10 @@ from bench.contract.views_file import load_views
 from bench.methods.splatting.dss import Dss
 from bench.methods.splatting.fitting.cycles import Schedule
 from bench.methods.splatting.fitting.descent import Descent
+from bench.methods.splatting.fitting.refinement import focus
 from bench.methods.splatting.fitting.silhouettes import Silhouettes
 from bench.methods.splatting.fitting.smape import smape
-from bench.methods.splatting.fitting.views import Gallery
+from bench.methods.splatting.fitting.views import Gallery, Window
 from bench.methods.splatting.renderer.blending import blend
 from bench.methods.splatting.renderer.camera import Camera
 from bench.methods.splatting.renderer.settings import Drawing
@@ -61,9 +62,9 @@ def test_the_descent_is_that_of_torch():
 
 
 def test_the_window_shrinks_to_its_least():
-    plan = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, 0.25, 0.5, 0.1, 1.0)
+    plan = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, 0.25, 0.5, 0.1, 1.0, 0, 0.3)
     assert [plan.window_at(cycle, 200) for cycle in range(3)] == [50, 25, 20]
-    everywhere = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, 0.0, 0.5, 0.1, 1.0)
+    everywhere = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, 0.0, 0.5, 0.1, 1.0, 0, 0.3)
     assert everywhere.window_at(3, 200) == 0
 
 
@@ -106,6 +107,52 @@ def test_silhouettes_carve_a_cube_of_points_to_a_ball(views):
 def test_views_without_a_silhouette_move_nothing(views):
     silhouettes = Silhouettes(np.zeros_like(views.masks), [Camera.of(views, n) for n in range(len(views))])
     assert not silhouettes.offsets(np.random.default_rng(0).normal(size=(50, 3)), np.arange(len(views))).any()
+
+
+# -- refinement --------------------------------------------------------------------------------------------------------
+
+
+def test_a_part_of_an_image_is_drawn_as_the_whole_is(views):
+    points, normals, _, _ = ball(500)
+    gallery = Gallery.of(views, Drawing(), 1)
+    part = gallery.cropped([Window(3, 7, 11, 20, 16), Window(5, 0, 0, 20, 16)])
+    whole = gallery.draw(points, normals, 0.05, 3).image
+    np.testing.assert_allclose(part.draw(points, normals, 0.05, 0).image, whole[11:27, 7:27], atol=1e-12)
+    np.testing.assert_array_equal(part.wanted[1], gallery.wanted[5][:16, :20])
+    np.testing.assert_array_equal(part.lights.directions[0], views.light_directions[3])
+
+
+def test_the_place_where_the_images_differ_most_is_found_and_then_another(views):
+    points, normals, _, _ = ball(2000)
+    spoilt = normals.copy()
+    for spot, size in ((np.array([1.0, 0, 0]), 0.35), (np.array([0, 0, 1.0]), 0.25)):
+        near = np.linalg.norm(points - spot, axis=1) < size
+        spoilt[near] = np.roll(points[near], 1, axis=1) * 0.8 + 0.6 * spot
+        spoilt[near] /= np.linalg.norm(spoilt[near], axis=1, keepdims=True)
+    gallery = Gallery.of(views, Drawing(), 1)
+    first = focus(gallery, points, spoilt, 0.03, 0.4, 3, [], 0.5)
+    assert np.linalg.norm(first.place - [1, 0, 0]) < 0.45 and len(first.gallery.cameras) == 3
+    second = focus(gallery, points, spoilt, 0.03, 0.4, 3, [first.place], 0.5)
+    assert np.linalg.norm(second.place - [0, 0, 1]) < 0.35
+    assert focus(gallery, points, spoilt, 0.03, 0.4, 3, [np.zeros(3)], 9.0) is None
+    for view, camera in zip(first.views, first.gallery.cameras, strict=True):  # the place is in the parts
+        x, y, z = camera.to_camera(first.place[None])[0] @ np.asarray(camera.intrinsics).T
+        assert 0 <= x / z <= camera.width and 0 <= y / z <= camera.height
+        assert camera.width == round(0.4 * views.width) and view < len(views)
+
+
+def test_refinement_lowers_the_error_where_it_is_largest(views):
+    start = FitShape(points=400, size=1.0).beginning()
+    normals = start.normals.copy()
+    near = np.linalg.norm(start.points - [1, 0, 0], axis=1) < 0.4
+    normals[near] = np.roll(normals[near], 1, axis=1)
+    method = Dss(cycles=1, normal_steps=3, point_steps=0, projection=0, repulsion=0)
+    fits = (
+        replace(method, refinements=count).fit_shape(views, PointCloud(start.points, normals), Run(seed=1))
+        for count in (0, 4)
+    )
+    off = [np.linalg.norm(fitted.normals - start.normals, axis=1)[near].mean() for fitted in fits]
+    assert off[1] < 0.7 * off[0]
 
 
 # -- what images say ---------------------------------------------------------------------------------------------------
@@ -215,6 +262,15 @@ def test_what_is_missing_is_named(views):
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Dss(**wrong)
+
+
+def test_a_square_faces_the_first_camera(views):
+    cloud = FitShape(start="square", points=400, size=0.5).input(views)["cloud"]
+    forward = views.extrinsics[0, 2, :3]
+    np.testing.assert_allclose(cloud.normals, np.tile(-forward, (400, 1)))
+    np.testing.assert_allclose(cloud.points @ forward, 0, atol=1e-12)
+    pixels, _ = views.project(cloud.points)
+    assert 0.9 < np.ptp(pixels[0, :, 0]) / np.ptp(pixels[0, :, 1]) < 1.1
 
 
 @pytest.mark.parametrize("start", ["sphere", "cube"])
