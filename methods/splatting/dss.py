@@ -103,5 +103,5 @@ class Dss:
         regular = Regularity.of(self, spacing)
         settings = {name: getattr(self, name) for name in Schedule.__dataclass_fields__}
         schedule = Schedule(**settings | {"normal_rate": self.normal_rate * len(cloud)})
-        gallery = Gallery.of(views, drawing, run.threads, self.loss_epsilon)
+        gallery = Gallery.of(views, drawing, run.threads, self.loss_epsilon, run.device)
         return fit(gallery, cloud, self.width * spacing, schedule, regular, run)

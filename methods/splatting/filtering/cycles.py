@@ -13,7 +13,6 @@ from ..fitting.descent import Descent, unit
 from ..fitting.views import Gallery
 from ..regularisers.settings import Regularity
 from ..regularisers.terms import Neighbours
-from ..renderer.drawn import draw
 from ..renderer.settings import Drawing
 from .close_ups import close_ups
 
@@ -72,13 +71,12 @@ def filtered(
     for cycle in range(how.cycles):
         from_points, from_normals = (points, normals) if how.recursive else first
         cameras, lights = close_ups(from_points, from_normals, how.views, how.pixels, how.span, run.rng)
-        gallery = Gallery(cameras, np.empty(0), lights, drawing, run.threads)
+        gallery = Gallery(cameras, np.empty(0), lights, drawing, run.threads, device=run.device)
         wanted = []
-        for view, camera in enumerate(cameras):
+        for view in range(len(cameras)):
             if run.seconds_left() <= 0:
                 return PointCloud(points, normals)
-            colors, _ = gallery.shaded(from_normals, view)
-            drawn = draw(from_points, from_normals, colors, sigma, camera, drawing, run.threads)
+            drawn = gallery.draw(from_points, from_normals, sigma, view)
             wanted.append(np.where(drawn.covered[..., None], image_filter(drawn.image), 0.0))
         gallery.wanted = np.array(wanted)
         descent = Descent(rate, how.largest, how.momentum, int(0.6 * how.normal_steps))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from ..renderer.drawn import Drawn, draw
 from ..renderer.settings import Drawing
 from .silhouettes import Silhouettes
 from .smape import smape
+
+if TYPE_CHECKING:
+    from ..torch_renderer.drawn import ArrayDrawn
 
 
 class Lights(NamedTuple):
@@ -66,6 +69,8 @@ class Gallery:
         Of the loss.
     silhouettes : Silhouettes, or None
         Where the shape is seen, if that is known.
+    device : str
+        "cpu", or a device of torch, on which the renderer in torch draws.
     """
 
     def __init__(
@@ -77,18 +82,20 @@ class Gallery:
         threads: int,
         epsilon: float = 0.01,
         silhouettes: Silhouettes | None = None,
+        device: str = "cpu",
     ):
         self.cameras, self.wanted, self.lights = cameras, wanted, lights
         self.how, self.threads, self.epsilon, self.silhouettes = how, threads, epsilon, silhouettes
+        self.device = device
 
     @classmethod
-    def of(cls, views: Views, how: Drawing, threads: int, epsilon: float = 0.01) -> Gallery:
+    def of(cls, views: Views, how: Drawing, threads: int, epsilon: float = 0.01, device: str = "cpu") -> Gallery:
         """The images of views that have lights."""
         cameras = [Camera.of(views, number) for number in range(len(views))]
         ambient = np.zeros((len(views), 3)) if views.ambient is None else views.ambient
         lights = Lights(views.light_directions, views.light_colors, ambient)
         silhouettes = Silhouettes(views.masks, cameras)
-        return cls(cameras, views.images.astype(np.float64) / 255, lights, how, threads, epsilon, silhouettes)
+        return cls(cameras, views.images.astype(np.float64) / 255, lights, how, threads, epsilon, silhouettes, device)
 
     def cropped(self, windows: Sequence[Window]) -> Gallery:
         """Parts of the images, all of one size, as images of cameras of their own."""
@@ -99,16 +106,20 @@ class Gallery:
             cameras.append(Camera(camera.extrinsics, moved, width, height))
             wanted.append(self.wanted[view][place])
         lights = Lights(*(of[[window.view for window in windows]] for of in self.lights))
-        return Gallery(cameras, np.array(wanted), lights, self.how, self.threads, self.epsilon)
+        return Gallery(cameras, np.array(wanted), lights, self.how, self.threads, self.epsilon, device=self.device)
 
     def shaded(self, normals: np.ndarray, view: int) -> tuple[np.ndarray, np.ndarray]:
         """The colours (n, 3) of points under the lights of a view, and which lights (n, k) they see."""
         facing = normals @ self.lights.directions[view].T
         return np.maximum(facing, 0) @ self.lights.colors[view] + self.lights.ambient[view], facing > 0
 
-    def draw(self, points: np.ndarray, normals: np.ndarray, sigma: np.ndarray | float, view: int) -> Drawn:
+    def draw(self, points: np.ndarray, normals: np.ndarray, sigma: np.ndarray | float, view: int) -> Drawn | ArrayDrawn:
         """What a view shows of points."""
         colors, _ = self.shaded(normals, view)
+        if self.device != "cpu":
+            from ..torch_renderer.drawn import draw_arrays
+
+            return draw_arrays(points, normals, colors, sigma, self.cameras[view], self.how, self.device)
         return draw(points, normals, colors, sigma, self.cameras[view], self.how, self.threads)
 
     def look(
