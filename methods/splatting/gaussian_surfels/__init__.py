@@ -1,0 +1,1 @@
+"""Flat Gaussians with opacity, drawn by exact ray-splat intersection (Huang et al. 2024)."""

@@ -1,0 +1,177 @@
+"""Surfels that descend until they look like the images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from bench import PointCloud, Run, Views
+
+from ..renderer.camera import Camera
+from .footprints import Surfels
+from .losses import Weighting, loss_of
+from .rendering import Slopes, render
+from .state import State
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How long, and how fast; the fields are those of the method."""
+
+    steps: int
+    position_rate: float
+    rate_decay: float
+    turn_rate: float
+    scale_rate: float
+    opacity_rate: float
+    relocate_every: int
+    relocate_until: float
+    relocated: float
+    transparent: float
+    carve: float
+
+    def rates(self, step: int, spacing: float) -> dict[str, float]:
+        """Of the free numbers: positions slow down exponentially, in spacings."""
+        slower = self.rate_decay ** (step / self.steps)
+        return {
+            "positions": self.position_rate * spacing * slower,
+            "turns": self.turn_rate * slower,
+            "logs": self.scale_rate * slower,
+            "logits": self.opacity_rate * slower,
+        }
+
+
+class Scene:
+    """The images to be matched, with cameras and lights.
+
+    Parameters
+    ----------
+    views : Views
+        With lights.
+    weighting : Weighting
+    threads : int
+    """
+
+    def __init__(self, views: Views, weighting: Weighting, threads: int):
+        self.views, self.weighting, self.threads = views, weighting, threads
+        self.cameras: Sequence[Camera] = [Camera.of(views, number) for number in range(len(views))]
+        self.ambient = np.zeros((len(views), 3)) if views.ambient is None else views.ambient
+
+    def outside(self, points: np.ndarray) -> np.ndarray:
+        """How far points (n, 3) lie outside a mask, in pixels, at most over the views: (n,) array, 0 inside all.
+
+        What an image does not show counts as inside.
+        """
+        pixels, depth = self.views.project(points)
+        farthest = np.zeros(len(points))
+        for view, away in enumerate(self._away):
+            column, row = np.floor(np.nan_to_num(pixels[view], nan=-1.0)).T
+            known = (column >= 0) & (row >= 0) & (column < self.views.width) & (row < self.views.height)
+            known &= depth[view] > 0
+            found = away[row[known].astype(np.int64), column[known].astype(np.int64)]
+            farthest[known] = np.maximum(farthest[known], found)
+        return farthest
+
+    @cached_property
+    def _away(self) -> list[np.ndarray]:
+        return [distance_transform_edt(~mask) if mask.any() else np.zeros(mask.shape) for mask in self.views.masks]
+
+    def shaded(self, normals: np.ndarray, view: int) -> tuple[np.ndarray, np.ndarray]:
+        """The colours (n, 3) of normals under the lights of a view, and which lights (n, k) they see."""
+        facing = normals @ self.views.light_directions[view].T
+        return np.maximum(facing, 0) @ self.views.light_colors[view] + self.ambient[view], facing > 0
+
+    def look(self, surfels: Surfels, view: int) -> tuple[float, Slopes]:
+        """The loss of one view, and its gradients; colours count through the normals that make them."""
+        colors, lit = self.shaded(surfels.frames[:, :, 2], view)
+        rendered = render(surfels, colors, self.cameras[view], self.threads)
+        wanted = self.views.images[view] / 255
+        loss, slopes = loss_of(rendered.maps, wanted, self.views.masks[view], self.cameras[view], self.weighting)
+        back = rendered.back(slopes)
+        by_light = back.colors @ self.views.light_colors[view].T * lit
+        back.frames[:, :, 2] += by_light @ self.views.light_directions[view]
+        return loss, back
+
+    def weights(self, surfels: Surfels) -> np.ndarray:
+        """How much of all images each surfel is: (n,) array, in pixels."""
+        total = np.zeros(len(surfels.positions))
+        for view, camera in enumerate(self.cameras):
+            rendered = render(surfels, self.shaded(surfels.frames[:, :, 2], view)[0], camera, self.threads)
+            total += rendered.back(np.zeros(rendered.maps.shape)).weights
+        return total
+
+
+def fit(scene: Scene, state: State, spacing: float, schedule: Schedule, run: Run) -> PointCloud:
+    """The centres of the surfels that are seen and opaque, with normals.
+
+    Parameters
+    ----------
+    scene : Scene
+    state : State
+        Is changed.
+    spacing : float
+        Of the points to begin with.
+    schedule : Schedule
+    run : Run
+        Draws the order of the views, one a step.
+    """
+    order: list[int] = []
+    tally = Tally(len(state))
+    for step in range(schedule.steps):
+        if run.seconds_left() <= 0:
+            break
+        if not order:
+            order = run.rng.permutation(len(scene.cameras)).tolist()
+        surfels = state.surfels()
+        _, slopes = scene.look(surfels, order.pop())
+        tally.add(slopes)
+        state.step(state.gradients(surfels, slopes), schedule.rates(step, spacing))
+        run.progress(step + 1, schedule.steps)
+        if (step + 1) % schedule.relocate_every == 0:
+            if step < schedule.relocate_until * schedule.steps:
+                relocate(state, tally, schedule, carved(scene, state, schedule))
+            tally = Tally(len(state))
+            run.trace(lambda: cloud_of(scene, state, schedule))
+    return cloud_of(scene, state, schedule)
+
+
+class Tally:
+    """What was seen of each surfel over some steps."""
+
+    def __init__(self, count: int):
+        self.pull, self.weight, self.shown = np.zeros(count), np.zeros(count), np.zeros(count)
+
+    def add(self, slopes: Slopes) -> None:
+        """Count one view."""
+        self.pull += slopes.screen
+        self.weight += slopes.weights
+        self.shown += slopes.weights > 0
+
+
+def relocate(state: State, tally: Tally, schedule: Schedule, carved: np.ndarray) -> None:
+    """Put surfels that are transparent, unseen or carved beside those that are pulled at most, by splitting these."""
+    dead = (state.opacities < schedule.transparent) | (tally.weight < 1e-2 * np.maximum(tally.shown, 1)) | carved
+    places = np.flatnonzero(dead)
+    pull = np.where(dead, -1.0, tally.pull / np.maximum(tally.shown, 1))
+    count = min(len(places), int((~dead).sum()), int(schedule.relocated * len(state)))
+    if count:
+        state.split(np.argsort(-pull, kind="stable")[:count], places[:count])
+
+
+def carved(scene: Scene, state: State, schedule: Schedule) -> np.ndarray:
+    """Which surfels lie outside a mask, and so cannot be of the shape: (n,) bool array."""
+    if not schedule.carve:
+        return np.zeros(len(state), dtype=bool)
+    return scene.outside(state.positions) > schedule.carve
+
+
+def cloud_of(scene: Scene, state: State, schedule: Schedule) -> PointCloud:
+    """The centres of what is opaque, seen and not carved, with normals; all, if that is nothing."""
+    kept = (state.opacities >= schedule.transparent) & (scene.weights(state.surfels()) > 1e-2)
+    kept &= ~carved(scene, state, schedule)
+    kept |= not kept.any()
+    return PointCloud(state.positions[kept], state.normals[kept])

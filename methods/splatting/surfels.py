@@ -1,0 +1,77 @@
+"""Flat Gaussians with opacity, fitted to images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bench import BadInput, PointCloud, Run, Views, register
+
+
+@register("method", cite="Huang et al. 2024", requires=("scipy", "numba"))
+@dataclass(frozen=True)
+class Surfels:
+    """2-D Gaussian splatting: surfels with two scales and opacity descend on the images; their centres are the cloud.
+
+    Drawn by exact ray-splat intersection and composited front to back. Each step looks at one view: L1 of colours and
+    mask, depth distortion and normal consistency, by Adam. Unlike the publication, colours come from diffuse shading of
+    the normals under the known lights (as for ``dss``), so there are no spherical harmonics and no D-SSIM; surfels have
+    one side; and their number stays: instead of densification, pruning and resets of opacity, surfels that are
+    transparent, unseen or (``carve``) outside a mask take the places of halves of those that are pulled most.
+    """
+
+    steps: int = 2000  # each looks at one view
+    scale: float = 0.6  # standard deviations to begin with, in spacings of the cloud
+    opacity: float = 0.7  # to begin with, below 0.99
+    position_rate: float = 0.15  # of Adam, in spacings
+    turn_rate: float = 0.02  # of Adam, in radians
+    scale_rate: float = 0.01  # of Adam, for the logarithms of standard deviations
+    opacity_rate: float = 0.03  # of Adam, for the logits of opacities
+    rate_decay: float = 0.05  # factor of all rates from the first step to the last
+    mask_weight: float = 1.0  # of the L1 between accumulated opacities and masks
+    distortion: float = 0.3  # weight of squared differences of depths along a ray
+    consistency: float = 0.05  # weight of normals of surfels against normals of depths (publication: 0.05)
+    relocate_every: int = 100  # steps
+    relocate_until: float = 0.7  # of the steps
+    relocated: float = 0.2  # of all surfels, at most, each time
+    transparent: float = 0.05  # less opaque ones are moved, and left out in the end
+    carve: float = 2.0  # so are those that lie outside a mask by more pixels; 0: only by opacity, as published
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "relocate_every"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        for name in ("mask_weight", "distortion", "consistency", "carve"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
+        for name in ("scale", "position_rate", "turn_rate", "scale_rate", "opacity_rate", "rate_decay"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected a number above 0, got {getattr(self, name)}")
+        for name in ("relocate_until", "relocated", "transparent"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name}: expected a number between 0 and 1, got {getattr(self, name)}")
+        if not 1 / 255 < self.opacity < 0.99:
+            raise ValueError(f"opacity: expected a number between 1/255 and 0.99, got {self.opacity}")
+
+    def prepare(self) -> None:
+        """Load the compiled loops, or compile them."""
+        from .gaussian_surfels.warm import load_compiled
+
+        load_compiled()
+
+    def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
+        """At most as many points as the cloud to begin with, with normals."""
+        from bench.geometry.spacing import mean_spacing
+
+        from .gaussian_surfels.fitting import Scene, Schedule, fit
+        from .gaussian_surfels.losses import Weighting
+        from .gaussian_surfels.state import State
+
+        if views.light_directions is None:
+            raise BadInput("surfels: the views have no lights; it matches diffuse shading under known lights")
+        if cloud.normals is None:
+            raise BadInput("surfels: the cloud to begin with has no normals")
+        spacing = mean_spacing(cloud.points)
+        weighting = Weighting(self.mask_weight, self.distortion, self.consistency)
+        schedule = Schedule(**{name: getattr(self, name) for name in Schedule.__dataclass_fields__})
+        state = State(cloud.points, cloud.normals, self.scale * spacing, self.opacity)
+        return fit(Scene(views, weighting, run.threads), state, spacing, schedule, run)
