@@ -6,7 +6,7 @@
 
 `pull` draws and prints figure 3.18: the gradient of one point by one pixel, for five widths of its Gaussian, by
 visibility and by the derivative of the Gaussian, and how many steps each needs to reach the pixel. `film` fits a method
-to images and draws every few of its clouds as the first image shows it: drawn, its residual, and the points alone; a
+to images and draws every few of its clouds as one of the images shows it: drawn, its residual, and the points alone; a
 name that ends with `.gif` becomes a film. It prints how much of the silhouettes is covered.
 """
 
@@ -102,36 +102,36 @@ def film(args: argparse.Namespace) -> None:
     gallery = Gallery.of(views, Drawing(), args.threads)
     sigma = 0.8 * mean_spacing(given["cloud"].points)
     chosen = np.unique(np.linspace(0, len(clouds) - 1, args.columns).round().astype(int))
-    frames = [frame(gallery, views, clouds[number], sigma) for number in chosen]
+    frames = [frame(gallery, views, clouds[number], sigma, args.view) for number in chosen]
     for number in (0, len(clouds) - 1):
-        covered = coverage(gallery, views, clouds[number], sigma)
-        print(
-            f"cloud {number}: {covered[0]:.1%} of the silhouettes covered, {covered[1]:.1%} of what is drawn beside them"
-        )
+        inside, beside = coverage(gallery, views, clouds[number], sigma)
+        print(f"cloud {number}: {inside:.1%} of the silhouettes covered; of what is drawn, {beside:.1%} beside them")
     if args.picture.suffix == ".gif":
         from PIL import Image
 
-        images = [Image.fromarray(np.concatenate([views.images[0], *each], axis=1)) for each in frames]
+        images = [Image.fromarray(np.concatenate([views.images[args.view], *each], axis=1)) for each in frames]
         images[0].save(args.picture, save_all=True, append_images=images[1:], duration=400, loop=0)
         return
-    wanted = np.concatenate([views.images[0], np.zeros_like(views.images[0]), np.zeros_like(views.images[0])])
+    wanted = np.concatenate(
+        [views.images[args.view], np.zeros_like(views.images[args.view]), np.zeros_like(views.images[args.view])]
+    )
     plt.imsave(args.picture, np.concatenate([wanted, *(np.concatenate(each) for each in frames)], axis=1))
 
 
-def frame(gallery: Gallery, views, cloud: PointCloud, sigma: float) -> list[np.ndarray]:
-    """The first view of a cloud: drawn, what is wrong, and its points; (h, w, 3) uint8 arrays."""
+def frame(gallery: Gallery, views, cloud: PointCloud, sigma: float, view: int) -> list[np.ndarray]:
+    """What one view shows of a cloud: drawn, what is wrong, and its points; (h, w, 3) uint8 arrays."""
     points, normals = cloud.points, cloud.normals
-    dots = np.zeros_like(views.images[0])
+    dots = np.zeros_like(views.images[view])
     pixels, _ = views.project(points)
-    columns, rows = np.floor(pixels[0]).astype(int).T
+    columns, rows = np.floor(pixels[view]).astype(int).T
     inside = (columns >= 0) & (columns < views.width) & (rows >= 0) & (rows < views.height)
-    dots[views.masks[0]] = 70
+    dots[views.masks[view]] = 70
     dots[rows[inside], columns[inside]] = 255
     if normals is None:
         return [dots, dots, dots]
-    drawn = gallery.draw(points, normals, sigma, 0).image.clip(0, 1)
+    drawn = gallery.draw(points, normals, sigma, view).image.clip(0, 1)
     image = (255 * drawn).astype(np.uint8)
-    return [image, (255 * np.abs(drawn - gallery.wanted[0])).astype(np.uint8), dots]
+    return [image, (255 * np.abs(drawn - gallery.wanted[view])).astype(np.uint8), dots]
 
 
 def coverage(gallery: Gallery, views, cloud: PointCloud, sigma: float) -> tuple[float, float]:

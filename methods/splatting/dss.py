@@ -21,9 +21,9 @@ class Dss:
     cycles: int = 8  # each with other views
     normal_steps: int = 15  # of a cycle
     point_steps: int = 25  # of a cycle
-    views: int = 12  # images that a cycle looks at
+    views: int = 6  # images that a cycle looks at (thesis: 12)
     normal_rate: float = 0.25  # of the descent, for each point: of 8,003 points it is the released 2,000
-    point_rate: float = 2.0  # of the descent (thesis: 5)
+    point_rate: float = 1.0  # of the descent (thesis: 5)
     largest: float = 0.01  # of a gradient, number by number; times the rate it is the largest step
     rate_decay: float = 0.75  # factor of both rates, and of projection, from cycle to cycle (released: 1)
     momentum: float = 0.1
