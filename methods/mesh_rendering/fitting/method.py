@@ -1,0 +1,83 @@
+"""What the methods of this family share; a subclass says how a mesh is drawn."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench import BadInput, PointCloud, Run, Views
+
+if TYPE_CHECKING:
+    from ..raster.scene import Drawn, Scene
+    from .descent import Diffused
+
+
+@dataclass(frozen=True)
+class MeshFitting:
+    """A method that deforms a mesh until its images look like those given."""
+
+    steps: int = 400  # of the descent
+    views: int = 6  # images that a step looks at
+    rate: float = 0.01  # of the descent: the longest step of a coordinate, about
+    rate_end: float = 0.1  # the rate at the end, over that to begin with
+    silhouette: float = 1.0  # weight of the masks in the loss; colours have 1
+    smoothness: float = 0.05  # weight of the Laplacian
+    evenness: float = 0.02  # weight of the variance of the edges' lengths
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "views"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        for name in ("silhouette", "smoothness", "evenness"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
+        for name in ("rate", "rate_end"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected a number above 0, got {getattr(self, name)}")
+
+    def prepare(self) -> None:
+        """Load the compiled loops, or compile them."""
+        from .warm import load_compiled
+
+        load_compiled(self.draw)
+
+    def draw(self, scene: Scene) -> Drawn:
+        """The image of a scene, and its gradient."""
+        raise NotImplementedError
+
+    def coordinates(self, faces: np.ndarray, count: int) -> Diffused | None:
+        """Where the descent is done in other coordinates than the vertices' own."""
+        return None
+
+    def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
+        """As many points as the cloud to begin with, spread evenly over the deformed mesh, with face normals."""
+        from trimesh import Trimesh
+
+        from .gallery import Gallery
+        from .loop import Schedule, descend
+        from .regularity import Regularity
+        from .start import mesh_of, spread_over
+
+        name = type(self).__name__
+        if views.light_directions is None:
+            raise BadInput(f"{name}: the views have no lights; it matches diffuse shading under known lights")
+        if cloud.normals is None:
+            raise BadInput(f"{name}: the cloud to begin with has no normals")
+        vertices, faces = mesh_of(cloud)
+        gallery = Gallery(views, faces, self.draw, self.silhouette)
+        regularity = None
+        if self.smoothness or self.evenness:
+            regularity = Regularity(vertices, faces, self.smoothness, self.evenness)
+        schedule = Schedule(self.steps, self.views, self.rate, self.rate_end)
+        choosing, sampling = run.rng.spawn(2)
+        diffused = self.coordinates(faces, len(vertices))
+        mesh = Trimesh(vertices, faces, process=False)
+        for moved in descend(gallery, vertices, regularity, diffused, schedule, choosing, run):
+            mesh = Trimesh(moved, faces, process=False)
+            # A copy of the generator: the result is the same whether somebody looks or not.
+            run.trace(lambda mesh=mesh: spread_over(mesh, len(cloud), copy.deepcopy(sampling)))
+        run.keep("mesh", mesh)
+        return spread_over(mesh, len(cloud), sampling)

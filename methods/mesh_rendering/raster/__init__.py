@@ -1,0 +1,1 @@
+"""Images of meshes, and gradients from the image back to the vertices."""
