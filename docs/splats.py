@@ -94,7 +94,11 @@ def film(args: argparse.Namespace) -> None:
     views = configured("sensor", "rig", resolution=args.pixels, views=args.views).sense(shape, generator(0, "film"))
     given = FitShape(start=args.start, points=args.points, size=args.size).input(views)
     clouds: list[PointCloud] = [given["cloud"]]
-    run = Run(threads=args.threads, seed=1, on_trace=lambda cloud, *_, **__: clouds.append(cloud))
+
+    def keep(cloud, *_, **__) -> None:
+        clouds.append(cloud() if callable(cloud) else cloud)
+
+    run = Run(threads=args.threads, seed=1, on_trace=keep)
     method = configured(
         "method", args.method, **{name: float(value) for name, value in (part.split("=") for part in args.set)}
     )
@@ -154,14 +158,8 @@ def main() -> None:
     films.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter of the method")
     for name, default in (("dataset", "teapots"), ("method", "dss"), ("start", "sphere")):
         films.add_argument(f"--{name}", default=default)
-    for name, number in (
-        ("shape", 0),
-        ("points", 1000),
-        ("pixels", 128),
-        ("views", 24),
-        ("columns", 7),
-        ("threads", 1),
-    ):
+    numbers = {"view": 0, "shape": 0, "points": 1000, "pixels": 128, "views": 24, "columns": 7, "threads": 1}
+    for name, number in numbers.items():
         films.add_argument(f"--{name}", type=int, default=number)
     films.add_argument("--size", type=float, default=0.7)
     args = parser.parse_args()

@@ -81,7 +81,7 @@ def fit(
         if found is None:
             break
         before.append(found.place)
-        if not fitting.cycle(found.gallery, np.arange(len(found.gallery.cameras)), gallery.silhouettes, found.views):
+        if not fitting.cycle(found.gallery, np.arange(len(found.views)), gallery.silhouettes, found.views, part=True):
             break
     return fitting.cloud()
 
@@ -111,7 +111,14 @@ class Fitting:
         for descent in self._descents:
             descent.rate *= factor
 
-    def cycle(self, gallery: Gallery, chosen: np.ndarray, silhouettes: Silhouettes | None, seen_by: np.ndarray) -> bool:
+    def cycle(
+        self,
+        gallery: Gallery,
+        chosen: np.ndarray,
+        silhouettes: Silhouettes | None,
+        seen_by: np.ndarray,
+        part: bool = False,
+    ) -> bool:
         """One descent of the normals and one of the points; whether there was time for it.
 
         Parameters
@@ -122,6 +129,8 @@ class Fitting:
         silhouettes : Silhouettes, or None
         seen_by : (m,) int array
             Which of the silhouettes points move to.
+        part : bool
+            The images show a part of the shape: points that none of them shows stay.
         """
         for (of_normals, count), descent in zip(self._turns, self._descents, strict=True):
             descent.begin()
@@ -129,6 +138,7 @@ class Fitting:
                 if self._run.seconds_left() <= 0:
                     return False
                 now = gallery.look(self.points, self.normals, self._sigma, chosen, of_normals)
+                before = self.points
                 self._hidden = np.where(now.shown > 0, now.hidden, self._hidden)
                 descent.look(now.loss)
                 if of_normals:
@@ -139,10 +149,14 @@ class Fitting:
                         gradient = gradient + self._around().repulsion(self.points, self.normals, self._hidden)[1]
                     self.points = descent.step(self.points, gradient)
                     if self._schedule.silhouettes and silhouettes:
-                        self.points += self._schedule.silhouettes * silhouettes.offsets(self.points, seen_by)
+                        self.points = self.points + self._schedule.silhouettes * silhouettes.offsets(
+                            self.points, seen_by
+                        )
                 self._step += 1
                 if self._regular.projection and self._step % self._schedule.project_every == 0:
                     self.points = self._around().projected(self.points, self.normals, self._hidden)
+                if part:
+                    self.points = np.where(now.shown[:, None] > 0, self.points, before)
                 self._run.progress(self._step, self._steps)
         self._run.trace(self.cloud())
         return True
