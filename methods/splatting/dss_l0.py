@@ -25,6 +25,6 @@ class DssL0(FilteredImages):
 
     def filter_image(self, image: np.ndarray) -> np.ndarray:
         """As few changes of colour as possible."""
-        from .filtering.l0 import l0_smoothed
+        from ..learned.images.l0 import l0_smoothed
 
         return l0_smoothed(image, self.smoothing)
