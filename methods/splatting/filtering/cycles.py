@@ -39,6 +39,7 @@ class Filtering:
 
 def filtered(
     cloud: PointCloud,
+    pictured: PointCloud,
     spacing: float,
     image_filter: Filter,
     how: Filtering,
@@ -56,6 +57,8 @@ def filtered(
     ----------
     cloud : PointCloud
         With normals.
+    pictured : PointCloud
+        What is drawn and filtered, with normals; with ``recursive`` only in the first cycle.
     spacing : float
         Of the points.
     image_filter : function of an image (h, w, 3)
@@ -65,11 +68,14 @@ def filtered(
     run : Run
     """
     points, normals = np.array(cloud.points), np.array(cloud.normals)
-    first = points, normals
+    first = points
     rate, sigma = how.normal_rate * len(points), how.width * spacing
     steps = how.normal_steps + how.point_steps
     for cycle in range(how.cycles):
-        from_points, from_normals = (points, normals) if how.recursive else first
+        if cycle and how.recursive:
+            from_points, from_normals = points, normals
+        else:
+            from_points, from_normals = pictured.points, pictured.normals
         cameras, lights = close_ups(from_points, from_normals, how.views, how.pixels, how.span, run.rng)
         gallery = Gallery(cameras, np.empty(0), lights, drawing, run.threads, device=run.device)
         wanted = []
@@ -96,7 +102,7 @@ def filtered(
                     points = points - np.clip(apart, -LEAP * spacing, LEAP * spacing)
                 points = around.projected(points, normals, hidden)
                 if how.average:
-                    points = _averaged(points, normals, first[0], spacing, how.average)
+                    points = _averaged(points, normals, first, spacing, how.average)
             run.progress(cycle * steps + step + 1, how.cycles * steps)
         run.trace(PointCloud(points, normals))
     return PointCloud(points, normals)

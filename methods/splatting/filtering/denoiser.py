@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from bench import PointCloud, Run
 from bench.geometry.check import check_points
+
+if TYPE_CHECKING:
+    from .cycles import Filter
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,14 @@ class FilteredImages:
         """A shaded image (h, w, 3), from 0 to 1, without its noise."""
         raise NotImplementedError
 
+    def image_filter(self, run: Run) -> Filter:
+        """The filter of this run; a method that has to load something for it replaces this one."""
+        return self.filter_image
+
+    def pictured(self, cloud: PointCloud) -> PointCloud:
+        """The cloud whose images are filtered: the one that is denoised, with other normals if need be."""
+        return cloud
+
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
         """As many points in the same order, with normals; normals are estimated where there are none."""
         from bench.geometry.normals import with_normals
@@ -72,4 +83,5 @@ class FilteredImages:
         regular = Regularity.of(self, spacing)
         settings = Filtering(**{name: getattr(self, name) for name in Filtering.__dataclass_fields__})
         drawing = Drawing(depth_limit=self.depth_limit)
-        return filtered(oriented, spacing, self.filter_image, settings, drawing, regular, run)
+        pictured, image_filter = self.pictured(oriented), self.image_filter(run)
+        return filtered(oriented, pictured, spacing, image_filter, settings, drawing, regular, run)

@@ -1,0 +1,1 @@
+"""Learned denoisers of point clouds."""

@@ -1,0 +1,1 @@
+"""The networks, and neighbours within batches."""

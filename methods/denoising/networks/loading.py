@@ -1,0 +1,16 @@
+"""A network with the weights of a run."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import nn
+
+from bench import Run
+
+
+def loaded(network: nn.Module, run: Run) -> nn.Module:
+    """The network with the run's weights, on its device; the run is told the number of parameters."""
+    run.parameters = sum(parameter.numel() for parameter in network.parameters())
+    network.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in run.weights.items()})
+    return network.to(run.device).eval().requires_grad_(False)

@@ -1,0 +1,1 @@
+"""A cloud taken apart into patches, and put together again."""

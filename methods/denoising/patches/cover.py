@@ -1,0 +1,55 @@
+"""Patches around farthest points that cover a cloud, and in which of them a point is nearest the middle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def covering(points: np.ndarray, size: int, overlap: float = 3.0) -> np.ndarray:
+    """The ``size`` nearest points of seeds, until each point is in a patch.
+
+    Parameters
+    ----------
+    points : (m, 3) array
+    size : int
+        Points of a patch; all of them where the cloud has fewer.
+    overlap : float
+        How many patches a point is in, on average, at least 1.
+
+    Returns
+    -------
+    (h, min(size, m)) int array
+        Indices into ``points``, the seed or a copy of it first and the others from the nearest on.
+    """
+    from scipy.spatial import cKDTree
+
+    from bench.geometry.farthest import farthest_points
+
+    count = len(points)
+    size, tree = min(size, count), cKDTree(points)
+    seeds = farthest_points(points, min(count, -(-round(overlap * count) // size)))
+    patches = tree.query(points[seeds], np.arange(1, size + 1))[1]
+    while True:
+        bare = np.ones(count, dtype=bool)
+        bare[patches] = False
+        missing = np.flatnonzero(bare)
+        if not len(missing):
+            return patches
+        # Where many points coincide, a query may leave out the seed itself.
+        seeds = missing[farthest_points(points[missing], -(-len(missing) // size))]
+        more = tree.query(points[seeds], np.arange(1, size + 1))[1]
+        lacking = ~(more == seeds[:, None]).any(axis=1)
+        more[lacking, 0] = seeds[lacking]
+        patches = np.concatenate([patches, more])
+
+
+def most_central(patches: np.ndarray, count: int) -> np.ndarray:
+    """Where each of ``count`` points is nearest the seed of a patch: (count,) indices into ``patches.ravel()``.
+
+    Nearness is told by the column; of equal ones the first patch is the better.
+    """
+    h, size = patches.shape
+    order = np.lexsort((np.tile(np.arange(size), h), patches.ravel()))
+    place = np.flatnonzero(np.diff(patches.ravel()[order], prepend=-1))
+    assert len(place) == count
+    return order[place]

@@ -1,0 +1,26 @@
+"""Normals from few neighbours: rough, but nothing is smoothed away before the network sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench import PointCloud
+from bench.geometry.normals import estimate_normals, with_normals
+
+
+def with_rough_normals(cloud: PointCloud, neighbours: int) -> PointCloud:
+    """The points with normals of planes through so many neighbours, on the side of the normals that they had.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        Normals are estimated and oriented where it has none.
+    neighbours : int
+        The point itself included; 0 keeps the normals.
+    """
+    oriented = with_normals(cloud)
+    if not neighbours:
+        return oriented
+    normals = estimate_normals(cloud.points, min(neighbours, len(cloud))).normals
+    inward = np.einsum("ni,ni->n", normals, oriented.normals) < 0
+    return PointCloud(cloud.points, np.where(inward[:, None], -normals, normals), cloud.colors)
