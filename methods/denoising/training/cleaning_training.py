@@ -17,7 +17,7 @@ from ..networks.cleaning_network import CleaningNetwork
 from ..networks.nearby import squared_distances
 from ..patches.frames import principal_frames, random_turns
 from .clouds import Clouds, on_discs
-from .decaying import DecayingTraining
+from .normalised import NormalisedTraining
 
 VALIDATED = 32  # held-out regions
 CENTRES = 8  # balls of a region
@@ -50,7 +50,7 @@ class Batch(NamedTuple):
     """(b, 3) tensor: the point of the surface nearest the centre"""
 
 
-class Training(DecayingTraining):
+class Training(NormalisedTraining):
     """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
 
     Parameters

@@ -16,7 +16,7 @@ from ...learned.training.resumable import step_generator
 from ..networks.nearby import nearest
 from ..networks.score_network import ScoreNetwork, planes_of
 from .clouds import Clouds, Patch
-from .decaying import DecayingTraining
+from .normalised import NormalisedTraining
 
 VALIDATED = 48  # held-out patches
 FLOOR = 0.03  # radii of a patch: its offsets count as this at least, where the loss is relative to them
@@ -49,7 +49,7 @@ class Batch(NamedTuple):
     """(b, q, AROUND, 3) tensor: from the places to the surface"""
 
 
-class Training(DecayingTraining):
+class Training(NormalisedTraining):
     """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
 
     Parameters

@@ -11,12 +11,12 @@ from torch import Tensor
 
 from bench import Run
 
+from ...learned.training.decaying import DecayingTraining
 from ...learned.training.resumable import step_generator
 from ..losses.nearest_surface import squared_to_segments, squared_to_triangles
 from ..losses.repulsion import hinge_repulsion
 from ..networks.ec_network import EcNetwork
 from ..networks.neighbours import gather, nearest
-from .decaying import DecayingTraining
 from .edges import EdgedSurfaces
 from .pairs import Augmentation, Patches, held_out
 from .pu_training import VALIDATED, adam

@@ -12,11 +12,11 @@ from torch import Tensor
 
 from bench import Run
 
+from ...learned.training.decaying import DecayingTraining
 from ...learned.training.resumable import step_generator
 from ..networks.distance_network import DistanceNetwork
 from ..networks.neighbours import gather
 from .clouds import Clouds, rotations
-from .decaying import DecayingTraining
 from .pu_training import VALIDATED
 
 if TYPE_CHECKING:

@@ -11,11 +11,11 @@ from torch import Tensor
 
 from bench import Run
 
+from ...learned.training.decaying import DecayingTraining
 from ...learned.training.resumable import step_generator
 from ..losses.matching import earth_mover
 from ..losses.repulsion import repulsion
 from ..networks.pu_network import PuNetwork
-from .decaying import DecayingTraining
 from .loss import chamfer
 from .pairs import Augmentation, held_out
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -10,10 +10,8 @@ from torch import Tensor, nn
 
 from bench import Run
 
-from ...learned.training.resumable import progress, train
-from ...learned.training.schedules import late_decay
-
-VALIDATIONS = 20  # in a training
+from .resumable import progress, train
+from .schedules import late_decay
 
 
 class DecayingTraining:
@@ -26,6 +24,10 @@ class DecayingTraining:
     run : Run
     optimizer : Optimizer
     """
+
+    validations: ClassVar[int] = 20  # in a training
+    begin_decay: ClassVar[float] = 0.8  # of the training, from where on the rate falls
+    clip_value: ClassVar[float | None] = None  # largest number of a gradient
 
     network: nn.Module
     plan: Any
@@ -43,12 +45,12 @@ class DecayingTraining:
     def weights(self) -> dict[str, np.ndarray]:
         """Train, and return the weights."""
         steps = self.plan.steps
-        every = max(50, (steps or 2000) // VALIDATIONS)
-        arguments = {"steps": steps, "optimizer": self.optimizer, "every": every}
+        every = max(50, (steps or 2000) // self.validations)
+        arguments = {"steps": steps, "optimizer": self.optimizer, "every": every, "clip_value": self.clip_value}
         return train(self.network, self.loss, self.run, prepare=self.prepare, validate=self.validate, **arguments)
 
     def prepare(self, step: int) -> None:
         """Set the learning rate."""
         done = progress(self.run, step, self.plan.steps)
         for group in self.optimizer.param_groups:
-            group["lr"] = self.plan.learning_rate * late_decay(done, final=self.plan.decay)
+            group["lr"] = self.plan.learning_rate * late_decay(done, self.begin_decay, self.plan.decay)
