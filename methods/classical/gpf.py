@@ -26,8 +26,7 @@ class Gpf:
     Written from the idea of the paper (Lu et al. 2018, "GPF"), of which no code was released; numbers need not be its.
     The input are data, the output the centres of flat Gaussians. E: a datum belongs to the centres around it by its
     distances to their planes, exp(-(n . (p - q))^2 / 2 s^2), so one beyond an edge belongs to those there. M: a centre
-    moves along its normal by the mean height of its data, and s is
-    measured anew. Centres push each other apart within
+    moves along its normal by the mean height of its data, and s is measured anew. Centres push each other apart within
     their planes, as in WLOP. Ours: normals are estimated again from what a round gave, data count less with the
     distance and with the angle between normals, and heights are those over the planes of both.
     """
