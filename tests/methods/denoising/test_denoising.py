@@ -238,7 +238,7 @@ def test_the_weights_that_come_with_it_halve_the_noise(name, truth):
     exact = truth(2500 if truth is ball else 2000)
     noisy = exact + np.random.default_rng(1).normal(scale=0.04, size=exact.shape)
     run = Run(weights=weights_of(name), threads=1, seed=0)
-    fewer = {"iterations": 8, "step": 0.45} if name == "score_denoise" else {"passes": 1}
+    fewer = {"iterations": 8, "step": 0.45} if name == "score_denoise" else {"passes": 2}
     moved = registry().find("method", name).cls(**fewer).denoise(PointCloud(noisy), run).points
     assert moved.shape == noisy.shape
 
