@@ -61,7 +61,7 @@ class MeshFitting:
         from .regularity import Regularity
         from .start import mesh_of, spread_over
 
-        name = type(self).__name__
+        name = type(self).__module__.rpartition(".")[2]
         if views.light_directions is None:
             raise BadInput(f"{name}: the views have no lights; it matches diffuse shading under known lights")
         if cloud.normals is None:

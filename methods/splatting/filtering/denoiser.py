@@ -78,7 +78,7 @@ class FilteredImages:
         from ..renderer.settings import Drawing
         from .cycles import Filtering, filtered
 
-        check_points(cloud.points, type(self).__name__.lower(), at_least=10)
+        check_points(cloud.points, type(self).__module__.rpartition(".")[2], at_least=10)
         oriented, spacing = with_normals(cloud), mean_spacing(cloud.points)
         regular = Regularity.of(self, spacing)
         settings = Filtering(**{name: getattr(self, name) for name in Filtering.__dataclass_fields__})
