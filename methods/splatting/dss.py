@@ -54,23 +54,18 @@ class Dss:
         for name in ("cycles", "views", "project_every", "layers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: expected at least 1, got {getattr(self, name)}")
-        at_least_0 = ("repulsion", "projection", "momentum", "opening", "window", "window_least")
+        at_least_0 = ("repulsion", "projection", "momentum", "opening", "window", "window_least", "refinements")
         for name in ("normal_steps", "point_steps", *at_least_0):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
-        positive = (
-            "normal_rate",
-            "point_rate",
-            "largest",
-            "width",
-            "cutoff",
-            "depth_limit",
-            "window_decay",
-            "rate_decay",
-        )
-        for name in positive:
+        positive = ("normal_rate", "point_rate", "largest", "width", "cutoff", "depth_limit", "window_decay")
+        for name in (*positive, "rate_decay", "loss_epsilon"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}: expected a number above 0, got {getattr(self, name)}")
+        if not 0 <= self.silhouettes <= 1:
+            raise ValueError(f"silhouettes: expected a number from 0 to 1, got {self.silhouettes}")
+        if not 0 < self.refined_part <= 1:
+            raise ValueError(f"refined_part: expected a number above 0 and at most 1, got {self.refined_part}")
 
     def prepare(self) -> None:
         """Load the compiled loops, or compile them."""

@@ -32,9 +32,8 @@ class Descent:
         self._velocity = gradient if first else self._momentum * self._velocity + gradient
         return values - self.rate * (gradient + self._momentum * self._velocity)
 
-    def begin(self, factor: float = 1.0) -> None:
-        """Other images: losses are not to be compared with those before. The rate goes on, times a factor."""
-        self.rate *= factor
+    def begin(self) -> None:
+        """Other images: losses are not to be compared with those before. The rate goes on."""
         self._best, self._waited = np.inf, 0
 
     def look(self, loss: float) -> None:

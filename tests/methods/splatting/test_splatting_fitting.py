@@ -258,7 +258,13 @@ def test_what_is_missing_is_named(views):
         Dss().fit_shape(views, PointCloud(start.points), Run())
 
 
-@pytest.mark.parametrize("wrong", [{"cycles": 0}, {"width": 0}, {"window": -1}, {"repulsion": -1}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({"cycles": 0}, {"width": 0}, {"window": -1}, {"repulsion": -1}),
+        *({"silhouettes": 2}, {"loss_epsilon": 0}, {"refinements": -1}, {"refined_part": 0}),
+    ],
+)
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Dss(**wrong)
