@@ -72,6 +72,8 @@ class Run:
     _paused: float = field(default=0.0, repr=False)
     _stored: float = field(default_factory=time.perf_counter, repr=False)  # when the last checkpoint was
     _rng: np.random.Generator | None = field(default=None, repr=False)
+    _asked: float | None = field(default=None, repr=False)  # when time_for_more was asked last
+    _longest: float = field(default=0.0, repr=False)  # between two questions
 
     @property
     def rng(self) -> np.random.Generator:
@@ -99,6 +101,17 @@ class Run:
     def seconds_left(self) -> float:
         """Seconds until the limit; an iterative method stops with its best state before they are gone."""
         return self.seconds - self.elapsed()
+
+    def time_for_more(self) -> bool:
+        """Whether another step will be done before the limit; call it before each step of a loop.
+
+        The next step is taken to last as long as the longest so far, and half as long again.
+        """
+        now = self.elapsed()
+        if self._asked is not None:
+            self._longest = max(self._longest, now - self._asked)
+        self._asked = now
+        return self.seconds - now > 1.5 * self._longest
 
     def log(self, step: int, **values: float) -> None:
         """One line of a training's log: ``run.log(200, loss=0.3, validation=0.01)``.

@@ -61,14 +61,14 @@ class Gpf:
             points = self._moved(points, data, normals, k, run)
             run.progress(done + 1, self.rounds)
             run.trace(PointCloud(points[inverse]))
-            if run.seconds_left() <= 0:
+            if not run.time_for_more():
                 break
         return put_back(cloud, kept, points[inverse], normals[inverse])
 
     def _moved(self, points: np.ndarray, data: np.ndarray, normals: np.ndarray, k: int, run: Run) -> np.ndarray:
         """The centres after some iterations: (n, 3). Datum i has the normal of centre i, which began there."""
         for _ in range(self.iterations):
-            if run.seconds_left() <= 0:
+            if not run.time_for_more():
                 break
             nearby = around(data, points, normals, k, self.angle)
             shares, heights = expectation(points, data, normals, nearby)

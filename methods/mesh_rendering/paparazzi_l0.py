@@ -68,7 +68,7 @@ class PaparazziL0:
             )
             gallery, adam = Gallery(wanted, faces, HardDrawn.of, 0.0), Adam()
             for step in range(self.steps):
-                if run.seconds_left() <= 0:
+                if not run.time_for_more():
                     return _cloud(vertices, faces, oriented.normals)
                 gradient = gallery.look(vertices, np.arange(self.views))[1]
                 if regularity is not None:

@@ -83,9 +83,9 @@ class Dss:
         from .renderer.settings import Drawing
 
         if views.light_directions is None:
-            raise BadInput("dss: the views have no lights; it matches diffuse shading under known lights")
+            raise BadInput("the views have no lights; it matches diffuse shading under known lights")
         if cloud.normals is None:
-            raise BadInput("dss: the cloud to begin with has no normals")
+            raise BadInput("the cloud to begin with has no normals")
         spacing = mean_spacing(cloud.points)
         drawing = Drawing(
             cutoff=self.cutoff,

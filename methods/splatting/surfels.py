@@ -67,9 +67,9 @@ class Surfels:
         from .gaussian_surfels.state import State
 
         if views.light_directions is None:
-            raise BadInput("surfels: the views have no lights; it matches diffuse shading under known lights")
+            raise BadInput("the views have no lights; it matches diffuse shading under known lights")
         if cloud.normals is None:
-            raise BadInput("surfels: the cloud to begin with has no normals")
+            raise BadInput("the cloud to begin with has no normals")
         spacing = mean_spacing(cloud.points)
         weighting = Weighting(self.mask_weight, self.distortion, self.consistency)
         schedule = Schedule(**{name: getattr(self, name) for name in Schedule.__dataclass_fields__})

@@ -83,7 +83,7 @@ def ascend(score: Score, around: int, steps: int, step: float, decay: float, run
     """
     points = score.points
     for t in range(steps):
-        if run.seconds_left() <= 0:
+        if not run.time_for_more():
             break
         points = points + step * decay**t * score.at(points, around)
         run.progress(begin + t + 1, total)

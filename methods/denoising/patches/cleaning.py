@@ -32,7 +32,7 @@ def displacements(network: nn.Module, points: np.ndarray, radius: float, size: i
 
     tree, found = cKDTree(points), []
     for first in range(0, len(points), GATHERED):
-        if run.seconds_left() <= 0:
+        if not run.time_for_more():
             return None
         some = points[first : first + GATHERED]
         patches = np.zeros((len(some), size, 3), dtype=np.float32)

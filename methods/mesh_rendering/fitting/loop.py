@@ -57,7 +57,7 @@ def descend(
     values = vertices if diffused is None else diffused.of(vertices)
     adam = Adam(uniform=diffused is not None)
     for step, chosen in enumerate(_views_of_steps(len(gallery.views), schedule, rng)):
-        if run.seconds_left() <= 0:
+        if not run.time_for_more():
             break
         _, gradient = gallery.look(vertices, chosen)
         if regularity is not None:

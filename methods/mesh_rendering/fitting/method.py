@@ -61,11 +61,10 @@ class MeshFitting:
         from .regularity import Regularity
         from .start import mesh_of, spread_over
 
-        name = type(self).__module__.rpartition(".")[2]
         if views.light_directions is None:
-            raise BadInput(f"{name}: the views have no lights; it matches diffuse shading under known lights")
+            raise BadInput("the views have no lights; it matches diffuse shading under known lights")
         if cloud.normals is None:
-            raise BadInput(f"{name}: the cloud to begin with has no normals")
+            raise BadInput("the cloud to begin with has no normals")
         vertices, faces = mesh_of(cloud)
         gallery = Gallery(views, faces, self.draw, self.silhouette)
         regularity = None

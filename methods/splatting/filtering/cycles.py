@@ -80,7 +80,7 @@ def filtered(
         gallery = Gallery(cameras, np.empty(0), lights, drawing, run.threads, device=run.device)
         wanted = []
         for view in range(len(cameras)):
-            if run.seconds_left() <= 0:
+            if not run.time_for_more():
                 return PointCloud(points, normals)
             drawn = gallery.draw(from_points, from_normals, sigma, view)
             wanted.append(np.where(drawn.covered[..., None], image_filter(drawn.image), 0.0))
@@ -88,7 +88,7 @@ def filtered(
         descent = Descent(rate, how.largest, how.momentum, int(0.6 * how.normal_steps))
         hidden = np.zeros(len(points))
         for step in range(steps):
-            if run.seconds_left() <= 0:
+            if not run.time_for_more():
                 return PointCloud(points, normals)
             if step < how.normal_steps:
                 look = gallery.look(points, normals, sigma, np.arange(len(cameras)), True)

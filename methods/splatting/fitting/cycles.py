@@ -135,7 +135,7 @@ class Fitting:
         for (of_normals, count), descent in zip(self._turns, self._descents, strict=True):
             descent.begin()
             for _ in range(count):
-                if self._run.seconds_left() <= 0:
+                if not self._run.time_for_more():
                     return False
                 now = gallery.look(self.points, self.normals, self._sigma, chosen, of_normals)
                 before = self.points

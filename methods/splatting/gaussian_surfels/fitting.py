@@ -122,7 +122,7 @@ def fit(scene: Scene, state: State, spacing: float, schedule: Schedule, run: Run
     order: list[int] = []
     tally = Tally(len(state))
     for step in range(schedule.steps):
-        if run.seconds_left() <= 0:
+        if not run.time_for_more():
             break
         if not order:
             order = run.rng.permutation(len(scene.cameras)).tolist()

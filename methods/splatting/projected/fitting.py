@@ -58,7 +58,7 @@ def fit(images: DepthImages, points: np.ndarray, steps: int, views: int, rate: f
     descent, points = Adam(points.shape), np.array(points)
     count = min(views, len(images.cameras))
     for step in range(steps):
-        if run.seconds_left() <= 0:
+        if not run.time_for_more():
             break
         gradient = np.zeros_like(points)
         for view in run.rng.permutation(len(images.cameras))[:count]:
