@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bench import PointCloud, Run
+from bench.methods.learned.images.l0 import l0_smoothed
 from bench.methods.splatting.dss_l0 import DssL0
 from bench.methods.splatting.dss_slic import DssSlic
 from bench.methods.splatting.filtering.close_ups import close_ups
-from bench.methods.learned.images.l0 import l0_smoothed
 from bench.methods.splatting.filtering.superpixels import superpixels
 from bench.tasks.fit_shape import FitShape
 
