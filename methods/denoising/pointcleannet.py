@@ -85,7 +85,7 @@ class Pointcleannet:
 
         from bench.geometry.check import check_points
 
-        from .networks.loading import loaded
+        from ..learned.networks.loading import loaded
         from .patches.cleaning import displacements, without_shrinking
 
         check_points(cloud.points, "pointcleannet", at_least=2)

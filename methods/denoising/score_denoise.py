@@ -95,7 +95,7 @@ class ScoreDenoise:
 
         from bench.geometry.check import check_points
 
-        from .networks.loading import loaded
+        from ..learned.networks.loading import loaded
         from .patches.ascent import Score, ascend
 
         check_points(cloud.points, "score_denoise", at_least=2)

@@ -110,12 +110,11 @@ class DssPix2pix(FilteredImages):
         """The network."""
         import torch
 
+        from ..learned.networks.loading import loaded
         from .translation.generator import Generator
         from .translation.translate import translated
 
         torch.set_num_threads(run.threads)
         network = Generator(self.ngf, smoothing=self.smoothing, normalisation=self.normalisation)
-        run.parameters = sum(parameter.numel() for parameter in network.parameters())
-        network.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in run.weights.items()})
-        network = network.to(run.device).to(memory_format=torch.channels_last).eval().requires_grad_(False)
+        network = loaded(network, run).to(memory_format=torch.channels_last)
         return partial(translated, network=network, device=run.device)

@@ -105,14 +105,15 @@ class EcNet:
 
         from bench.geometry.check import check_points
 
+        from ..learned.networks.loading import loaded
         from .networks.ec_network import cropped
         from .networks.pu_network import RATIO
         from .patches.cut import cut, cut_along
-        from .patches.passes import in_passes, loaded
+        from .patches.passes import in_passes
 
         check_points(cloud.points, "ec_net", at_least=1)
         torch.set_num_threads(run.threads)
-        network = loaded(self._network(), run.weights, run)
+        network = loaded(self._network(), run)
         # Patches overlap twice as often, since half of each is upsampled.
         points = in_passes(
             *(cloud.points, ratio, RATIO, self.points, 2 * self.overlap),

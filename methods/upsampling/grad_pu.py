@@ -90,13 +90,13 @@ class GradPu:
 
         from bench.geometry.check import check_points
 
+        from ..learned.networks.loading import loaded
         from .patches.descent import LearnedDistance, grow
-        from .patches.passes import loaded
         from .patches.whole import whole
 
         check_points(cloud.points, "grad_pu", at_least=2)
         torch.set_num_threads(run.threads)
-        network = loaded(self._network(), run.weights, run)
+        network = loaded(self._network(), run)
         points, frame = whole(cloud.points)
         distance = LearnedDistance(network, points, run.device)
         grown = grow(points, ratio * len(points), distance, self.iterations, self.rate)

@@ -92,11 +92,12 @@ class PuNet:
 
         from bench.geometry.check import check_points
 
-        from .patches.passes import in_passes, loaded
+        from ..learned.networks.loading import loaded
+        from .patches.passes import in_passes
 
         check_points(cloud.points, "pu_net", at_least=1)
         torch.set_num_threads(run.threads)
-        network = loaded(self._network(), run.weights, run)
+        network = loaded(self._network(), run)
         how = (self.times, self.points, self.overlap)
         return PointCloud(in_passes(cloud.points, ratio, *how, network, run, self.central))
 

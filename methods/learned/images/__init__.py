@@ -1,1 +1,1 @@
-"""Filters of images."""
+"""Images: filters of them, and which are looked at when."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from bench import Run
 
+from ...learned.images.turns import views_in_turn
 from .descent import Adam, Diffused
 from .gallery import Gallery
 from .regularity import Regularity
@@ -56,7 +57,7 @@ def descend(
     """
     values = vertices if diffused is None else diffused.of(vertices)
     adam = Adam(uniform=diffused is not None)
-    for step, chosen in enumerate(_views_of_steps(len(gallery.views), schedule, rng)):
+    for step, chosen in enumerate(views_in_turn(len(gallery.views), schedule.views, schedule.steps, rng)):
         if not run.time_for_more():
             break
         _, gradient = gallery.look(vertices, chosen)
@@ -71,14 +72,3 @@ def descend(
         if (step + 1) % max(schedule.steps // TRACES, 1) == 0:
             yield vertices
     yield vertices
-
-
-def _views_of_steps(total: int, schedule: Schedule, rng: np.random.Generator) -> Iterator[np.ndarray]:
-    """Which views each step looks at: all in turn, in random order."""
-    order: list[int] = []
-    count = min(schedule.views, total)
-    for _ in range(schedule.steps):
-        while len(order) < count:
-            order += rng.permutation(total).tolist()
-        yield np.array(order[:count])
-        order = order[count:]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bench import PointCloud, Run
 
+from ...learned.images.turns import views_in_turn
 from ..regularisers.settings import Regularity
 from ..regularisers.terms import Neighbours
 from .descent import Descent, unit
@@ -66,7 +66,8 @@ def fit(
         Draws the views of each cycle, and is offered the cloud after it.
     """
     fitting = Fitting(cloud, sigma, schedule, regular, run)
-    for cycle, chosen in enumerate(_views_of_cycles(len(gallery.cameras), schedule, run.rng)):
+    chosen_views = views_in_turn(len(gallery.cameras), schedule.views, schedule.cycles, run.rng)
+    for cycle, chosen in enumerate(chosen_views):
         if cycle:
             fitting.slow_down(schedule.rate_decay)
         gallery.how = replace(gallery.how, window=schedule.window_at(cycle, gallery.cameras[0].width))
@@ -163,14 +164,3 @@ class Fitting:
 
     def _around(self) -> Neighbours:
         return Neighbours(self.points, self._regular, self._run.threads)
-
-
-def _views_of_cycles(total: int, schedule: Schedule, rng: np.random.Generator) -> Iterator[np.ndarray]:
-    """Which views each cycle looks at: all in turn, in random order."""
-    order: list[int] = []
-    count = min(schedule.views, total)
-    for _ in range(schedule.cycles):
-        while len(order) < count:
-            order += rng.permutation(total).tolist()
-        yield np.array(order[:count])
-        order = order[count:]

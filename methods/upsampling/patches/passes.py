@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from bench import Run
 
@@ -77,10 +77,3 @@ def _applied(network: Callable[[Tensor], Tensor], patches: np.ndarray, device: s
     given = torch.from_numpy(patches.transpose(2, 0, 1).astype(np.float32)).to(device)
     parts = given.split(max(1, TOGETHER // patches.shape[1]), dim=1)
     return torch.cat([network(part.contiguous()) for part in parts], dim=1).permute(1, 2, 0).double().cpu().numpy()
-
-
-def loaded(network: nn.Module, weights: Mapping[str, np.ndarray], run: Run) -> nn.Module:
-    """The network with weights, on the device of the run, which is told the number of its parameters."""
-    run.parameters = sum(parameter.numel() for parameter in network.parameters())
-    network.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in weights.items()})
-    return network.to(run.device).eval().requires_grad_(False)
