@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from ..renderer.camera import Camera
-from ..renderer.raster import span
+from ..renderer.raster import binned
 
 TILE = 8  # pixels: surfels are small, and a pixel tries all of its tile
 LEAST_ALPHA = 1 / 255  # what is more transparent than this at a pixel is not drawn there
@@ -63,10 +63,10 @@ def footprints(seen: Surfels, camera: Camera, near: float = 1e-3) -> Footprints:
     near : float
         Surfels whose support comes nearer to the plane of the camera are not drawn.
     """
-    size = (camera.width, camera.height)
     shown, table, box = _place(*seen, camera.lens(), near)
     order = np.argsort(seen.positions[:, 2], kind="stable")
-    return Footprints(shown, table, *_binned(order, shown, box, size))
+    place, half = np.ascontiguousarray(box[:, :2]), np.ascontiguousarray(box[:, 2:])
+    return Footprints(shown, table, *binned(order, shown, place, half, (camera.width, camera.height), TILE))
 
 
 @njit(cache=True)
@@ -110,34 +110,3 @@ def _place(positions, frames, scales, opacities, lens, near):
         table[k, OPACITY], table[k, LIMIT] = opacities[k], limit
         shown[k] = True
     return shown, table, box
-
-
-@njit(cache=True)
-def _binned(order, shown, box, size):
-    """The surfels that touch each tile, in the order given: starts and members."""
-    width, height = size
-    across = (width + TILE - 1) // TILE
-    starts = np.zeros(across * ((height + TILE - 1) // TILE) + 1, np.int64)
-    members = np.empty(0, np.int32)
-    free = starts
-    for fill in range(2):
-        if fill:
-            starts = starts.cumsum()
-            members = np.empty(starts[-1], np.int32)
-            free = starts.copy()
-        for k in order:
-            if not shown[k]:
-                continue
-            left, right = span(box[k, 0], box[k, 2], width)
-            top, bottom = span(box[k, 1], box[k, 3], height)
-            if right < left or bottom < top:
-                continue
-            for i in range(top // TILE, bottom // TILE + 1):
-                for j in range(left // TILE, right // TILE + 1):
-                    tile = i * across + j
-                    if fill:
-                        members[free[tile]] = k
-                        free[tile] += 1
-                    else:
-                        starts[tile + 1] += 1
-    return starts, members

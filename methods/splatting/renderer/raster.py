@@ -31,7 +31,8 @@ class Lists(NamedTuple):
 def rasterise(ellipses: Ellipses, camera: Camera, how: Drawing) -> Lists:
     """The lists of all pixels."""
     width, height = camera.width, camera.height
-    starts, members = _bin(ellipses.shown, ellipses.place, ellipses.half, width, height)
+    order = np.arange(len(ellipses.shown))
+    starts, members = binned(order, ellipses.shown, ellipses.place, ellipses.half, (width, height), TILE)
     settings = (how.cutoff, how.depth_limit, how.layers)
     return Lists(*_rasterise(*ellipses, starts, members, camera.lens(), (width, height), settings))
 
@@ -45,24 +46,28 @@ def span(centre, half, count):
 
 
 @njit(cache=True)
-def _bin(shown, place, half, width, height):
-    """The splats that touch each tile, in order: starts (tiles + 1,) and members."""
-    across = (width + TILE - 1) // TILE
-    starts = np.zeros(across * ((height + TILE - 1) // TILE) + 1, np.int64)
+def binned(order, shown, place, half, size, tile_size):
+    """The splats that touch each tile, in the order given: starts (tiles + 1,) and members.
+
+    ``half`` (n, 2) are half the sides of the rectangles about ``place`` (n, 2) that the splats cover, in pixels.
+    """
+    width, height = size
+    across = (width + tile_size - 1) // tile_size
+    starts = np.zeros(across * ((height + tile_size - 1) // tile_size) + 1, np.int64)
     for fill in range(2):
         if fill:
             starts = starts.cumsum()
             members = np.empty(starts[-1], np.int32)
             free = starts.copy()
-        for k in range(len(shown)):
+        for k in order:
             if not shown[k]:
                 continue
             left, right = span(place[k, 0], half[k, 0], width)
             top, bottom = span(place[k, 1], half[k, 1], height)
             if right < left or bottom < top:
                 continue
-            for i in range(top // TILE, bottom // TILE + 1):
-                for j in range(left // TILE, right // TILE + 1):
+            for i in range(top // tile_size, bottom // tile_size + 1):
+                for j in range(left // tile_size, right // tile_size + 1):
                     tile = i * across + j
                     if fill:
                         members[free[tile]] = k
