@@ -28,10 +28,13 @@ class Furniture:
 
     ``shapes`` are unions: one closed manifold each, turned at random. ``pairs`` stand upright and unturned, with every
     optional part, and their parts are closed meshes that overlap at the joints: only so do all pieces of a category
-    have the same faces, vertex i of the one corresponding to vertex i of the other. Metres; z is up, the front is -y.
+    have the same faces, vertex i of the one corresponding to vertex i of the other. With ``same_parts=false`` a pair's
+    two pieces differ in their optional parts (slats, armrests, stretchers, boards): the source is made of closed
+    parts still, the target is a union, and nothing corresponds. Metres; z is up, the front is -y.
     """
 
     category: Literal["all", "chair", "table", "shelf"] = "all"  # of furniture
+    same_parts: bool = True  # whether the two pieces of a pair have the same parts, and correspond
 
     def __post_init__(self) -> None:
         expect_kind("category", self.category, CATEGORIES)
@@ -41,17 +44,31 @@ class Furniture:
         for index in count():
             category = self._category(index)
             rng = generator("furniture", split, index)
-            yield _union(f"furniture-{split}-{index:03d}-{category}", category, rng)
+            piece, rotation = CATEGORIES[category](rng, full=False), random_rotation(rng)
+            yield _union(f"furniture-{split}-{index:03d}-{category}", category, piece, rotation)
 
     def pairs(self, split: str) -> Iterator[ShapePair]:
-        """Two pieces of one category with the same faces."""
+        """Two pieces of one category, with the same faces where they have the ``same_parts``."""
         for index in count():
+            if not self.same_parts:
+                yield self._unlike(split, index)
+                continue
             category, rng = self._category(index), generator("furniture pairs", split, index)
             id = f"furniture-{split}-{index:03d}-{category}"
             source, target = CATEGORIES[category](rng, full=True), CATEGORIES[category](rng, full=True)
             marks = {name: _vertex(*at) for name, at in source.landmarks.items()}
             yield ShapePair(id, *(_parts(f"{id}-{n}", category, p) for n, p in
                                   (("source", source), ("target", target))), marks)  # fmt: skip
+
+    def _unlike(self, split: str, index: int) -> ShapePair:
+        """Two pieces of one category that differ in their optional parts."""
+        category, rng = self._category(index), generator("furniture unlike pairs", split, index)
+        source = target = CATEGORIES[category](rng, full=False)
+        while _names(target) == _names(source):
+            target = CATEGORIES[category](rng, full=False)
+        id = f"furniture-{split}-{index:03d}-{category}"
+        whole = _union(f"{id}-target", category, target, np.eye(3))
+        return ShapePair(id, _parts(f"{id}-source", category, source), whole, corresponding=False)
 
     def _category(self, index: int) -> str:
         return kind_of(self.category, CATEGORIES, index)
@@ -60,7 +77,7 @@ class Furniture:
 def _info(category: str, piece: Piece) -> dict:
     return {
         "category": category,
-        "parts": [bar.name for bar in piece.bars],
+        "parts": _names(piece),
         "symmetry": _symmetry(category),
         **piece.measures,
     }
@@ -77,8 +94,11 @@ def _thickness(piece: Piece) -> float:
     return float(2 * thinnest / np.linalg.norm(np.ptp(points, axis=0)))
 
 
-def _union(id: str, category: str, rng: np.random.Generator) -> Shape:
-    piece, rotation = CATEGORIES[category](rng, full=False), random_rotation(rng)
+def _names(piece: Piece) -> list[str]:
+    return [bar.name for bar in piece.bars]
+
+
+def _union(id: str, category: str, piece: Piece, rotation: np.ndarray) -> Shape:
     thickness = _thickness(piece)
     made: list = []
 

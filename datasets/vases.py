@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import count
 from math import pi
 
 import numpy as np
 
-from bench import Shape, generator, register
+from bench import Shape, ShapePair, generator, register
 
 from .common.family import Family, spread
 from .common.rotations import random_rotation
@@ -38,7 +40,8 @@ class Vases(Family):
     A profile, a quintic spline from the middle of the foot to the lip, is turned; above the foot its section blends
     from a circle to flutes or to a twisted polygon with round edges. The wall is this surface moved by half its
     thickness to either side, exactly, and ends in a half-round rim. The thickness of the shapes runs evenly through the
-    range. Every fourth shape is a single sheet with a true border at the lip .
+    range. Every fourth shape is a single sheet with a true border at the lip. ``pairs`` stand upright, z up, are all
+    closed, and have nothing in common: kinds and sections of the two are drawn independently.
     """
 
     thickness_low: float = 0.008  # thinnest wall, as a fraction of the bounding-box diagonal, about
@@ -62,16 +65,29 @@ class Vases(Family):
         kind, section = list(KINDS)[index % 4], SECTIONS[(index + index // 4) % 3]
         single = (index % 4 + index // 4) % 4 == 2
         vessel = Vessel(kind, section, relative, single, self.columns, int(rng.integers(2**31)))
-        rotation = random_rotation(rng)
+        return self._made(f"vases-{split}-{index:03d}-{kind}", vessel, random_rotation(rng))
+
+    def pairs(self, split: str) -> Iterator[ShapePair]:
+        """Two upright vessels, drawn independently."""
+        for index in count():
+            rng = generator("vases pairs", split, index)
+            id, made = f"vases-{split}-{index:03d}", []
+            for name in ("source", "target"):
+                kind, section = (str(rng.choice(names)) for names in (list(KINDS), SECTIONS))
+                relative = self.thickness_low * (self.thickness_high / self.thickness_low) ** rng.random()
+                vessel = Vessel(kind, section, relative, False, self.columns, int(rng.integers(2**31)))
+                made.append(self._made(f"{id}-{name}", vessel, np.eye(3)))
+            yield ShapePair(id, *made, corresponding=False)
+
+    def _made(self, name: str, vessel: Vessel, rotation: np.ndarray) -> Shape:
         surface = ParametricSurface(vessel.parts, rotation)
-        info = {"kind": kind, "section": section, "genus": 0}
-        if not single:
+        info = {"kind": vessel.kind, "section": vessel.section, "genus": 0}
+        if not vessel.single:
             # Half the thickness is added on each side of the middle surface, which `relative` refers to.
             info["thickness"] = vessel.thickness / vessel.diagonal
             info["wall"] = vessel.thickness
         info["symmetry"] = vessel.symmetry
-        name = f"vases-{split}-{index:03d}-{kind}"
-        return Shape(name, surface.mesh, surface=surface, tags=(kind,), info=info, exactness="parametric")
+        return Shape(name, surface.mesh, surface=surface, tags=(vessel.kind,), info=info, exactness="parametric")
 
 
 @dataclass(frozen=True, eq=False)

@@ -166,7 +166,7 @@ class _Findings:
         counts = " and ".join(str(n) for n in sorted({len(shape.mesh.vertices) for shape in shapes.values()}))
         names = "" if isinstance(item, Shape) else f"{', '.join(shapes)}: "
         self.words.append(f"{item.id} ({names}{counts} vertices)")
-        if deep and not isinstance(item, Shape):
+        if deep and not isinstance(item, Shape) and getattr(item, "corresponding", True):
             self.corresponding += isinstance(item, ShapePair)
             self.complaints["correspondence"] += correspondence_complaints(item, shapes)
 

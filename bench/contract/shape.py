@@ -206,7 +206,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class ShapePair:
-    """Two shapes whose meshes have the same faces: vertex i of the one corresponds to vertex i of the other.
+    """Two shapes of one kind; as a rule their meshes have the same faces, and vertex i corresponds to vertex i.
 
     Attributes
     ----------
@@ -215,9 +215,12 @@ class ShapePair:
     source, target : Shape
     landmarks : mapping from names to vertices
         Points that a person would mark, equal for both.
+    corresponding : bool
+        Whether the meshes have the same faces; pairs of unlike shapes have not.
     """
 
     id: str
     source: Shape
     target: Shape
     landmarks: Mapping[str, int] = field(default_factory=dict)
+    corresponding: bool = True

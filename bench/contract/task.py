@@ -157,6 +157,12 @@ class Task:
         output.vertices = frame.invert(output.vertices)
         return output
 
+    def save(self, output: Any, path: str, inputs: Sequence[str]) -> None:
+        """Write an output to a file, in the coordinates of the user's ``inputs``, whose paths a task may look at."""
+        from ..geometry.io.files import save
+
+        save(output, path)
+
     def solve(self, method: Any, name: str, input: dict[str, Any], run: Run) -> Any:
         """Call the method's function of this task."""
         return getattr(method, name)(**input, run=run)

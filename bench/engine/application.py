@@ -126,7 +126,9 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
         output = call()
         channel.enter("write", 0)
         with collected() as written:
-            row = call.columns | _write(solver.restore(output, frame), asked["output"])
+            restored = solver.restore(output, frame)
+            solver.save(restored, asked["output"], asked["inputs"])
+            row = call.columns | {"output": _words([restored])}
         row["message"] = "; ".join(filter(None, [*notices, row["message"], *written]))
         row |= {"status": "ok", "input": _words(inputs.values())}
     except BaseException as error:  # the boundary: shown as one message
@@ -151,13 +153,6 @@ def _with_normals_of(source: str, value: Any) -> Any:
             "orient them, or add normals=estimate"
         )
     return value
-
-
-def _write(output: Any, path: str) -> dict[str, Any]:
-    from ..geometry.io.files import save
-
-    save(output, path)
-    return {"output": _words([output])}
 
 
 def _words(values: Iterable[Any]) -> str:

@@ -38,3 +38,7 @@ class Empty:
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
         """No points."""
         return no_points()
+
+    def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:
+        """A mesh without vertices and faces."""
+        return no_faces()

@@ -51,3 +51,7 @@ class Identity:
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
         """The cloud to begin with."""
         return cloud
+
+    def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:
+        """The source as it is."""
+        return source.copy()

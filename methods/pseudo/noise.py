@@ -44,3 +44,9 @@ class Noise:
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
         """As many points as the cloud to begin with has."""
         return PointCloud(random_cloud(len(cloud), run.rng).points)
+
+    def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:
+        """The faces of the source between random vertices."""
+        output = source.copy()
+        output.vertices = random_cloud(len(source.vertices), run.rng).points
+        return output

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...learned.compiled.threads import use
 from ..renderer.camera import Camera
-from ..renderer.threads import use
 from .compositing import (
     BY_CENTRE,
     BY_DEPTH,

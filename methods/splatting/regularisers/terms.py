@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from ..renderer.threads import use
+from ...learned.compiled.threads import use
 from .planes import least_direction
 from .settings import Regularity
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...learned.compiled.threads import use
 from .blending import blend, blend_back
 from .camera import Camera
 from .ellipses import Ellipses, project
 from .raster import Lists, rasterise
 from .settings import Drawing
-from .threads import use
 from .visibility import visibility_gradient
 from .weights import weight_gradients
 

@@ -242,6 +242,7 @@ def test_gradients_of_free_numbers_are_finite_differences_of_the_loss(views, nam
 
 def test_a_step_of_adam_is_that_of_torch():
     import torch
+
     state, rng = some_state(), np.random.default_rng(1)
     free = torch.from_numpy(state.logs.copy()).requires_grad_()
     theirs = torch.optim.Adam([free], lr=0.02, betas=(0.9, 0.999), eps=1e-15)

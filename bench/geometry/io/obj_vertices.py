@@ -1,0 +1,89 @@
+"""An OBJ file with other coordinates, and all else as it was: texture coordinates, groups, materials."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import BadInput, UsageError
+
+
+def save_with_vertices(source: str | Path, vertices: np.ndarray, path: str | Path) -> None:
+    """Write the OBJ file ``source`` to ``path`` with other coordinates of its vertices.
+
+    All other lines stay in place, but for normals, which are made anew: each becomes the mean over the corners that
+    name it of the normals of their faces, by area. Names of material files are rewritten to lead to the same files from
+    the folder of ``path``. The file is written under another name and renamed.
+
+    Parameters
+    ----------
+    source : path of an OBJ file that :func:`bench.geometry.io.files.load_mesh` reads
+    vertices : (v, 3) array
+        As many as the file has, in its order.
+    path : where to write; may be ``source``
+
+    Raises
+    ------
+    BadInput
+        If the file cannot be read or has another number of vertices.
+    UsageError
+        If the file cannot be written.
+    """
+    source, path = Path(source), Path(path)
+    try:
+        lines = source.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+    except OSError as error:
+        raise BadInput(f"{source}: cannot be read ({error.strerror})") from None
+    numbers = [k for k, line in enumerate(lines) if line.split()[:1] == ["v"]]
+    if len(numbers) != len(vertices):
+        raise BadInput(f"{source}: has {len(numbers)} vertices; expected the {len(vertices)} of the mesh to be written")
+    for k, place in zip(numbers, np.asarray(vertices, dtype=np.float64), strict=True):
+        rest = lines[k].split()[4:]  # colours, or a weight
+        lines[k] = " ".join(["v", *(f"{value:.17g}" for value in place), *rest])
+    _renew_normals(lines, np.asarray(vertices))
+    for k, line in enumerate(lines):
+        if line.startswith("mtllib "):
+            material = (source.parent / line[7:].strip()).resolve()
+            lines[k] = f"mtllib {os.path.relpath(material, path.parent.resolve())}"
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", errors="surrogateescape")
+        os.replace(temporary, path)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _renew_normals(lines: list[str], vertices: np.ndarray) -> None:
+    """Replace the lines ``vn``, in place."""
+    places = [k for k, line in enumerate(lines) if line.split()[:1] == ["vn"]]
+    if not places:
+        return
+    total = np.zeros((len(places), 3))
+    seen = [0, 0]  # lines v and vn above: negative numbers count back from there
+    for line in lines:
+        words = line.partition("#")[0].split()
+        if words[:1] == ["v"]:
+            seen[0] += 1
+        elif words[:1] == ["vn"]:
+            seen[1] += 1
+        elif words[:1] in (["f"], ["fo"]):
+            corners = [corner.split("/") for corner in words[1:]]
+            index = [_number(corner[0], seen[0]) for corner in corners]
+            polygon = vertices[index]
+            area = np.cross(polygon - polygon[0], np.roll(polygon, -1, axis=0) - polygon[0]).sum(axis=0)
+            for corner in corners:
+                if len(corner) > 2 and corner[2]:
+                    total[_number(corner[2], seen[1])] += area
+    lengths = np.linalg.norm(total, axis=1)
+    for k, normal, length in zip(places, total, lengths, strict=True):
+        if length > 0:
+            lines[k] = " ".join(["vn", *(f"{value:.9g}" for value in normal / length)])
+
+
+def _number(word: str, above: int) -> int:
+    number = int(word)
+    return number - 1 if number > 0 else above + number

@@ -1,0 +1,1 @@
+"""Deformation by cages: chapter 5.1 of the thesis."""

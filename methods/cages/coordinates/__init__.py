@@ -1,0 +1,1 @@
+"""Coordinates of points in cages, differentiable in both."""

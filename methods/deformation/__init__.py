@@ -1,0 +1,1 @@
+"""Deformation of meshes to targets: baselines of chapter 5.1."""

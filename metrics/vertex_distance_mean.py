@@ -1,0 +1,33 @@
+"""How far each vertex of an output is from the same vertex of the reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench import Case, register
+from bench.geometry.used import is_used
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+@register("metric", version=1, better="lower", outputs=("mesh",), floor=True, requires=("trimesh",))
+@dataclass(frozen=True)
+class VertexDistanceMean:
+    """Mean distance between a vertex of the output and the vertex of the reference with the same number.
+
+    ``mean_i |v_i - r_i|`` over the vertices that a face uses, in frame units: the error of correspondence of a
+    deformation. It knows of slipping along the surface, which distances between surfaces do not. Robust as a mean is.
+    Scores ``{}`` where output and reference have other faces: then nothing is known to correspond.
+    """
+
+    def score(self, output: Trimesh, case: Case) -> dict[str, float]:
+        """``vertex_distance_mean``; ``{}`` where it does not apply."""
+        reference = case.reference.mesh
+        if len(output.vertices) != len(reference.vertices) or not np.array_equal(output.faces, reference.faces):
+            return {}
+        apart = np.linalg.norm(np.asarray(output.vertices) - np.asarray(reference.vertices), axis=1)
+        return {"vertex_distance_mean": float(apart[is_used(reference)].mean())}
