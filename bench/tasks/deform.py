@@ -152,7 +152,7 @@ class Deform(Task):
         return self._input(source, target, frame), frame
 
     def save(self, output: Trimesh, path: str, paths: Sequence[str]) -> None:
-        """Write an output. From OBJ to OBJ, all of the source's file but its coordinates stays: UVs, groups, material."""
+        """Write an output. From OBJ to OBJ, all but the source's coordinates stays: UVs, groups, material."""
         from ..geometry.io.files import save
         from ..geometry.io.obj_vertices import save_with_vertices
 

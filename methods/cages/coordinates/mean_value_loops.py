@@ -3,9 +3,9 @@
 With e_j = v_j - x for the vertices of a face in order, c_i = e_{i+1} x e_{i-1}, and theta_i the angle between e_{i+1}
 and e_{i-1}, the mean vector of the spherical triangle is m = 1/2 sum_i theta_i c_i / |c_i|, and the face's weights are
 those that make sum_i w_i e_i = m: w_i = (c_i . m) / D with D = e_0 . (e_1 x e_2) (Ju, Schaefer and Warren 2005, in
-vectors rather than in angles). Angle and cross product belong to an edge, so two faces share them, and what rounding does
-to one is undone by the other. A query on a face makes D vanish; D is the same for the three corners, so the face's own
-weights, without it, are the coordinates.
+vectors rather than in angles). Angle and cross product belong to an edge, so two faces share them, and what rounding
+does to one is undone by the other. A query on a face makes D vanish; D is the same for the three corners, so the face's
+own weights, without it, are the coordinates.
 """
 
 from __future__ import annotations
