@@ -1,0 +1,68 @@
+"""One cage for one pair of shapes, found by descent: what a network is to do better."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from bench import PointCloud, Run, register
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+@register("method", cite="baseline of Wang et al. 2020", requires=("torch", "scipy", "numba", "trimesh"))
+@dataclass(frozen=True)
+class CagePerPair:
+    """Minimises the loss of Neural Cages for one pair (figure 5.11): the vertices of the deformed cage are what moves.
+
+    The cage is a round one about the source's box that stays as it is; the loss is the Chamfer distance between points
+    of both surfaces and what keeps the shape (Eq. 5.5, 5.6 and symmetry). It has no idea of what a chair is: a leg
+    goes to whatever is nearest.
+    """
+
+    subdivisions: int = 1  # of the cage: 12, 42, 162, ... vertices
+    radius: float = 1.8  # of the cage, in halves of the target's longest edge: the corners of that box are at 1.73
+    coordinates: Literal["mean_value", "green"] = "mean_value"  # of the source in the cage
+    points: int = 1024  # of each surface, drawn anew every few steps
+    redraw: int = 10  # steps
+    p2f: float = 0.1  # weight of Eq. 5.5
+    normal: float = 0.1  # weight of Eq. 5.6
+    symmetry: float = 0.0  # weight of the distance to the mirror image at x = 0
+    neighbours: int = 16  # of a neighbourhood
+    steps: int = 300
+    learning_rate: float = 0.02  # of Adam; it falls to a tenth over the last half
+
+    def __post_init__(self) -> None:
+        for name, least in (("subdivisions", 0), ("points", 16), ("redraw", 1), ("neighbours", 4), ("steps", 1)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name}: expected at least {least}, got {getattr(self, name)}")
+        for name in ("p2f", "normal", "symmetry"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name}: expected at least 0, got {getattr(self, name)}")
+        for name in ("learning_rate", "radius"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected a number above 0, got {getattr(self, name)}")
+
+    def prepare(self) -> None:
+        """Load the compiled loops, or compile them."""
+        from .coordinates.mean_value import load_compiled
+
+        load_compiled()
+
+    def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:
+        """The source with other vertices. The cages are stored as ``cage`` and ``deformed_cage``."""
+        import torch
+
+        from .meshes.boxes import boxed
+        from .meshes.templates import ball_cage, cage_mesh
+        from .training.one_pair import Descent
+
+        torch.set_num_threads(run.threads)
+        pair = boxed(source, target, 16 * self.points, run.rng)
+        cage, faces = ball_cage(self.subdivisions, self.radius)
+        descent = Descent(self, pair, cage, faces, run)
+        moved = descent.run()
+        for name, place in (("cage", cage), ("deformed_cage", moved)):
+            run.keep(name, lambda place=place: cage_mesh(pair.scale * place + pair.centre, faces))
+        return pair.restored(source, descent.deformed(pair.vertices))

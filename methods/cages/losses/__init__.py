@@ -1,0 +1,1 @@
+"""What a deformation should keep, and where it should lead."""

@@ -1,0 +1,1 @@
+"""Cages to begin with, and how a mesh is seen by a network."""
