@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench import Run
-
 
 def ball(count: int = 3000) -> np.ndarray:
     """Evenly spread points of the unit sphere (Fibonacci): (count, 3)."""
@@ -28,32 +26,3 @@ def examples(counts: tuple[int, ...] = (200, 600), shapes: int = 3) -> dict[str,
         "scales": np.full(shapes, 1 / 32767),
         "counts": np.array(counts),
     }
-
-
-class Killed(Exception):
-    """Somebody stopped the training."""
-
-
-class Dying(Run):
-    """A run that stores each checkpoint, and is killed at one of them."""
-
-    def __init__(self, at: int, **more):
-        super().__init__(**more)
-        self.at, self.stored, self.count = at, None, 0
-
-    def checkpoint(self, make):
-        self.stored, self.count = make(), self.count + 1
-        if self.count == self.at:
-            raise Killed
-
-
-def killed_and_resumed(method, data, at: int):
-    """The weights of a training that was killed after ``at`` steps and went on."""
-    run = Dying(at, seed=3)
-    try:
-        method.fit(data, run)
-    except Killed:
-        again = Run(seed=3)
-        again.resumed = run.stored
-        return method.fit(data, again)
-    raise AssertionError("the training ended before it was killed")

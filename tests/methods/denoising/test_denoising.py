@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from denoising_toys import ball, examples, killed_and_resumed, square
+from denoising_toys import ball, examples, square
 from scipy.spatial import cKDTree
 from torch import nn
 from torch.nn import functional as F
+from trainings import killed_and_resumed
 
 from bench import BadInput, PointCloud, Run
 from bench.methods.denoising.networks.cleaning_network import CleaningNetwork, rotations

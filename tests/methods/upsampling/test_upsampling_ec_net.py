@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from upsampling_toys import BALL, BOX, Logged, killed_and_resumed, shape, tiny_clouds, toy_data, upsampled
+from trainings import Logged, killed_and_resumed
+from upsampling_toys import BALL, BOX, shape, tiny_clouds, toy_data, upsampled
 
 from bench import BadInput, Run
 from bench.methods.upsampling.ec_net import EcNet

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from upsampling_toys import BALL, BOX, Logged, killed_and_resumed, tiny_clouds, toy_data, upsampled
+from trainings import Logged, killed_and_resumed
+from upsampling_toys import BALL, BOX, tiny_clouds, toy_data, upsampled
 
 from bench import BadInput, Run
 from bench.geometry.mesh_surface import MeshSurface

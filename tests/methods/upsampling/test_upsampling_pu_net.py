@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import torch
 from scipy.optimize import linear_sum_assignment
-from upsampling_toys import Logged, killed_and_resumed, tiny_clouds, toy_data, upsampled
+from trainings import Logged, killed_and_resumed
+from upsampling_toys import tiny_clouds, toy_data, upsampled
 
 from bench import BadInput, Run
 from bench.methods.upsampling.losses.matching import auction, earth_mover, matching

@@ -32,51 +32,6 @@ def toy_data(count: int = 60) -> TrainingData:
     return TrainingData(recipes=recipes, sensor=lambda item: None, count=len(cases))
 
 
-class Logged(Run):
-    """A run that keeps its log."""
-
-    def log(self, step, **numbers):
-        self.lines = [*getattr(self, "lines", []), (step, numbers)]
-
-    def losses(self):
-        return [numbers["loss"] for _, numbers in self.lines if "loss" in numbers]
-
-
-class Killed(Exception):
-    """Somebody stopped the training."""
-
-
-class Dying(Logged):
-    """A run that stores each checkpoint, and is killed at one of them."""
-
-    def __init__(self, at: int, **more):
-        super().__init__(**more)
-        self.at, self.stored, self.count = at, None, 0
-
-    def checkpoint(self, make):
-        self.stored, self.count = make(), self.count + 1
-        if self.count == self.at:
-            raise Killed
-
-
-class Resumed(Logged):
-    """A run that goes on from a checkpoint."""
-
-    def __init__(self, arrays, **more):
-        super().__init__(**more)
-        self.resumed = arrays
-
-
-def killed_and_resumed(method, examples, at: int):
-    """The weights of a training that was killed after ``at`` steps and went on."""
-    run = Dying(at, seed=3)
-    try:
-        method.fit(examples, run)
-    except Killed:
-        return method.fit(examples, Resumed(run.stored, seed=3))
-    raise AssertionError("the training ended before it was killed")
-
-
 def upsampled(method, weights, points, ratio):
     run = Run(seed=0)
     run.weights = weights
