@@ -42,8 +42,8 @@ class NeuralCages:
     stretch: float = 0.25  # each axis of a shape in training is scaled by up to so much
     partners: bool = True  # a source's target in training is any other shape
     warm_up: float = 0.08  # of the training, in which cages stay as they are
-    steps: int = 3000  # of training (Wang et al.: about 4,000); 0 for as many as its seconds allow
-    batch: int = 8  # pairs of a step, each both ways and the source to itself
+    steps: int = 2000  # of training (Wang et al.: about 4,000); 0 for as many as its seconds allow
+    batch: int = 4  # pairs of a step, each both ways and the source to itself (Wang et al.: 8)
     learning_rate: float = 1e-3  # of Adam; a tenth of it for the cage
     decay: float = 0.01  # factor of the learning rate at the end of training
 

@@ -18,6 +18,7 @@ from torch.autograd.function import once_differentiable
 from .edges import Edges, edges_of
 from .mean_value_loops import AT_VERTEX, ON_EDGE, ON_PLANE
 
+NEAR_EDGE = 1e-3  # angle between the plane of a face and that through one of its edges, about
 CHUNK_BYTES = 2**26  # that the temporaries of a chunk may take, derivatives included
 
 
@@ -36,7 +37,7 @@ def coordinates_in_torch(x: Tensor, v: Tensor, faces: np.ndarray) -> Tensor:
     weights : (b, p, n) tensor
         Computed in float64, of the type of ``x``; differentiable in ``x`` and ``v``.
     """
-    faces = np.asarray(faces, dtype=np.int64)
+    faces = np.ascontiguousarray(faces, dtype=np.int64)
     edges = edges_of(faces)
     # Numbers that a query needs at once, with those that a derivative keeps; measured, and rounded up.
     numbers = 6 * v.shape[1] + 20 * len(edges.ends) + 40 * len(faces)
@@ -115,28 +116,35 @@ def _coordinates(x: Tensor, v: Tensor, faces: Tensor, edges: Edges) -> Tensor:
     s = torch.where(straight, 1.0, square).sqrt()
     theta = torch.where(straight, 0.0, torch.atan2(s, torch.where(straight, 1.0, p)))
 
-    w = _weights(faces, edges, e, d.detach(), c, theta / s)
+    w = _weights(faces, edges, e, d.detach(), c, theta / s, at_vertex | on_edge)
     total = w.sum(dim=-1, keepdim=True)
     w = w / torch.where(total == 0, 1.0, total)
     w = torch.where(on_edge[..., None], _along(edges.ends[edge], d), w)
     return torch.where(at_vertex[..., None], one_hot, w)
 
 
-def _weights(faces: Tensor, edges: Edges, e: Tensor, d: Tensor, c: Tensor, turn: Tensor) -> Tensor:
-    """The weights of all vertices (b, p, n), not normalised; of the one face where a query lies on it."""
+def _weights(faces: Tensor, edges: Edges, e: Tensor, d: Tensor, c: Tensor, turn: Tensor, elsewhere: Tensor) -> Tensor:
+    """The weights of all vertices (b, p, n), not normalised; of the one face where a query lies on it.
+
+    ``turn`` is angle over sine, and ``elsewhere`` (b, p) are queries whose coordinates are not made of these.
+    """
     of_face, sign = edges.of_face, edges.sign
     c = c[:, :, of_face] * sign[:, :, None]
     m = 0.5 * (turn[:, :, of_face, None] * c).sum(dim=-2)
     volume = (e[:, :, faces[:, 0]] * c[:, :, :, 0]).sum(dim=-1)
     with torch.no_grad():
+        # In the plane of a face, the mean vector has length pi inside of it, that of a hemisphere, and 0 elsewhere. A
+        # length between says that an edge is nearer than the plane: then the face is one like others.
+        length = m.square().sum(dim=-1).sqrt()
         flat = volume.abs() <= ON_PLANE * d[:, :, faces].prod(dim=-1)
-        # In the plane of a face, the mean vector has length pi inside of it, that of a hemisphere, and 0 elsewhere.
-        on = flat & (m.square().sum(dim=-1) > (math.pi / 2) ** 2)
+        flat &= torch.minimum(length, math.pi - length) <= NEAR_EDGE
+        flat |= elsewhere[..., None]
+        on = flat & (length > 1)
         on &= on.cumsum(dim=-1) == 1  # the first
         alone = on.any(dim=-1, keepdim=True)
         left_out = torch.where(alone, ~on, flat)
-    volume = torch.where(flat, 1.0, volume)  # also that of a query's own face: there it is the same for all corners
-    part = (c * m[:, :, :, None]).sum(dim=-1) / torch.where(on, 1.0, volume)[..., None]
+    volume = torch.where(flat, 1.0, volume)  # of a face on which the query lies it is the same for all corners
+    part = (c * m[:, :, :, None]).sum(dim=-1) / volume[..., None]
     part = torch.where(left_out[..., None], 0.0, part)
     return e.new_zeros(e.shape[:3]).index_add(2, faces.reshape(-1), part.flatten(2))
 

@@ -1,0 +1,227 @@
+"""Green coordinates of points in closed triangle meshes: weights of vertices and of normals.
+
+Of a harmonic function on the inside of a cage, Green's third identity knows the values from those on the cage and from
+the slopes across it. For the three coordinates themselves, which are linear on each face and have its unit normal n for
+a slope, it reads ``x = sum_i phi_i v_i + sum_f psi_f n_f`` (Lipman, Levin and Cohen-Or 2008) with
+
+    phi_i = 1 / (4 pi) sum over the faces f of i: h integral of hat_i(y) / |y - x|^3 dy
+    psi_f = 1 / (4 pi) integral over f of 1 / |y - x| dy
+
+where hat_i is 1 at vertex i and 0 at all others, and h is the distance of x from the plane of f, positive behind it.
+Both have closed forms. In a face's plane, let m_k be the outward unit normal of the side opposite corner k, l_k its
+length, t_k the distance of x from it, positive inside, and A the face's area. With the solid angle W, and the potential
+of a side ``L_k = integral of 1 / |y - x| along it``, Gauss's theorem in the plane gives
+
+    integral of 1 / |y - x| dy = sum_k t_k L_k - h W
+    h integral of hat_i(y) / |y - x|^3 dy = l_i / (2 A) (t_i W + h sum_k m_i . m_k L_k)
+
+for ``hat_i = t_i l_i / (2 A)`` where x is projected to, and its slope is ``-m_i l_i / (2 A)``.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from .mean_value_torch import in_chunks
+
+ON_CAGE = 1e-12  # of the largest distance to a vertex
+
+
+def green_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndarray) -> tuple[Tensor, Tensor]:
+    """The weights of a cage's vertices and of its faces' normals at each query (Lipman, Levin and Cohen-Or 2008).
+
+    Inside, ``phi`` sums to 1 and ``phi @ vertices + psi @ normals == queries`` with the outward unit normals. On the
+    cage they are the limits from inside, and the derivatives too but for those on edges and vertices, which are
+    infinite: there they lack what the adjoining faces contribute. Outside, ``phi`` sums to 0 and ``phi @ vertices + psi
+    @ normals`` is 0: the coordinates are of no use there, nor is there a way on from inside that all cages allow.
+    Computed in float64 whatever the type of the arguments.
+
+    Parameters
+    ----------
+    queries : (p, 3) or (b, p, 3) tensor
+    vertices : (n, 3) or (b, n, 3) tensor
+        Of one cage for all, or of a cage for each of the batch.
+    faces : (f, 3) ints
+        A closed mesh, counter-clockwise as seen from outside.
+
+    Returns
+    -------
+    phi : (p, n) or (b, p, n) tensor
+    psi : (p, f) or (b, p, f) tensor
+        In the unit of length of the cage. Both of the type and on the device of ``queries``, and differentiable in
+        queries and vertices.
+
+    Raises
+    ------
+    ValueError
+        For arguments of other shapes, faces that name vertices that do not exist, or faces that look inward.
+
+    Examples
+    --------
+    >>> import torch
+    >>> corners = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> faces = torch.tensor([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> phi, psi = green_coordinates(torch.tensor([[0.25, 0.25, 0.25]]), corners, faces)
+    >>> phi, psi
+    (tensor([[0.2764, 0.2412, 0.2412, 0.2412]]), tensor([[0.1037, 0.1037, 0.1037, 0.1949]]))
+    """
+    faces = _numbers(faces).to(queries.device)
+    _check(queries, vertices, faces)
+    batched = queries.ndim == 3 or vertices.ndim == 3
+    x = (queries if queries.ndim == 3 else queries[None]).double()
+    v = (vertices if vertices.ndim == 3 else vertices[None]).to(x)
+    count = max(len(x), len(v))
+    _check_outward(v, faces)
+
+    def of_chunk(x: Tensor, v: Tensor) -> Tensor:
+        return _coordinates(x, v, faces)
+
+    # Numbers that a query needs at once, with those that a derivative keeps; measured, and rounded up.
+    numbers = 12 * v.shape[1] + 110 * len(faces)
+    both = in_chunks(of_chunk, 8 * numbers, x.expand(count, -1, -1), v.expand(count, -1, -1)).to(queries.dtype)
+    phi, psi = (both if batched else both[0]).split([v.shape[1], len(faces)], dim=-1)
+    return phi, psi
+
+
+def deformed_by_green(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndarray, new_vertices: Tensor) -> Tensor:
+    """Where the queries are when the cage has other vertices: ``phi @ new_vertices + psi @ (s new_normals)``.
+
+    ``s = sqrt(|u'|^2 |v|^2 - 2 (u' . v') (u . v) + |v'|^2 |u|^2) / (sqrt(8) A)`` stretches a face of area A, with
+    sides u and v that become u' and v'. With it the map is a similarity where the cage's is one, and quasi-conformal
+    elsewhere: details turn with the cage, and are not sheared. What lay on the cage does not stay on it. Queries
+    outside the cage have no image: see :func:`green_coordinates`.
+
+    Parameters
+    ----------
+    queries, vertices, faces
+        As :func:`green_coordinates` takes them.
+    new_vertices : (n, 3) or (b, n, 3) tensor
+
+    Returns
+    -------
+    moved : (p, 3) or (b, p, 3) tensor
+        Of the type and on the device of ``queries``; differentiable in all three.
+
+    Raises
+    ------
+    ValueError
+        As :func:`green_coordinates`, and for new vertices of another shape.
+    """
+    if new_vertices.ndim not in (2, 3) or new_vertices.shape[-2:] != vertices.shape[-2:]:
+        expected = tuple(vertices.shape[-2:])
+        raise ValueError(f"new_vertices: expected shape {expected}, or several, got {tuple(new_vertices.shape)}")
+    phi, psi = green_coordinates(queries.double(), vertices, faces)
+    corners = _numbers(faces).to(queries.device)
+    before, after = (t.to(queries.device).double() for t in (vertices, new_vertices))
+    (u, v), (new_u, new_v) = _two_sides(before, corners), _two_sides(after, corners)
+    area, normal = _length(torch.linalg.cross(u, v)) / 2, torch.linalg.cross(new_u, new_v)
+    square = _dot(new_u, new_u) * _dot(v, v) - 2 * _dot(new_u, new_v) * _dot(u, v) + _dot(new_v, new_v) * _dot(u, u)
+    stretch = _root(square) / (math.sqrt(8) * torch.where(area > 0, area, 1.0))
+    pull = stretch[..., None] * normal / _length(normal, instead_of_0=1.0)[..., None]
+    return (phi @ after + psi @ pull).to(queries.dtype)
+
+
+def _coordinates(x: Tensor, v: Tensor, faces: Tensor) -> Tensor:
+    """Both kinds beside each other, (b, p, n + f)."""
+    corner = v[:, faces]
+    side = corner[:, :, [2, 0, 1]] - corner[:, :, [1, 2, 0]]  # opposite each corner
+    normal = torch.linalg.cross(side[:, :, 0], side[:, :, 1])
+    twice_area = _length(normal, instead_of_0=1.0)
+    normal = normal / twice_area[..., None]
+    length = _length(side)
+    out = torch.linalg.cross(side / torch.where(length > 0, length, 1.0)[..., None], normal[:, :, None])
+
+    e = v[:, None] - x[:, :, None]
+    d = _length(e)
+    tiny = ON_CAGE * d.detach().amax(dim=-1)[..., None]
+    e, d = e[:, :, faces], d[:, :, faces]
+    height = _dot(e[:, :, :, 0], normal[:, None])
+    inward = _dot(e[:, :, :, [1, 2, 0]], out[:, None])
+    on = (height.abs() <= tiny) & (inward >= -tiny[..., None]).all(dim=-1)
+    on = on & normal.any(dim=-1)[:, None]
+
+    dots = _dot(e[:, :, :, [1, 2, 0]], e[:, :, :, [2, 0, 1]])
+    ends = d[..., [1, 2, 0]], d[..., [2, 0, 1]]
+    potential = _of_side(length[:, None], *ends, dots, inward.square() + height.square()[..., None], tiny[..., None])
+    angle = _solid_angle(height * twice_area[:, None], d.prod(dim=-1) + (dots * d).sum(dim=-1), on)
+    # A face on which the query lies sees nothing of itself, and from inside half of all: what others leave over.
+    first = on & (on.cumsum(dim=-1) == 1)
+    angle = torch.where(first, angle + 4 * math.pi - angle.sum(dim=-1, keepdim=True), angle)
+
+    psi = (inward * potential).sum(dim=-1) - height * angle
+    across = (out @ out.transpose(-1, -2))[:, None] @ potential[..., None]
+    share = (length / twice_area[..., None])[:, None] * (inward * angle[..., None] + height[..., None] * across[..., 0])
+    phi = x.new_zeros((*x.shape[:2], v.shape[1])).index_add(2, faces.reshape(-1), share.flatten(2))
+    return torch.cat([phi, psi], dim=-1) / (4 * math.pi)
+
+
+def _of_side(length: Tensor, first: Tensor, last: Tensor, dot: Tensor, square: Tensor, tiny: Tensor) -> Tensor:
+    """The integral of 1 / |y - x| along sides, from the distances of x to their ends and, squared, to their lines.
+
+    ``log((first + last + length) / (first + last - length))``, without loss of digits near to sides and far from them.
+    0 on a side, where it has no bound, for all that it is multiplied with is 0 there.
+    """
+    gap = first * last - dot
+    gap = torch.where(dot < 0, length.square() * square / torch.where(dot < 0, gap, 1.0), first * last + dot)
+    on = (dot <= 0) & (square <= tiny.square()) | (gap == 0)
+    rise = length * (first + last + length) / torch.where(on, 1.0, gap)
+    return torch.where(on, 0.0, torch.log1p(rise))
+
+
+def _solid_angle(volume: Tensor, rest: Tensor, on: Tensor) -> Tensor:
+    """Signed solid angles of triangles (Van Oosterom and Strackee 1983), 0 for one that the query lies on."""
+    turned = on & (rest < 0)
+    nowhere = (volume == 0) & (rest == 0)
+    volume, rest = torch.where(turned, -volume, volume), torch.where(turned, -rest, rest)
+    return 2 * torch.atan2(volume, torch.where(nowhere, 1.0, rest))
+
+
+def _numbers(faces: Tensor | np.ndarray) -> Tensor:
+    return faces.long() if isinstance(faces, Tensor) else torch.from_numpy(np.ascontiguousarray(faces, dtype=np.int64))
+
+
+def _two_sides(v: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
+    a, b, c = (v[..., faces[:, k], :] for k in range(3))
+    return b - a, c - a
+
+
+def _dot(a: Tensor, b: Tensor) -> Tensor:
+    return (a * b).sum(dim=-1)
+
+
+def _root(square: Tensor) -> Tensor:
+    """The root, with the slope 0 at 0."""
+    nothing = square <= 0
+    return torch.where(nothing, 0.0, torch.where(nothing, 1.0, square).sqrt())
+
+
+def _length(vector: Tensor, instead_of_0: float = 0.0) -> Tensor:
+    length = _root(_dot(vector, vector))
+    return torch.where(length > 0, length, instead_of_0)
+
+
+def _check(queries: Tensor, vertices: Tensor, faces: Tensor) -> None:
+    for name, tensor in (("queries", queries), ("vertices", vertices)):
+        if tensor.ndim not in (2, 3) or tensor.shape[-1] != 3:
+            raise ValueError(f"{name}: expected shape (n, 3) or (b, n, 3), got {tuple(tensor.shape)}")
+    if queries.ndim == vertices.ndim == 3 and len(queries) != len(vertices) and 1 not in (len(queries), len(vertices)):
+        raise ValueError(f"expected as many cages as sets of queries, got {len(vertices)} and {len(queries)}")
+    if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
+        raise ValueError(f"faces: expected shape (f, 3), got {tuple(faces.shape)}")
+    if faces.min() < 0 or faces.max() >= vertices.shape[-2]:
+        raise ValueError(
+            f"faces: expected numbers from 0 to {vertices.shape[-2] - 1}, got {int(faces.min())}..{int(faces.max())}"
+        )
+
+
+def _check_outward(v: Tensor, faces: Tensor) -> None:
+    a, b, c = v.detach()[:, faces].unbind(dim=2)
+    volume = _dot(a, torch.linalg.cross(b, c)).sum(dim=-1) / 6
+    if (volume <= 0).any():
+        raise ValueError(
+            f"faces: expected to be counter-clockwise as seen from outside, got a cage of volume {volume.min():.3g}"
+        )
