@@ -34,7 +34,7 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
                 _check_plugin_name(head, name)
         elif not tail and head in ("training", "convention", "profile", "experiment"):
             for name in values:
-                _check_preset(head, name)
+                _check_preset(head, name, override.is_delete())
         elif tail and head in KINDS:
             _check_parameter(head, tail, overrides, override)
         elif head == "training" and tail:
@@ -167,9 +167,13 @@ def _check_plugin_name(kind: str, name: Any) -> None:
             registry().find(kind, one, also=known)
 
 
-def _check_preset(group: str, name: Any) -> None:
+def _check_preset(group: str, name: Any, is_deleted: bool) -> None:
     known = presets.names(group)
-    if str(name) not in (*known, "None", "null"):
+    if str(name) in ("None", "null"):
+        if is_deleted:
+            return
+        raise UsageError(f"{group}=null: leave it out, or write ~{group} where an experiment chooses one")
+    if str(name) not in known:
         raise UsageError(f"no {group} is called {name!r}. {did_you_mean(str(name), known)}")
 
 

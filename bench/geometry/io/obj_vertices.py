@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from ...errors import BadInput, UsageError
 def save_with_vertices(source: str | Path, vertices: np.ndarray, path: str | Path) -> None:
     """Write the OBJ file ``source`` to ``path`` with other coordinates of its vertices.
 
-    All other lines stay in place, but for normals, which are made anew: each becomes the mean over the corners that
+    All other lines stay in place (those that continue on the next one are joined), but for normals, which are made anew: each becomes the mean over the corners that
     name it of the normals of their faces, by area. Names of material files are rewritten to lead to the same files from
     the folder of ``path``. The file is written under another name and renamed.
 
@@ -33,9 +34,10 @@ def save_with_vertices(source: str | Path, vertices: np.ndarray, path: str | Pat
     """
     source, path = Path(source), Path(path)
     try:
-        lines = source.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+        text = source.read_text(encoding="utf-8", errors="surrogateescape")
     except OSError as error:
         raise BadInput(f"{source}: cannot be read ({error.strerror})") from None
+    lines = text.replace("\\\n", " ").splitlines()
     numbers = [k for k, line in enumerate(lines) if line.split()[:1] == ["v"]]
     if len(numbers) != len(vertices):
         raise BadInput(f"{source}: has {len(numbers)} vertices; expected the {len(vertices)} of the mesh to be written")
@@ -44,9 +46,9 @@ def save_with_vertices(source: str | Path, vertices: np.ndarray, path: str | Pat
         lines[k] = " ".join(["v", *(f"{value:.17g}" for value in place), *rest])
     _renew_normals(lines, np.asarray(vertices))
     for k, line in enumerate(lines):
-        if line.startswith("mtllib "):
-            material = (source.parent / line[7:].strip()).resolve()
-            lines[k] = f"mtllib {os.path.relpath(material, path.parent.resolve())}"
+        words = line.split(maxsplit=1)
+        if words[:1] == ["mtllib"] and len(words) > 1:
+            lines[k] = f"mtllib {_seen_from(path.parent, source.parent, words[1].strip())}"
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", errors="surrogateescape")
@@ -54,7 +56,15 @@ def save_with_vertices(source: str | Path, vertices: np.ndarray, path: str | Pat
     except OSError as error:
         raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # also of a folder that is none
+            temporary.unlink()
+
+
+def _seen_from(folder: Path, before: Path, names: str) -> str:
+    """Names of files in the folder ``before`` as they are in ``folder``; one name may have blanks in it."""
+    one = (before / names).exists()
+    paths = ((before / name).resolve() for name in ([names] if one else names.split()))
+    return " ".join(os.path.relpath(path, folder.resolve()) for path in paths)
 
 
 def _renew_normals(lines: list[str], vertices: np.ndarray) -> None:
@@ -76,8 +86,9 @@ def _renew_normals(lines: list[str], vertices: np.ndarray) -> None:
             polygon = vertices[index]
             area = np.cross(polygon - polygon[0], np.roll(polygon, -1, axis=0) - polygon[0]).sum(axis=0)
             for corner in corners:
-                if len(corner) > 2 and corner[2]:
-                    total[_number(corner[2], seen[1])] += area
+                number = _number(corner[2], seen[1]) if len(corner) > 2 and corner[2] else -1
+                if 0 <= number < len(total):  # readers of surfaces do not mind others
+                    total[number] += area
     lengths = np.linalg.norm(total, axis=1)
     for k, normal, length in zip(places, total, lengths, strict=True):
         if length > 0:
