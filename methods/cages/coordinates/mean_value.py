@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ...learned.compiled.threads import use
+from ...learned.compiled.pool import in_parts
 from .edges import Edges, edges_of
 from .mean_value_loops import BLOCK, coordinates, derivatives
 
@@ -92,17 +92,15 @@ class _MeanValue(torch.autograd.Function):
         ctx.arrays = _doubles(x), _doubles(v), faces, edges, threads
         ctx.dtypes = x.dtype, v.dtype
         out = np.empty((*x.shape[:2], v.shape[1]))
-        use(threads)
-        coordinates(ctx.arrays[0], ctx.arrays[1], faces, *edges, out)
+        in_parts(coordinates, len(x) * _blocks(x), threads, *ctx.arrays[:2], faces, *edges, out)
         return torch.from_numpy(out).to(x.dtype)
 
     @staticmethod
     def backward(ctx: Any, slope: Tensor) -> tuple[Tensor | None, ...]:
         x, v, faces, edges, threads = ctx.arrays
         by_x = np.empty_like(x)
-        by_v = np.empty((len(x), -(-x.shape[1] // BLOCK), *v.shape[1:]))
-        use(threads)
-        derivatives(x, v, faces, *edges, _doubles(slope), by_x, by_v)
+        by_v = np.empty((len(x), _blocks(x), *v.shape[1:]))
+        in_parts(derivatives, len(x) * _blocks(x), threads, x, v, faces, *edges, _doubles(slope), by_x, by_v)
         by_queries, by_cages = (
             torch.from_numpy(a).to(t) for a, t in zip((by_x, by_v.sum(axis=1)), ctx.dtypes, strict=True)
         )
@@ -111,3 +109,7 @@ class _MeanValue(torch.autograd.Function):
 
 def _doubles(tensor: Tensor) -> np.ndarray:
     return np.ascontiguousarray(tensor.detach().numpy(), dtype=np.float64)
+
+
+def _blocks(x: Tensor | np.ndarray) -> int:
+    return -(-x.shape[1] // BLOCK)

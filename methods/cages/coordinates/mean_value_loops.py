@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 AT_VERTEX = 1e-13  # of the largest distance to a vertex
 ON_EDGE = 1e-9  # sine of the angle at which an edge is seen, or more than a straight one lacks
@@ -91,16 +91,19 @@ def _weights(faces, of_face, sign, e, d, c, s, theta, w):
     return -1
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def coordinates(x, v, faces, ends, of_face, sign, out):
-    """The coordinates of queries ``x`` (b, p, 3) in cages ``v`` (b, n, 3) into ``out`` (b, p, n)."""
-    batches, queries = x.shape[0], x.shape[1]
+@njit(nogil=True, cache=True, error_model="numpy")
+def coordinates(first_job, last_job, x, v, faces, ends, of_face, sign, out):
+    """The coordinates of queries ``x`` (b, p, 3) in cages ``v`` (b, n, 3) into ``out`` (b, p, n), for some of the jobs.
+
+    A job is a block of queries of one cage: number ``cage * blocks + block``.
+    """
+    queries = x.shape[1]
     n, edges = v.shape[1], ends.shape[0]
     blocks = (queries + BLOCK - 1) // BLOCK
-    for job in prange(batches * blocks):
+    e, d, w = np.empty((n, 3)), np.empty(n), np.empty(n)
+    c, s, p, theta = np.empty((edges, 3)), np.empty(edges), np.empty(edges), np.empty(edges)
+    for job in range(first_job, last_job):
         b, first = job // blocks, job % blocks * BLOCK
-        e, d, w = np.empty((n, 3)), np.empty(n), np.empty(n)
-        c, s, p, theta = np.empty((edges, 3)), np.empty(edges), np.empty(edges), np.empty(edges)
         for q in range(first, min(first + BLOCK, queries)):
             kind, which = _look(x[b, q], v[b], ends, e, d, c, s, p, theta)
             if kind == INSIDE:
@@ -191,20 +194,20 @@ def _slope_of_weights(w, slope, g):
         g[j] = (slope[j] - mean / total) / total
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def derivatives(x, v, faces, ends, of_face, sign, slope, by_x, by_v):
+@njit(nogil=True, cache=True, error_model="numpy")
+def derivatives(first_job, last_job, x, v, faces, ends, of_face, sign, slope, by_x, by_v):
     """The derivatives of a loss with ``slope`` (b, p, n) by queries, into ``by_x`` (b, p, 3), and by cages.
 
-    The latter are summed over blocks of queries: ``by_v`` is (b, blocks, n, 3), and does not depend on threads.
+    Of some jobs, as above. The latter are summed over blocks of queries: ``by_v`` is (b, blocks, n, 3), and does not depend on threads.
     """
-    batches, queries = x.shape[0], x.shape[1]
+    queries = x.shape[1]
     n, edges = v.shape[1], ends.shape[0]
     blocks = (queries + BLOCK - 1) // BLOCK
-    for job in prange(batches * blocks):
+    e, d, w = np.empty((n, 3)), np.empty(n), np.empty(n)
+    c, s, p, theta = np.empty((edges, 3)), np.empty(edges), np.empty(edges), np.empty(edges)
+    to_c, to_e, to_theta, g = np.empty((edges, 3)), np.empty((n, 3)), np.empty(edges), np.empty(n)
+    for job in range(first_job, last_job):
         b, first = job // blocks, job % blocks * BLOCK
-        e, d, w = np.empty((n, 3)), np.empty(n), np.empty(n)
-        c, s, p, theta = np.empty((edges, 3)), np.empty(edges), np.empty(edges), np.empty(edges)
-        to_c, to_e, to_theta, g = np.empty((edges, 3)), np.empty((n, 3)), np.empty(edges), np.empty(n)
         by_v[b, job % blocks] = 0.0
         for q in range(first, min(first + BLOCK, queries)):
             by_x[b, q, :] = 0.0
