@@ -11,11 +11,11 @@ from bench.plugins.registry import KINDS
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Where each kind is described; one of the files is enough.
 PAGES = {
-    "task": ("write-a-plugin.md",),
+    "task": ("write-a-plugin.md", "cages.md"),
     "dataset": ("datasets.md",),
     "sensor": ("sensors.md",),
     # Pseudo-methods bound the scores of metrics.
-    "method": ("which-method.md", "implicit.md", "upsampling.md", "splatting.md", "metrics.md"),
+    "method": ("which-method.md", "implicit.md", "upsampling.md", "splatting.md", "cages.md", "metrics.md"),
     "metric": ("metrics.md",),
 }
 

@@ -183,12 +183,12 @@ class Deform(Task):
 
 
 def _rounds(mesh: Trimesh, least: int) -> int:
-    """How often the faces are to be divided for so many vertices; a division makes about four times as many."""
+    """How often the faces are to be divided for so many vertices; a division adds one for each edge."""
     from ..geometry.used import used_vertices
 
-    count, rounds = len(used_vertices(mesh)), 0
+    count, edges, faces, rounds = len(used_vertices(mesh)), len(mesh.edges_unique), len(mesh.faces), 0
     while count < least:
-        count, rounds = 4 * count - 6, rounds + 1  # exact for a closed surface of genus 0
+        count, edges, faces, rounds = count + edges, 2 * edges + 3 * faces, 4 * faces, rounds + 1
         if rounds > 8:
             raise BadInput(
                 f"the source has {len(mesh.vertices)} vertices; dividing it to {least} takes too many rounds"

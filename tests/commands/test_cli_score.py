@@ -64,6 +64,7 @@ def test_everything_there_is(files, capsys):
     assert set(mesh["left_out"]) == {
         "cot_laplacian",
         "even_distances",
+        "mirror_chamfer_l2_sum",
         "projected_uniformity",
         "spacing_variation",
         "uniformity",

@@ -14,9 +14,10 @@ from ...errors import BadInput, UsageError
 def save_with_vertices(source: str | Path, vertices: np.ndarray, path: str | Path) -> None:
     """Write the OBJ file ``source`` to ``path`` with other coordinates of its vertices.
 
-    All other lines stay in place (those that continue on the next one are joined), but for normals, which are made anew: each becomes the mean over the corners that
-    name it of the normals of their faces, by area. Names of material files are rewritten to lead to the same files from
-    the folder of ``path``. The file is written under another name and renamed.
+    All other lines stay in place (those that go on in the next one are joined), but for normals, which are made anew:
+    each becomes the mean over the corners that name it of the normals of their faces, by area. Names of material files
+    are rewritten to lead to the same files from the folder of ``path``. The file is written under another name and
+    renamed.
 
     Parameters
     ----------

@@ -28,17 +28,19 @@ from torch import Tensor
 
 from .mean_value_torch import in_chunks
 
-ON_CAGE = 1e-12  # of the largest distance to a vertex
+ON_CAGE = 1e-9  # of the largest distance to a vertex
+ON_SIDE = 1e-15  # the same: as near as rounding allows
+THIN = 1e-12  # height over length of a face that has no direction
 
 
 def green_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndarray) -> tuple[Tensor, Tensor]:
     """The weights of a cage's vertices and of its faces' normals at each query (Lipman, Levin and Cohen-Or 2008).
 
     Inside, ``phi`` sums to 1 and ``phi @ vertices + psi @ normals == queries`` with the outward unit normals. On the
-    cage they are the limits from inside, and the derivatives too but for those on edges and vertices, which are
-    infinite: there they lack what the adjoining faces contribute. Outside, ``phi`` sums to 0 and ``phi @ vertices + psi
-    @ normals`` is 0: the coordinates are of no use there, nor is there a way on from inside that all cages allow.
-    Computed in float64 whatever the type of the arguments.
+    cage (to 1e-9 of its size) they are the limits from inside, and so are the derivatives but for those on edges and
+    vertices, which have none: there they are finite, and of no meaning. Outside, ``phi`` sums to 0 and
+    ``phi @ vertices + psi @ normals`` is 0: the coordinates are of no use there. They are computed in float64 whatever
+    the type of the arguments.
 
     Parameters
     ----------
@@ -129,26 +131,32 @@ def _coordinates(x: Tensor, v: Tensor, faces: Tensor) -> Tensor:
     """Both kinds beside each other, (b, p, n + f)."""
     corner = v[:, faces]
     side = corner[:, :, [2, 0, 1]] - corner[:, :, [1, 2, 0]]  # opposite each corner
-    normal = torch.linalg.cross(side[:, :, 0], side[:, :, 1])
-    twice_area = _length(normal, instead_of_0=1.0)
-    normal = normal / twice_area[..., None]
-    length = _length(side)
+    normal, length = torch.linalg.cross(side[:, :, 0], side[:, :, 1]), _length(side)
+    twice_area = _length(normal)
+    thin = twice_area <= THIN * length.detach().square().amax(dim=-1)  # they are left out
+    twice_area = torch.where(thin, 1.0, twice_area)
+    normal = torch.where(thin[..., None], 0.0, normal / twice_area[..., None])
     out = torch.linalg.cross(side / torch.where(length > 0, length, 1.0)[..., None], normal[:, :, None])
 
     e = v[:, None] - x[:, :, None]
     d = _length(e)
-    tiny = ON_CAGE * d.detach().amax(dim=-1)[..., None]
+    farthest = d.detach().amax(dim=-1)[..., None]
+    tiny = ON_CAGE * farthest
     e, d = e[:, :, faces], d[:, :, faces]
     height = _dot(e[:, :, :, 0], normal[:, None])
     inward = _dot(e[:, :, :, [1, 2, 0]], out[:, None])
     on = (height.abs() <= tiny) & (inward >= -tiny[..., None]).all(dim=-1)
-    on = on & normal.any(dim=-1)[:, None]
+    on = on & ~thin[:, None]
 
     dots = _dot(e[:, :, :, [1, 2, 0]], e[:, :, :, [2, 0, 1]])
     ends = d[..., [1, 2, 0]], d[..., [2, 0, 1]]
-    potential = _of_side(length[:, None], *ends, dots, inward.square() + height.square()[..., None], tiny[..., None])
+    square = inward.square() + height.square()[..., None]
+    potential = _of_side(length[:, None], *ends, dots, square, ON_SIDE * farthest[..., None])
     angle = _solid_angle(height * twice_area[:, None], d.prod(dim=-1) + (dots * d).sum(dim=-1), on)
-    # A face on which the query lies sees nothing of itself, and from inside half of all: what others leave over.
+    angle = torch.where(thin[:, None], 0.0, angle)
+    # A face on which the query lies is seen under what the others leave of a full turn: half of it inside of the face.
+    # So little beyond the cage, the coordinates go on as they are inside; close to an edge, the angles of its two faces
+    # suffer from rounding, and their sum does not.
     first = on & (on.cumsum(dim=-1) == 1)
     angle = torch.where(first, angle + 4 * math.pi - angle.sum(dim=-1, keepdim=True), angle)
 
@@ -159,7 +167,7 @@ def _coordinates(x: Tensor, v: Tensor, faces: Tensor) -> Tensor:
     return torch.cat([phi, psi], dim=-1) / (4 * math.pi)
 
 
-def _of_side(length: Tensor, first: Tensor, last: Tensor, dot: Tensor, square: Tensor, tiny: Tensor) -> Tensor:
+def _of_side(length: Tensor, first: Tensor, last: Tensor, dot: Tensor, square: Tensor, least: Tensor) -> Tensor:
     """The integral of 1 / |y - x| along sides, from the distances of x to their ends and, squared, to their lines.
 
     ``log((first + last + length) / (first + last - length))``, without loss of digits near to sides and far from them.
@@ -167,13 +175,13 @@ def _of_side(length: Tensor, first: Tensor, last: Tensor, dot: Tensor, square: T
     """
     gap = first * last - dot
     gap = torch.where(dot < 0, length.square() * square / torch.where(dot < 0, gap, 1.0), first * last + dot)
-    on = (dot <= 0) & (square <= tiny.square()) | (gap == 0)
+    on = (dot <= 0) & (square <= least.square()) | (gap == 0)
     rise = length * (first + last + length) / torch.where(on, 1.0, gap)
     return torch.where(on, 0.0, torch.log1p(rise))
 
 
 def _solid_angle(volume: Tensor, rest: Tensor, on: Tensor) -> Tensor:
-    """Signed solid angles of triangles (Van Oosterom and Strackee 1983), 0 for one that the query lies on."""
+    """Signed solid angles of triangles (Van Oosterom and Strackee 1983), less half a turn where the query is ``on``."""
     turned = on & (rest < 0)
     nowhere = (volume == 0) & (rest == 0)
     volume, rest = torch.where(turned, -volume, volume), torch.where(turned, -rest, rest)

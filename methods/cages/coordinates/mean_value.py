@@ -49,7 +49,8 @@ def mean_value_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np
     tensor([[0.2500, 0.2500, 0.2500, 0.2500],
             [0.0000, 0.5000, 0.5000, 0.0000]])
     """
-    faces = np.ascontiguousarray(torch.as_tensor(faces).cpu().numpy(), dtype=np.int64)
+    faces = faces.cpu().numpy() if isinstance(faces, Tensor) else faces
+    faces = np.ascontiguousarray(faces, dtype=np.int64)
     _check(queries, vertices, faces)
     batched = queries.ndim == 3 or vertices.ndim == 3
     x = queries if queries.ndim == 3 else queries[None]

@@ -18,6 +18,7 @@ from numba import njit
 AT_VERTEX = 1e-13  # of the largest distance to a vertex
 ON_EDGE = 1e-9  # sine of the angle at which an edge is seen, or more than a straight one lacks
 ON_PLANE = 1e-9  # volume of three unit vectors
+NEAR_EDGE = 1e-3  # angle between the plane of a face and that through one of its edges, about
 BLOCK = 32  # queries whose derivatives by the cage are added up together
 
 INSIDE, VERTEX, EDGE, FACE = 0, 1, 2, 3
@@ -54,11 +55,10 @@ def _look(x, v, ends, e, d, c, s, p, theta):
 @njit(cache=True, error_model="numpy")
 def _face(f, faces, of_face, sign, e, d, c, s, theta):
     """The mean vector of a face, its volume D, whether the query lies on it, and whether it is seen at all."""
-    m0, m1, m2, around = 0.0, 0.0, 0.0, 0.0
+    m0, m1, m2 = 0.0, 0.0, 0.0
     for k in range(3):
         edge = of_face[f, k]
         angle = theta[edge]
-        around += angle
         if angle > 0:
             factor = 0.5 * sign[f, k] * angle / s[edge]
             m0 += factor * c[edge, 0]
@@ -67,9 +67,11 @@ def _face(f, faces, of_face, sign, e, d, c, s, theta):
     i, edge = faces[f, 0], of_face[f, 0]
     volume = sign[f, 0] * (e[i, 0] * c[edge, 0] + e[i, 1] * c[edge, 1] + e[i, 2] * c[edge, 2])
     flat = abs(volume) <= ON_PLANE * d[i] * d[faces[f, 1]] * d[faces[f, 2]]
-    # In the plane of the face, the angles sum to a full turn inside of it, and to less than one elsewhere.
-    on = flat and around > 1.5 * math.pi
-    return m0, m1, m2, volume, on, not flat
+    # In the plane of a face, the mean vector has length pi inside of it, that of a hemisphere, and 0 elsewhere. A
+    # length between says that an edge is nearer than the plane: then the face is one like others.
+    length = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
+    flat = flat and min(length, math.pi - length) <= NEAR_EDGE
+    return m0, m1, m2, volume, flat and length > 1, not flat
 
 
 @njit(cache=True, error_model="numpy")
@@ -198,7 +200,8 @@ def _slope_of_weights(w, slope, g):
 def derivatives(first_job, last_job, x, v, faces, ends, of_face, sign, slope, by_x, by_v):
     """The derivatives of a loss with ``slope`` (b, p, n) by queries, into ``by_x`` (b, p, 3), and by cages.
 
-    Of some jobs, as above. The latter are summed over blocks of queries: ``by_v`` is (b, blocks, n, 3), and does not depend on threads.
+    Of some jobs, as above. The latter are summed over blocks of queries: ``by_v`` is (b, blocks, n, 3), and does not
+    depend on threads.
     """
     queries = x.shape[1]
     n, edges = v.shape[1], ends.shape[0]

@@ -1,0 +1,131 @@
+"""ALIGNet: control grids, volumes, and the training."""
+
+import numpy as np
+import pytest
+import torch
+from learned_deformation_toys import (
+    SHARED_MISTAKES,
+    assert_deforms,
+    assert_learns,
+    assert_refuses,
+    assert_resumes,
+    examples,
+    generator,
+    number_of_parameters,
+    points,
+)
+
+from bench import Run
+from bench.methods.deformation.alignnet import Alignnet
+from bench.methods.deformation.networks.grid_network import GridNetwork, monotone, occupancy, spacing, warp
+from bench.methods.deformation.training.grid_training import GridTraining, disagreement
+
+TOY = Alignnet(cells=4, voxels=8, channels=4, points=64, steps=3, batch=2)
+
+
+def even(cells, count=1):
+    return monotone(torch.full((count, 3, cells, cells, cells), spacing(cells)))
+
+
+def test_even_increments_are_the_identity():
+    grid, x = even(8, 2), points((2, 50, 3))
+    torch.testing.assert_close(warp(grid, x), x, atol=1e-6, rtol=0)
+    corner = torch.tensor([-1.0, 1.0])
+    torch.testing.assert_close(grid[0, :, 0, -1, 0], torch.tensor([-1.0, 1.0, -1.0]), atol=1e-6, rtol=0)
+    assert corner.tolist() == pytest.approx([float(grid[0, 2].min()), float(grid[0, 2].max())], abs=1e-6)
+
+
+def test_an_untrained_network_is_the_identity():
+    network = GridNetwork(8, 16, 4, 5, generator())
+    source, target = points((3, 50, 3)), points((3, 40, 3), 1)
+    torch.testing.assert_close(network(source, network.encode(source, target)), source, atol=1e-6, rtol=0)
+    assert 2 * number_of_parameters(Alignnet()._network()) < 1.5e6
+
+
+def test_monotone_grids_never_turn_back():
+    """Whatever the increments are: neighbours keep their order, and so do points on any line along an axis."""
+    grid = monotone(torch.randn(4, 3, 5, 5, 5, generator=generator()))
+    for axis in range(3):
+        assert (grid[:, axis].diff(dim=1 + axis) >= 0).all()
+        line = points((4, 1, 3)).repeat(1, 200, 1)
+        line[:, :, axis] = torch.linspace(-1, 1, 200)
+        assert (warp(grid, line)[:, :, axis].diff(dim=1) >= -1e-6).all()
+
+
+def test_a_grid_of_one_cell_an_axis_never_folds_where_its_increments_are_alike_across():
+    """Without shears the map is one monotone function for each axis: its derivative has no negative determinant."""
+    steps = torch.rand(3, 6, generator=generator()) + 0.01
+    increments = torch.stack(
+        [steps[axis].reshape([6 if k == axis else 1 for k in range(3)]).expand(6, 6, 6) for axis in range(3)]
+    )
+    x = points((40, 3)).double() * 0.99
+    slopes = torch.autograd.functional.jacobian(lambda p: warp(monotone(increments[None].double()), p[None]).sum(1), x)
+    determinants = torch.linalg.det(slopes[0].permute(1, 0, 2))
+    assert (determinants > 0).all()
+
+
+def test_a_warp_is_trilinear():
+    grid, x = monotone(torch.randn(1, 3, 4, 4, 4, generator=generator())), points((1, 20, 3), 1)
+    expected = []
+    for p in x[0].numpy():
+        place = (p + 1) / 2 * 3
+        low = np.minimum(place.astype(int), 2)
+        part = place - low
+        value = np.zeros(3)
+        for corner in np.ndindex(2, 2, 2):
+            weight = np.prod(np.where(corner, part, 1 - part))
+            value += weight * grid[0][(slice(None), *(low + corner))].numpy()
+        expected.append(value)
+    np.testing.assert_allclose(warp(grid, x)[0].numpy(), expected, atol=1e-5)
+
+
+def test_beyond_the_box_a_point_moves_like_the_nearest_one_within():
+    grid = monotone(torch.randn(1, 3, 4, 4, 4, generator=generator()))
+    edge = torch.tensor([[[1.0, 0.3, -1.0]]])
+    away = torch.tensor([[[0.5, 0.0, -2.0]]])
+    torch.testing.assert_close(warp(grid, edge + away) - away, warp(grid, edge))
+
+
+def test_cells_that_hold_a_point_are_occupied():
+    volume = occupancy(torch.tensor([[[-1.0, -1, -1], [0.99, -0.99, 0.1], [1, 1, 1]]]), 4)
+    assert volume.sum() == 3 and volume[0, 0, 0, 0] == volume[0, 3, 0, 2] == volume[0, 3, 3, 3] == 1
+
+
+def test_volumes_agree_where_the_grid_takes_one_to_the_other():
+    """A shift by one cell along x, by a grid that is shifted: half of a difference of 1 is what each cell costs."""
+    source = points((1, 60, 3)) * 0.6
+    target = source + torch.tensor([0.25, 0.0, 0.0])
+    assert disagreement(even(4), source, source, 8) == pytest.approx(0, abs=1e-8)
+    shifted = even(4) + torch.tensor([0.25, 0, 0]).reshape(1, 3, 1, 1, 1)
+    wrong = (occupancy(source, 8) - occupancy(target, 8)).abs().mean() / 2
+    assert float(disagreement(even(4), source, target, 8)) == pytest.approx(float(wrong), rel=1e-4)
+    assert float(disagreement(shifted, source, target, 8)) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("alignment", ["points", "volume"])
+def test_the_loss_is_zero_for_equal_shapes_and_an_even_grid(alignment):
+    method = Alignnet(cells=4, voxels=8, channels=4, points=64, alignment=alignment)
+    training = GridTraining(method._network(generator()), examples(), method, Run())
+    shapes = points((2, 1, 128, 3)).expand(-1, 2, -1, -1)
+    assert float(training.terms(shapes, np.random.default_rng(0), 0.0)) == pytest.approx(0, abs=1e-6)
+
+
+def test_a_training_goes_on_where_it_was_killed():
+    assert_resumes(TOY, examples())
+
+
+@pytest.mark.parametrize("alignment, share", [("points", 0.8), ("volume", 0.95)])
+def test_a_training_learns(alignment, share):
+    method = Alignnet(
+        cells=4, voxels=16, channels=8, points=128, steps=50, batch=3, alignment=alignment, learning_rate=3e-3
+    )
+    assert_learns(GridTraining(method._network(generator()), examples(), method, Run()), 50, share)
+
+
+def test_a_source_keeps_its_faces_in_any_frame():
+    assert_deforms(TOY, TOY.fit(examples(), Run()))
+
+
+def test_parameters_that_make_no_sense_are_refused():
+    own = {"cells": 1, "voxels": 10, "channels": 0, "narrow": 0, "alignment": "mesh", "even": -1.0}
+    assert_refuses(Alignnet, SHARED_MISTAKES | own)
