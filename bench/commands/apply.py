@@ -154,6 +154,11 @@ def _task_for(method: Any, output: str, inputs: int, parameters: list[str]) -> s
     kinds = {"mesh"} if suffix in MESH_SUFFIXES else {"cloud"} if suffix in CLOUD_SUFFIXES else {"mesh", "cloud"}
     classes = {t: registry().find("task", t).cls for t in tasks}
     fitting = [t for t, c in classes.items() if getattr(c, "output", "cloud") in kinds]
+    if tasks and not fitting:
+        from ..geometry.io.files import CLOUD_WRITERS, MESH_WRITERS
+
+        made, other = ("mesh", MESH_WRITERS) if kinds == {"cloud"} else ("cloud", CLOUD_WRITERS)
+        raise UsageError(f"{output}: method {method.name} gives a {made}; expected one of {' '.join(other)}")
     fitting = [t for t in fitting if inputs in getattr(classes[t], "files", (1,))] or fitting
     named = {word.partition("=")[0].partition(".")[2].partition(".")[0] for word in parameters}
     fitting = [t for t in fitting if named <= {f.name for f in registry().find("task", t).fields}] or fitting

@@ -8,6 +8,8 @@ from trainings import Logged, killed_and_resumed
 from trimesh.creation import box, icosphere
 
 from bench import PointCloud, Run
+from bench.datasets.furniture import Furniture
+from bench.geometry.sampling import sample_uniform
 from bench.methods.cages.cage_per_pair import CagePerPair
 from bench.methods.cages.losses.planes import neighbourhoods, planes
 from bench.methods.cages.losses.terms import asymmetry, chamfer, laplacian_term, negative_weights, plane_terms
@@ -17,6 +19,8 @@ from bench.methods.cages.networks.cage_network import CageNetwork, PoseNetwork
 from bench.methods.cages.neural_cages import NeuralCages
 from bench.methods.cages.training.pairs import Pairs
 from bench.plugins.registry import registry
+from bench.plugins.schema import parameters
+from bench.plugins.weights import load, shipped
 from bench.tasks.deform import Deform
 
 TINY = NeuralCages(points=64, code=16, batch=2, steps=6, neighbours=6)
@@ -207,3 +211,20 @@ def test_bad_parameters_are_refused(name):
     for parameter, value in (("points", 1), ("p2f", -1.0), ("steps", -1), ("learning_rate", 0.0), ("symmetry", -1.0)):
         with pytest.raises(ValueError, match=parameter):
             plugin(**{parameter: value})
+
+
+def test_the_weights_that_come_with_it_bring_a_chair_nearer_to_another():
+    plugin = registry().find("method", "neural_cages")
+    method = plugin.cls()
+    run = Run(seed=0)
+    run.weights = load(shipped(plugin, parameters(plugin, method)))
+    pairs = Furniture(category="chair", same_parts=False).pairs("test")
+    for pair in (next(pairs), next(pairs)):
+        case = Deform()._case_of("a", pair, 0)
+        output = method.deform(**case.input, run=run)
+        apart = [chamfer(*_clouds(mesh, case.reference.mesh)) for mesh in (output, case.input["source"])]
+        assert apart[0] < 0.85 * apart[1]
+
+
+def _clouds(*meshes):
+    return [torch.from_numpy(sample_uniform(mesh, 2000, np.random.default_rng(0))[0])[None] for mesh in meshes]
