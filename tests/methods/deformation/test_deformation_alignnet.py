@@ -107,19 +107,17 @@ def test_the_loss_is_zero_for_equal_shapes_and_an_even_grid(alignment):
     method = Alignnet(cells=4, voxels=8, channels=4, points=64, alignment=alignment)
     training = GridTraining(method._network(generator()), examples(), method, Run())
     shapes = points((2, 1, 128, 3)).expand(-1, 2, -1, -1)
-    assert float(training.terms(shapes, np.random.default_rng(0), 0.0)) == pytest.approx(0, abs=1e-6)
+    assert training.terms(shapes, np.random.default_rng(0), 0.0).item() == pytest.approx(0, abs=1e-6)
 
 
 def test_a_training_goes_on_where_it_was_killed():
     assert_resumes(TOY, examples())
 
 
-@pytest.mark.parametrize("alignment, share", [("points", 0.8), ("volume", 0.95)])
+@pytest.mark.parametrize("alignment, share", [("points", 0.7), ("volume", 0.95)])
 def test_a_training_learns(alignment, share):
-    method = Alignnet(
-        cells=4, voxels=16, channels=8, points=128, steps=50, batch=3, alignment=alignment, learning_rate=3e-3
-    )
-    assert_learns(GridTraining(method._network(generator()), examples(), method, Run()), 50, share)
+    method = Alignnet(cells=4, voxels=16, channels=8, points=64, batch=2, alignment=alignment, learning_rate=3e-3)
+    assert_learns(GridTraining(method._network(generator()), examples(), method, Run()), 30, share)
 
 
 def test_a_source_keeps_its_faces_in_any_frame():

@@ -85,7 +85,7 @@ def test_chamfer_has_the_derivative_of_finite_differences():
 def test_terms_are_zero_for_what_is_perfect():
     a = points((2, 40, 3))
     other = a[:, torch.randperm(40, generator=generator())]
-    assert chamfer(a, other) == 0 and squared(a, a) == 0 and earth_mover(a, other) == 0
+    assert chamfer(a, other) == 0 and squared(a, a) == 0 and earth_mover(a, other) == pytest.approx(0, abs=1e-4)
     assert distance(a, a) == pytest.approx(0, abs=1e-9)
     assert laplacian_change(a, a + 0.3, 20, 4) == pytest.approx(0, abs=1e-12)
     grad = torch.autograd.grad(distance(a.requires_grad_(), a.detach()), a)[0]
@@ -98,9 +98,10 @@ def test_the_earth_movers_distance_is_about_that_of_an_exact_matching():
     for x, y in zip(a.numpy(), b.numpy(), strict=True):
         cost = np.linalg.norm(x[:, None] - y[None], axis=2)
         exact.append(cost[linear_sum_assignment(cost)].mean())
-    assert float(earth_mover(a, b, rounds=20)) == pytest.approx(np.mean(exact), rel=0.06)
+    assert earth_mover(a, b).item() == pytest.approx(np.mean(exact), rel=0.1)
+    assert earth_mover(a, b, rounds=300).item() == pytest.approx(np.mean(exact), rel=0.02)
     shift = torch.tensor([0.01, 0, 0])
-    assert float(earth_mover(a, a + shift)) == pytest.approx(0.01, rel=1e-3)
+    assert float(earth_mover(a, a + shift)) == pytest.approx(0.01, rel=0.01)
 
 
 def test_the_change_of_the_laplacian_is_that_of_a_loop():
@@ -135,7 +136,7 @@ def test_all_terms_are_zero_where_the_shapes_are_one_that_is_symmetric():
     half = points((2, 1, 32, 3))
     shape = torch.cat([half, half * torch.tensor([-1.0, 1, 1])], dim=2)
     shapes = torch.cat([shape, shape], dim=2).expand(-1, 2, -1, -1)
-    assert float(training.terms(shapes, np.random.default_rng(0), 0.0)) == pytest.approx(0, abs=1e-6)
+    assert training.terms(shapes, np.random.default_rng(0), 0.0).item() == pytest.approx(0, abs=1e-6)
 
 
 def test_a_training_goes_on_where_it_was_killed():
@@ -143,8 +144,8 @@ def test_a_training_goes_on_where_it_was_killed():
 
 
 def test_a_training_learns():
-    method = ThreeDn(width=0.0625, points=64, steps=60, batch=3, matched=16, learning_rate=3e-3)
-    assert_learns(OffsetTraining(method._network(generator()), examples(), method, Run()), 60, 0.8)
+    method = ThreeDn(width=0.0625, points=64, batch=2, matched=16, learning_rate=5e-3)
+    assert_learns(OffsetTraining(method._network(generator()), examples(), method, Run()), 30, 0.9)
 
 
 def test_a_source_keeps_its_faces_in_any_frame():

@@ -1,0 +1,1 @@
+"""The networks that deform, and how shapes are brought to them."""
