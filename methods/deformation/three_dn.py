@@ -45,7 +45,7 @@ class ThreeDn:
     neighbours: int = 8  # whose mean it is relative to
     scale: float = 0.25  # shapes in training are scaled by up to this along each axis
     strangers: float = 0.5  # share of the pairs in training that are made anew, of shapes of two pairs
-    steps: int = 4000  # of training; 0 for as many as its seconds allow
+    steps: int = 3000  # of training; 0 for as many as its seconds allow
     batch: int = 4  # pairs of a step, each in both directions
     learning_rate: float = 1e-3  # of Adam (released: 5e-4)
     decay: float = 0.03  # factor of the learning rate over the last fifth of training

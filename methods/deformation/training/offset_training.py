@@ -10,7 +10,7 @@ from .pair_training import PairTraining, crossed
 from .terms import chamfer, earth_mover, laplacian_change, squared
 
 STEP = 0.005  # between two points that must keep their order
-PART = 256  # points that stand for all in the terms of order and of shape
+PART = 128  # points that stand for all in the terms of order and of shape
 AXES = "xyz"
 
 
