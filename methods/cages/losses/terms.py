@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from .planes import planes
+from .planes import EXACT, planes
 
 MIRROR_X = (-1.0, 1.0, 1.0)
 
@@ -13,7 +13,7 @@ MIRROR_X = (-1.0, 1.0, 1.0)
 def chamfer(a: Tensor, b: Tensor) -> Tensor:
     """mean_a min_b |a - b|^2 + mean_b min_a |a - b|^2 of clouds (b, p, 3) and (b, q, 3), over the batch too."""
     with torch.no_grad():
-        distances = torch.cdist(a, b)
+        distances = torch.cdist(a, b, compute_mode=EXACT)
         there, back = distances.argmin(dim=2), distances.argmin(dim=1)
     return _squared(a, _taken(b, there)) + _squared(b, _taken(a, back))
 
