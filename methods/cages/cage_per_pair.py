@@ -55,7 +55,7 @@ class CagePerPair:
         import torch
 
         from .meshes.boxes import boxed
-        from .meshes.templates import ball_cage, cage_mesh
+        from .meshes.round_cages import ball_cage, cage_mesh
         from .training.one_pair import Descent
 
         torch.set_num_threads(run.threads)

@@ -98,7 +98,7 @@ class NeuralCages:
         from ..learned.networks.loading import loaded
         from .coordinates.deforming import deformed
         from .meshes.boxes import boxed
-        from .meshes.templates import cage_mesh
+        from .meshes.round_cages import cage_mesh
 
         torch.set_num_threads(run.threads)
         network, faces = self._network()
@@ -116,7 +116,7 @@ class NeuralCages:
     def _network(self, generator: Any = None) -> tuple[CageNetwork, np.ndarray]:
         import torch
 
-        from .meshes.templates import sphere_cage
+        from .meshes.round_cages import sphere_cage
         from .networks.cage_network import CageNetwork
 
         template, faces = sphere_cage()

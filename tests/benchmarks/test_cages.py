@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from bench.methods.cages.coordinates.mean_value import load_compiled, mean_value_coordinates
-from bench.methods.cages.meshes.templates import sphere_cage
+from bench.methods.cages.meshes.round_cages import sphere_cage
 
 RELEASED = 5.3, 6.5  # seconds forwards and backwards, on two cores
 

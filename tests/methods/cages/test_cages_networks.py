@@ -14,7 +14,7 @@ from bench.methods.cages.cage_per_pair import CagePerPair
 from bench.methods.cages.losses.planes import neighbourhoods, planes
 from bench.methods.cages.losses.terms import asymmetry, chamfer, laplacian_term, negative_weights, plane_terms
 from bench.methods.cages.meshes.boxes import boxed
-from bench.methods.cages.meshes.templates import ball_cage, sphere_cage
+from bench.methods.cages.meshes.round_cages import ball_cage, sphere_cage
 from bench.methods.cages.networks.cage_network import CageNetwork, PoseNetwork
 from bench.methods.cages.neural_cages import NeuralCages
 from bench.methods.cages.training.pairs import Pairs
