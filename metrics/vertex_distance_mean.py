@@ -27,7 +27,9 @@ class VertexDistanceMean:
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:
         """``vertex_distance_mean``; ``{}`` where it does not apply."""
         reference = case.reference.mesh
-        if len(output.vertices) != len(reference.vertices) or not np.array_equal(output.faces, reference.faces):
+        if not len(output.faces) or not np.array_equal(output.faces, reference.faces):
             return {}
-        apart = np.linalg.norm(np.asarray(output.vertices) - np.asarray(reference.vertices), axis=1)
-        return {"vertex_distance_mean": float(apart[is_used(reference)].mean())}
+        count = int(reference.faces.max()) + 1  # behind these there may be vertices that no face uses, in either mesh
+        ours, theirs = (np.asarray(mesh.vertices)[:count] for mesh in (output, reference))
+        apart = np.linalg.norm(ours - theirs, axis=1)
+        return {"vertex_distance_mean": float(apart[is_used(reference)[:count]].mean())}
