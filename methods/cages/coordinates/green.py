@@ -26,6 +26,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from .arguments import check
 from .mean_value_torch import in_chunks
 
 ON_CAGE = 1e-9  # of the largest distance to a vertex
@@ -72,7 +73,7 @@ def green_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndar
     (tensor([[0.2764, 0.2412, 0.2412, 0.2412]]), tensor([[0.1037, 0.1037, 0.1037, 0.1949]]))
     """
     faces = _numbers(faces).to(queries.device)
-    _check(queries, vertices, faces)
+    check(queries, vertices, faces)
     batched = queries.ndim == 3 or vertices.ndim == 3
     x = (queries if queries.ndim == 3 else queries[None]).double()
     v = (vertices if vertices.ndim == 3 else vertices[None]).to(x)
@@ -210,20 +211,6 @@ def _root(square: Tensor) -> Tensor:
 def _length(vector: Tensor, instead_of_0: float = 0.0) -> Tensor:
     length = _root(_dot(vector, vector))
     return torch.where(length > 0, length, instead_of_0)
-
-
-def _check(queries: Tensor, vertices: Tensor, faces: Tensor) -> None:
-    for name, tensor in (("queries", queries), ("vertices", vertices)):
-        if tensor.ndim not in (2, 3) or tensor.shape[-1] != 3:
-            raise ValueError(f"{name}: expected shape (n, 3) or (b, n, 3), got {tuple(tensor.shape)}")
-    if queries.ndim == vertices.ndim == 3 and len(queries) != len(vertices) and 1 not in (len(queries), len(vertices)):
-        raise ValueError(f"expected as many cages as sets of queries, got {len(vertices)} and {len(queries)}")
-    if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
-        raise ValueError(f"faces: expected shape (f, 3), got {tuple(faces.shape)}")
-    if faces.min() < 0 or faces.max() >= vertices.shape[-2]:
-        raise ValueError(
-            f"faces: expected numbers from 0 to {vertices.shape[-2] - 1}, got {int(faces.min())}..{int(faces.max())}"
-        )
 
 
 def _check_outward(v: Tensor, faces: Tensor) -> None:

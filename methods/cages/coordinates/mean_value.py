@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ...learned.compiled.pool import in_parts
+from .arguments import check
 from .edges import Edges, edges_of
 from .mean_value_loops import BLOCK, coordinates, derivatives
 
@@ -51,7 +52,7 @@ def mean_value_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np
     """
     faces = faces.cpu().numpy() if isinstance(faces, Tensor) else faces
     faces = np.ascontiguousarray(faces, dtype=np.int64)
-    _check(queries, vertices, faces)
+    check(queries, vertices, faces)
     batched = queries.ndim == 3 or vertices.ndim == 3
     x = queries if queries.ndim == 3 else queries[None]
     v = vertices if vertices.ndim == 3 else vertices[None]
@@ -71,20 +72,6 @@ def load_compiled() -> None:
     corners = torch.eye(4, 3, requires_grad=True)
     faces = np.array([[3, 1, 0], [3, 0, 2], [3, 2, 1], [0, 1, 2]])
     mean_value_coordinates(torch.full((1, 3), 0.2), corners, faces).square().sum().backward()
-
-
-def _check(queries: Tensor, vertices: Tensor, faces: np.ndarray) -> None:
-    for name, tensor in (("queries", queries), ("vertices", vertices)):
-        if tensor.ndim not in (2, 3) or tensor.shape[-1] != 3:
-            raise ValueError(f"{name}: expected shape (n, 3) or (b, n, 3), got {tuple(tensor.shape)}")
-    if queries.ndim == vertices.ndim == 3 and len(queries) != len(vertices) and 1 not in (len(queries), len(vertices)):
-        raise ValueError(f"expected as many cages as sets of queries, got {len(vertices)} and {len(queries)}")
-    if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
-        raise ValueError(f"faces: expected shape (f, 3), got {faces.shape}")
-    if faces.min() < 0 or faces.max() >= vertices.shape[-2]:
-        raise ValueError(
-            f"faces: expected numbers from 0 to {vertices.shape[-2] - 1}, got {faces.min()}..{faces.max()}"
-        )
 
 
 class _MeanValue(torch.autograd.Function):

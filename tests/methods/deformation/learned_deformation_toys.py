@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import torch
+from trainings import killed_and_resumed
 from trimesh import Trimesh
 from trimesh.creation import box, icosphere
 from trimesh.util import concatenate
@@ -53,30 +54,9 @@ def examples(pairs: int = 4) -> dict[str, np.ndarray]:
     return {"points": np.array(stored).reshape(-1, 2, COUNT, 3), "extents": np.array(extents).reshape(-1, 2, 3)}
 
 
-class Killed(Exception):
-    """Somebody stopped the training."""
-
-
-class Dying(Run):
-    """A run that is killed at one of its checkpoints."""
-
-    def __init__(self, at: int, **more):
-        super().__init__(**more)
-        self.at, self.stored, self.count = at, None, 0
-
-    def checkpoint(self, make):
-        self.stored, self.count = make(), self.count + 1
-        if self.count == self.at:
-            raise Killed
-
-
 def assert_resumes(method, data, at: int = 1) -> None:
     """A training that is killed ends with the weights of one that is not, to the bit."""
-    run = Dying(at, seed=3)
-    try:
-        method.fit(data, run)
-    except Killed:
-        resumed = method.fit(data, Run(seed=3, resumed=run.stored))
+    resumed = killed_and_resumed(method, data, at)
     whole = method.fit(data, Run(seed=3))
     assert whole.keys() == resumed.keys()
     assert all(np.array_equal(whole[name], resumed[name]) for name in whole)
