@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+TIE = 1e-9  # metres: bones whose distances differ by less are equally near
+
 
 def heat_weights(V: np.ndarray, F: np.ndarray, joints: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Weights of bones that diffuse along the surface (Baran and Popovic 2007, Eq. 1).
@@ -21,7 +23,7 @@ def heat_weights(V: np.ndarray, F: np.ndarray, joints: np.ndarray, ends: np.ndar
     distance = np.column_stack([_to_segment(V, a, b) for a, b in zip(joints, ends, strict=True)])
     nearest = distance.min(axis=1)
     heat = _masses(V, F) / nearest**2
-    owner = (distance == nearest[:, None]).astype(float)
+    owner = (distance <= nearest[:, None] + TIE).astype(float)  # equal but for rounding is equal
     owner /= owner.sum(axis=1, keepdims=True)
     W = splu((_laplacian(V, F) + diags_array(heat)).tocsc()).solve(heat[:, None] * owner)
     W = np.maximum(W, 0)
