@@ -20,6 +20,7 @@ _EXPORTS = {
     "register": "plugins.registry",
     "PointCloud": "geometry.cloud",
     "Shape": "contract.shape",
+    "PoseTransfer": "contract.shape",
     "ShapePair": "contract.shape",
     "Effect": "contract.sensors",
     "Surface": "contract.shape",
@@ -59,6 +60,7 @@ __all__ = [
     "PointCloud",
     "Run",
     "Shape",
+    "PoseTransfer",
     "ShapePair",
     "Step",
     "Surface",
@@ -81,7 +83,7 @@ if TYPE_CHECKING:
     from .contract.case import Case
     from .contract.run import Run
     from .contract.sensors import Effect, Step, build_steps, given_by
-    from .contract.shape import Shape, ShapePair, Surface
+    from .contract.shape import PoseTransfer, Shape, ShapePair, Surface
     from .contract.task import CaseRecipe, Task, validate_cloud, validate_mesh
     from .contract.views import Views
     from .errors import BadInput, InvalidOutput, MissingData, MissingLibrary, UsageError

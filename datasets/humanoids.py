@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import count
 from math import pi
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from bench import Shape, ShapePair, generator, register
+from bench import PoseTransfer, Shape, ShapePair, generator, register
 
-from .figures.bodies import template
+from .figures.bodies import skin, template
 from .figures.builds import Build, draw_build, shaped
+from .figures.characters import CHARACTERS, STOUT
+from .figures.landmarks import JointLandmarks
 from .figures.poses import KEYS, draw_pose
-from .figures.skeleton import ENDS, REST, forward, rotation_about
-from .figures.skinning import dual_quaternion_skinning, heat_weights
+from .figures.skeleton import forward, rotation_about
+from .figures.skinning import dual_quaternion_skinning
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -32,19 +34,7 @@ _MARKS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class PoseTransfer:
-    """One problem of pose transfer: bring ``character`` into the pose that the template has in ``template_posed``.
-
-    All four shapes have the same faces and vertex order.
-    """
-
-    id: str
-    template: Shape  # the mean body at rest
-    template_posed: Shape
-    character: Shape  # another body at rest
-    character_posed: Shape  # the truth
-    landmarks: Mapping[str, int]
+KINDS = ("body", *CHARACTERS)  # of characters
 
 
 @register("dataset", requires=("open3d", "scipy", "skimage", "trimesh"))
@@ -60,12 +50,15 @@ class Humanoids:
 
     jitter: float = 6.0  # deviation of the joint angles from the key pose, in degrees
     variety: float = 1.0  # how far builds are from the mean: 0 is one body for all, 1 the full range
+    characters: Literal["all", "body", "robot", "skeleton", "stout"] = "all"  # of pose transfer: in turn, or one kind
 
     def __post_init__(self) -> None:
         if not 0 <= self.jitter <= 15:
             raise ValueError(f"jitter: expected 0 to 15 degrees, got {self.jitter}")
         if not 0 <= self.variety <= 1:
             raise ValueError(f"variety: expected 0 to 1, got {self.variety}")
+        if self.characters not in ("all", *KINDS):
+            raise ValueError(f"characters: expected all, {', '.join(KINDS)}; got {self.characters!r}")
 
     def shapes(self, split: str) -> Iterator[Shape]:
         """Posed bodies, each of its own build, turned at random about the vertical."""
@@ -93,19 +86,26 @@ class Humanoids:
             yield ShapePair(id, source, _shape(f"{id}-target", build, pose, key), Landmarks())
 
     def transfers(self, split: str) -> Iterator[PoseTransfer]:
-        """Problems of pose transfer: the pose is given on the mean body and asked for on another."""
+        """Problems of pose transfer: somebody of another build is seen in the pose, and a character is to take it.
+
+        Characters are another body on the template's faces, a robot of rigid parts, a skeleton of thin bones, and a
+        stout body on a mesh of its own.
+        """
         for index in count():
             rng = generator("humanoids transfers", split, index)
             key, id = self._key(index), f"humanoids-{split}-{index:03d}"
-            build = draw_build(rng, self.variety)
-            pose = draw_pose(key, rng, self.jitter, [Build(), build])
+            kind = KINDS[(index + index // len(KEYS)) % len(KINDS)] if self.characters == "all" else self.characters
+            seen, other = draw_build(rng, self.variety), draw_build(rng, self.variety)
+            pose = draw_pose(key, rng, self.jitter, [Build(), seen, STOUT if kind == "stout" else other])
+            character = partial(posed_body, other) if kind == "body" else partial(posed_character, kind)
             yield PoseTransfer(
                 id,
                 _shape(f"{id}-template", Build(), None, "rest"),
                 _shape(f"{id}-template-posed", Build(), pose, key),
-                _shape(f"{id}-character", build, None, "rest"),
-                _shape(f"{id}-character-posed", build, pose, key),
-                Landmarks(),
+                _shape(f"{id}-target", seen, pose, key),
+                _character(f"{id}-character", kind, character, None),
+                _character(f"{id}-character-posed", kind, character, pose),
+                JointLandmarks(partial(posed_body, Build(), None), partial(character, None)),
             )
 
     def _key(self, index: int) -> str:
@@ -124,27 +124,33 @@ def _shape(id: str, build: Build, pose: np.ndarray | None, key: str) -> Shape:
     )
 
 
+def _character(id: str, kind: str, figure: Callable, pose: np.ndarray | None) -> Shape:
+    return Shape(id, lambda: figure(pose)[0], tags=(kind,), info={"character": kind}, exactness="mesh")
+
+
 def posed_body(build: Build, pose: np.ndarray | None) -> tuple[Trimesh, np.ndarray]:
     """The mesh of a body, its lowest point at z = 0, and where its joints are (joints, 3)."""
+    V, F = template()
+    return _posed(*shaped(V, skin(), build), F, skin(), pose)
+
+
+def posed_character(kind: str, pose: np.ndarray | None) -> tuple[Trimesh, np.ndarray]:
+    """The mesh of a robot, a skeleton or a stout body, its lowest point at z = 0, and its joints (joints, 3)."""
+    V, F, W, joints = CHARACTERS[kind]()
+    return _posed(V, joints, F, W, pose)
+
+
+def _posed(
+    V: np.ndarray, joints: np.ndarray, F: np.ndarray, W: np.ndarray, pose: np.ndarray | None
+) -> tuple[Trimesh, np.ndarray]:
     from trimesh import Trimesh
 
-    V, F = template()
-    V, joints = shaped(V, skin(), build)
     if pose is not None:
         turns, shifts = forward(joints, pose)
-        V = dual_quaternion_skinning(V, skin(), turns, shifts)
+        V = dual_quaternion_skinning(V, W, turns, shifts)
         joints = np.einsum("jab,jb->ja", turns, joints) + shifts
     ground = np.array([0, 0, V[:, 2].min()])
     return Trimesh(V - ground, F, process=False), joints - ground
-
-
-@cache
-def skin() -> np.ndarray:
-    """The skinning weights (v, joints) of the template."""
-    V, F = template()
-    W = heat_weights(V, F, REST, ENDS)
-    W.setflags(write=False)
-    return W
 
 
 class Landmarks(Mapping):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..contract.shape import Shape, ShapePair
+from ..contract.shape import PoseTransfer, Shape, ShapePair
 from ..errors import BadInput, InvalidOutput, UsageError
 from ..plugins.schema import build
 
@@ -248,6 +248,14 @@ def correspondence_complaints(item: Any, shapes: Mapping[str, Shape]) -> list[st
         rows = [{k: np.shape(v)[:1] for k, v in _attributes(shape).items()} for shape in shapes.values()]
         if rows[0] != rows[1]:
             found.append(f"source and target have other attributes: {sorted(rows[0])} and {sorted(rows[1])}")
+    if isinstance(item, PoseTransfer):
+        for one, other in (("template", "template_posed"), ("character", "character_posed")):
+            if not np.array_equal(meshes[one].faces, meshes[other].faces):
+                found.append(f"{one} and {other} have other faces; expected the same, in the same order")
+        for name, places in item.landmarks.items():
+            if np.shape(places) != (2, 3) or not np.isfinite(places).all():
+                found.append(f"the landmark {name} is {places!r}; expected a place on template and character, (2, 3)")
+        return [f"{item.id}: {complaint}" for complaint in found]
     count = min(len(mesh.vertices) for mesh in meshes.values())
     for name, vertex in dict(getattr(item, "landmarks", None) or {}).items():
         if not isinstance(vertex, (int, np.integer)) or not 0 <= vertex < count:

@@ -1,4 +1,4 @@
-"""Shapes and their exact surfaces: :class:`Shape`, :class:`Surface` and :class:`ShapePair`."""
+"""Shapes and their exact surfaces: :class:`Shape`, :class:`Surface`, :class:`ShapePair`, :class:`PoseTransfer`."""
 
 from __future__ import annotations
 
@@ -224,3 +224,36 @@ class ShapePair:
     target: Shape
     landmarks: Mapping[str, int] = field(default_factory=dict)
     corresponding: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTransfer:
+    """One problem of pose transfer: a character is to take the pose in which somebody else is seen.
+
+    All are in the same coordinates, upright and facing the same way.
+
+    Attributes
+    ----------
+    id : str
+        Unique in its dataset and split, usable as a file name.
+    template : Shape
+        The body that poses are learned on, at rest.
+    template_posed : Shape
+        The template in the pose; its faces and vertices correspond to the template's.
+    target : Shape
+        Who is seen in the pose: another body, or the posed template.
+    character : Shape
+        At rest; any mesh.
+    character_posed : Shape
+        The truth, with the character's faces and vertices.
+    landmarks : mapping from names to (2, 3) arrays
+        The same place on the template at rest and on the character at rest.
+    """
+
+    id: str
+    template: Shape
+    template_posed: Shape
+    target: Shape
+    character: Shape
+    character_posed: Shape
+    landmarks: Mapping[str, np.ndarray] = field(default_factory=dict)

@@ -14,6 +14,7 @@ from ..contract.shape import Shape, ShapePair
 from ..contract.task import CaseRecipe, Task, generic_words, validate_mesh
 from ..errors import BadInput, InvalidOutput, UsageError
 from ..geometry.cloud import Frame, PointCloud
+from ..geometry.shuffling import shuffled
 from ..plugins.registry import register
 from ..seeds import generator
 
@@ -87,11 +88,7 @@ class Deform(Task):
         rng = generator(seed, id, "target")
         if self.target == "cloud":
             return PointCloud(*reference.surface.sample(self.points, rng))
-        mesh = reference.mesh
-        order, faces = rng.permutation(len(mesh.vertices)), rng.permutation(len(mesh.faces))
-        number = np.empty(len(order), dtype=np.int64)
-        number[order] = np.arange(len(order))
-        return _mesh(mesh.vertices[order], number[mesh.faces[faces]])
+        return shuffled(reference.mesh, rng)[0]
 
     def _input(self, source: Trimesh, target: Trimesh | PointCloud, frame: Frame) -> dict[str, Any]:
         """The arguments of the method's function; the target is in the frame already, the source is not."""
@@ -153,13 +150,9 @@ class Deform(Task):
 
     def save(self, output: Trimesh, path: str, paths: Sequence[str]) -> None:
         """Write an output. From OBJ to OBJ, all but the source's coordinates stays: UVs, groups, material."""
-        from ..geometry.io.files import save
-        from ..geometry.io.obj_vertices import save_with_vertices
+        from ..geometry.io.obj_vertices import save_deformed
 
-        if str(path).lower().endswith(".obj") and str(paths[0]).lower().endswith(".obj"):
-            save_with_vertices(paths[0], np.asarray(output.vertices), path)
-        else:
-            save(output, path)
+        save_deformed(output, path, paths[0])
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
         """Hold an output against the promise."""

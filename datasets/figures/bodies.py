@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 
 from .skeleton import ENDS, NAMES, REST
+from .skinning import heat_weights
 
 VERTICES = 7000  # of the template, about
 STEP = 0.0075  # of the grid in metres, about the radius of a finger
@@ -222,6 +223,15 @@ def template() -> tuple[np.ndarray, np.ndarray]:
     V.setflags(write=False)
     F.setflags(write=False)
     return V, F
+
+
+@cache
+def skin() -> np.ndarray:
+    """The skinning weights (v, joints) of the template."""
+    V, F = template()
+    W = heat_weights(V, F, REST, ENDS)
+    W.setflags(write=False)
+    return W
 
 
 def _sampled(field: Field) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ from bench import PointCloud, Run, register
 from bench.geometry.hopeless import no_faces, no_points
 
 if TYPE_CHECKING:
+    import numpy as np
     from trimesh import Trimesh
 
     from bench import Views
@@ -40,5 +42,16 @@ class Empty:
         return no_points()
 
     def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:
+        """A mesh without vertices and faces."""
+        return no_faces()
+
+    def pose_transfer(
+        self,
+        source: Trimesh,
+        template: Trimesh,
+        landmarks: Mapping[str, np.ndarray],
+        target: Trimesh | PointCloud,
+        run: Run,
+    ) -> Trimesh:
         """A mesh without vertices and faces."""
         return no_faces()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -54,4 +55,15 @@ class Identity:
 
     def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:
         """The source as it is."""
+        return source.copy()
+
+    def pose_transfer(
+        self,
+        source: Trimesh,
+        template: Trimesh,
+        landmarks: Mapping[str, np.ndarray],
+        target: Trimesh | PointCloud,
+        run: Run,
+    ) -> Trimesh:
+        """The character at rest."""
         return source.copy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from bench.geometry.check import check_points
 from bench.geometry.hopeless import SIZE, random_cloud, random_triangles
 
 if TYPE_CHECKING:
+    import numpy as np
     from trimesh import Trimesh
 
     from bench import Views
@@ -50,3 +52,14 @@ class Noise:
         output = source.copy()
         output.vertices = random_cloud(len(source.vertices), run.rng).points
         return output
+
+    def pose_transfer(
+        self,
+        source: Trimesh,
+        template: Trimesh,
+        landmarks: Mapping[str, np.ndarray],
+        target: Trimesh | PointCloud,
+        run: Run,
+    ) -> Trimesh:
+        """The faces of the character between random vertices."""
+        return self.deform(source, target, run)

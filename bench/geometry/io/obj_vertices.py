@@ -5,10 +5,32 @@ from __future__ import annotations
 import contextlib
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import BadInput, UsageError
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+def save_deformed(output: Trimesh, path: str | Path, source: str | Path) -> None:
+    """Write a deformed mesh; from OBJ to OBJ, all of the source's file but coordinates and normals stays.
+
+    Raises
+    ------
+    BadInput
+        If the source's file cannot be read any more, or has another number of vertices.
+    UsageError
+        If the file cannot be written.
+    """
+    from .files import save
+
+    if str(path).lower().endswith(".obj") and str(source).lower().endswith(".obj"):
+        save_with_vertices(source, np.asarray(output.vertices), path)
+    else:
+        save(output, path)
 
 
 def save_with_vertices(source: str | Path, vertices: np.ndarray, path: str | Path) -> None:

@@ -104,7 +104,7 @@ class PoseNetwork(nn.Module):
         self.encoder = Encoder(code, nn.Tanh())
         self.deforming = AllOffsets(code, len(cage))
         draw_weights(self, generator)
-        self.register_buffer("cage", cage.clone(), persistent=False)
+        self.register_buffer("cage", cage.clone())  # with the weights: they are worth nothing around another one
 
     def forward(self, target: Tensor) -> Tensor:
         """Of points (b, q, 3), deformed cages (b, n, 3)."""

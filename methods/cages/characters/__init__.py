@@ -1,0 +1,1 @@
+"""Cages around bodies: one for a template, fitted to other characters, and posed."""

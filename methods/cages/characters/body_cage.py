@@ -1,0 +1,75 @@
+"""A coarse cage around a body, made from the body itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench import BadInput
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+DISTANCE = 0.042  # between a body and its cage, in longest edges of its box (7.5 cm of 1.8 m)
+CELLS = 90  # of the grid along that edge
+TRIES = 6  # distances, each a fifth larger, until all of the body is inside
+
+
+def body_cage(mesh: Trimesh, vertices: int, distance: float = DISTANCE) -> tuple[np.ndarray, np.ndarray]:
+    """A closed mesh of about so many vertices around all vertices of ``mesh``, its faces outward.
+
+    The surface at a distance from the body is marched on a grid and thinned by edge collapses under the quadric error;
+    where that lets the body stick out, the distance is raised.
+
+    Raises
+    ------
+    BadInput
+        If no such cage was found: ``vertices`` are too few for the mesh.
+    """
+    from scipy.spatial import cKDTree
+    from skimage.measure import marching_cubes
+    from trimesh import Trimesh
+
+    from bench.geometry.mesh_surface import MeshSurface
+    from bench.geometry.used import used_vertices
+    from bench.geometry.winding import inside
+
+    used = used_vertices(mesh)
+    low, size = used.min(axis=0), float(np.ptp(used, axis=0).max())
+    cell = size / CELLS
+    margin = 2.2 * distance * size + 2 * cell
+    counts = np.ceil((np.ptp(used, axis=0) + 2 * margin) / cell).astype(int) + 1
+    grid = low - margin + cell * np.indices(counts).reshape(3, -1).T
+    field = cKDTree(used).query(grid)[0]  # far from the body its vertices do for the surface
+    close = field < 2.5 * distance * size
+    field[close] = MeshSurface(mesh).project(grid[close]).distance
+    for attempt in range(TRIES):
+        level = 1.2**attempt * distance * size
+        places, faces, _, _ = marching_cubes(field.reshape(counts), level, spacing=(cell,) * 3)
+        outer = max(
+            Trimesh(places, faces, process=False).split(only_watertight=True),
+            key=lambda part: float(np.ptp(part.vertices, axis=0).prod()),
+            default=None,
+        )
+        if outer is None:
+            continue
+        cage, faces = _thinned(np.asarray(outer.vertices, dtype=np.float64) + low - margin, outer.faces, vertices)
+        if Trimesh(cage, faces, process=False).is_watertight and inside(cage, faces, used).all():
+            return cage, faces
+    raise BadInput(
+        f"no cage of about {vertices} vertices holds the template; expected a single body, or more vertices "
+        "(method.cage_vertices)"
+    )
+
+
+def _thinned(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    from open3d.geometry import TriangleMesh
+    from open3d.utility import Vector3dVector, Vector3iVector
+    from trimesh import Trimesh
+
+    mesh = TriangleMesh(Vector3dVector(vertices), Vector3iVector(np.array(faces)))
+    mesh = mesh.simplify_quadric_decimation(2 * count - 4)  # faces of a closed surface without handles
+    thin = Trimesh(np.array(mesh.vertices), np.array(mesh.triangles, dtype=np.int64), process=False)
+    turned = thin.faces[:, ::-1] if thin.volume < 0 else thin.faces
+    return np.array(thin.vertices), np.array(turned)
