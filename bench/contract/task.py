@@ -178,6 +178,22 @@ class Task:
         raise InvalidOutput(f"task {type(self).__name__} does not say what it accepts")
 
 
+def describe_target(target: Any) -> dict[str, float]:
+    """How many points or vertices are given of a target, for :meth:`Task.describe`."""
+    if isinstance(target, PointCloud):
+        return {"target_points": float(len(target))}
+    return {"target_vertices": float(len(target.vertices))}
+
+
+def target_words(medians: Mapping[str, float]) -> str:
+    """What is given of the targets, as the end of a list."""
+    if "target_points" in medians:
+        return f"; targets are clouds of {medians['target_points']:,.0f} points"
+    if "target_vertices" in medians:
+        return f"; targets are meshes of {medians['target_vertices']:,.0f} vertices"
+    return ""
+
+
 def generic_words(medians: Mapping[str, float]) -> str:
     """What is said of the inputs of a task that has no sentence of its own: ``input, median ...: views=24.``"""
     values = ", ".join(f"{key}={value:.4g}" for key, value in medians.items())

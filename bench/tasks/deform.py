@@ -11,7 +11,7 @@ import numpy as np
 
 from ..contract.case import Case
 from ..contract.shape import Shape, ShapePair
-from ..contract.task import CaseRecipe, Task, generic_words, validate_mesh
+from ..contract.task import CaseRecipe, Task, describe_target, generic_words, target_words, validate_mesh
 from ..errors import BadInput, InvalidOutput, UsageError
 from ..geometry.cloud import Frame, PointCloud
 from ..geometry.shuffling import shuffled
@@ -108,16 +108,17 @@ class Deform(Task):
         return len(used_vertices(input["source"]))
 
     def describe(self, case: Case) -> dict[str, float]:
-        """How many vertices and faces the source has."""
+        """How many vertices and faces the source has, and how many points or vertices are given of the target."""
         source = case.input["source"]
-        return {"source_vertices": float(self.expected(case.input)), "source_faces": float(len(source.faces))}
+        own = {"source_vertices": float(self.expected(case.input)), "source_faces": float(len(source.faces))}
+        return own | describe_target(case.input["target"])
 
     def describe_words(self, medians: Mapping[str, float]) -> str:
         """The same, in a sentence."""
         if "source_vertices" not in medians:
             return generic_words(medians)
-        given = f"clouds of {self.points:,} points" if self.target == "cloud" else "meshes in random order"
-        return f"sources of {medians['source_vertices']:,.0f} vertices (median of the cases); targets are {given}."
+        given = target_words(medians)
+        return f"sources of {medians['source_vertices']:,.0f} vertices{given} (medians of the cases)."
 
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
         """The mesh SOURCE and the TARGET, a mesh or a cloud; the frame is the target's.

@@ -14,7 +14,7 @@ import numpy as np
 from ..contract.case import Case
 from ..contract.shape import PoseTransfer as Problem
 from ..contract.shape import Shape
-from ..contract.task import CaseRecipe, Task, generic_words, validate_mesh
+from ..contract.task import CaseRecipe, Task, describe_target, generic_words, target_words, validate_mesh
 from ..errors import BadInput, InvalidOutput, UsageError
 from ..geometry.cloud import Frame, PointCloud
 from ..geometry.shuffling import shuffled
@@ -113,7 +113,7 @@ class PoseTransfer(Task):
 
         used = is_used(case.reference.mesh)
         apart = (np.asarray(case.input["source"].vertices) - np.asarray(case.reference.mesh.vertices))[used]
-        return {
+        return describe_target(case.input["target"]) | {
             "source_vertices": float(self.expected(case.input)),
             "landmarks": float(len(case.input["landmarks"])),
             "at_rest": float(np.linalg.norm(apart - apart.mean(axis=0), axis=1).mean()),
@@ -123,14 +123,9 @@ class PoseTransfer(Task):
         """The same, in a sentence."""
         if "at_rest" not in medians:
             return generic_words(medians)
-        given = {
-            "cloud": f"clouds of {self.points:,} points",
-            "mesh": "meshes in random order",
-            "corresponding": "the posed template, vertex by vertex",
-        }[self.target]
         return (
-            f"characters of {medians['source_vertices']:,.0f} vertices with {medians['landmarks']:.0f} landmarks "
-            f"(medians of the cases); at rest they are {medians['at_rest']:.2g} from the truth; targets are {given}."
+            f"characters of {medians['source_vertices']:,.0f} vertices with {medians['landmarks']:.0f} landmarks, at "
+            f"rest {medians['at_rest']:.2g} from the truth{target_words(medians)} (medians of the cases)."
         )
 
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:

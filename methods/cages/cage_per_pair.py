@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from bench import PointCloud, Run, register
 
 if TYPE_CHECKING:
+    import numpy as np
     from trimesh import Trimesh
 
 
@@ -19,6 +21,9 @@ class CagePerPair:
     The cage is a round one about the source's box that stays as it is; the loss is the Chamfer distance between points
     of both surfaces and what keeps the shape (Eq. 5.5, 5.6 and symmetry). It has no idea of what a chair is: a leg
     goes to whatever is nearest.
+
+    A character is posed (``pose_transfer``) by the cage of the template, which descends to the target in the same way,
+    and then as by ``character_cages``: the cage is fitted to the character by landmarks, and moved by the offsets.
     """
 
     subdivisions: int = 1  # of the cage: 12, 42, 162, ... vertices
@@ -32,9 +37,17 @@ class CagePerPair:
     neighbours: int = 16  # of a neighbourhood
     steps: int = 300
     learning_rate: float = 0.02  # of Adam; it falls to a tenth over the last half
+    cage_vertices: int = 77  # of the cage around the template of a pose transfer, about
 
     def __post_init__(self) -> None:
-        for name, least in (("subdivisions", 0), ("points", 16), ("redraw", 1), ("neighbours", 4), ("steps", 1)):
+        for name, least in (
+            ("subdivisions", 0),
+            ("points", 16),
+            ("redraw", 1),
+            ("neighbours", 4),
+            ("steps", 1),
+            ("cage_vertices", 20),
+        ):
             if getattr(self, name) < least:
                 raise ValueError(f"{name}: expected at least {least}, got {getattr(self, name)}")
         for name in ("p2f", "normal", "symmetry"):
@@ -66,3 +79,28 @@ class CagePerPair:
         for name, place in (("cage", cage), ("deformed_cage", moved)):
             run.keep(name, lambda place=place: cage_mesh(pair.scale * place + pair.centre, faces))
         return pair.restored(source, descent.deformed(pair.vertices))
+
+    def pose_transfer(
+        self,
+        source: Trimesh,
+        template: Trimesh,
+        landmarks: Mapping[str, np.ndarray],
+        target: Trimesh | PointCloud,
+        run: Run,
+    ) -> Trimesh:
+        """The character in the pose. Its cages are stored as ``cage`` and ``deformed_cage``."""
+        import torch
+
+        from .characters.body_cage import body_cage
+        from .characters.posing import Posing
+        from .meshes.boxes import boxed
+        from .training.one_pair import Descent
+
+        torch.set_num_threads(run.threads)
+        posing = Posing(source, template, landmarks, run)
+        pair = boxed(template, target, 16 * self.points, run.rng)
+        unit = pair.scale / posing.unit  # of the descent, in that of the transfer
+        cage, faces = body_cage(pair.restored(template, pair.vertices - pair.centre / pair.scale), self.cage_vertices)
+        cage = cage / pair.scale
+        offsets = Descent(self, pair, cage, faces, run).run() - cage
+        return posing.posed(unit * cage, faces, unit * offsets)

@@ -247,15 +247,72 @@ def test_pairs_and_transfers_share_faces_and_landmarks():
     for pair in islice(FAMILIES["humanoids"].pairs("test"), 2):
         assert (pair.source.mesh.faces == faces).all() and (pair.target.mesh.faces == faces).all()
         assert not np.allclose(pair.source.mesh.vertices, pair.target.mesh.vertices)
-    transfer = next(FAMILIES["humanoids"].transfers("test"))
-    marks = transfer.landmarks
+    marks, rest = pair.landmarks, template()[0]
     assert len(marks) > 15 and len(set(marks.values())) == len(marks)
-    rest = transfer.template.mesh.vertices
     assert rest[marks["head_top"], 2] > 1.7 and rest[marks["left_toe"], 1] < -0.15
     assert rest[marks["left_hand"], 0] > 0.6 > -0.6 > rest[marks["right_hand"], 0]
-    for one in (transfer.template_posed, transfer.character, transfer.character_posed):
-        assert (one.mesh.faces == faces).all()
-    assert transfer.character.attributes["weights"].shape == (len(rest), len(skeleton.NAMES))
+
+
+@pytest.fixture(scope="module")
+def transfers():
+    return {t.character.tags[0]: t for t in islice(FAMILIES["humanoids"].transfers("test"), 4)}
+
+
+def test_transfers_bring_a_pose_to_another_figure(transfers):
+    assert set(transfers) == {"body", "robot", "skeleton", "stout"}
+    for kind, transfer in transfers.items():
+        assert (transfer.template_posed.mesh.faces == transfer.template.mesh.faces).all()
+        assert (transfer.character_posed.mesh.faces == transfer.character.mesh.faces).all()
+        assert len(transfer.character.mesh.vertices) >= 5000  # enough for cotangent Laplacians
+        assert transfer.character.mesh.is_watertight and transfer.character.mesh.volume > 0
+        apart = transfer.character.mesh.vertices - transfer.character_posed.mesh.vertices
+        assert np.linalg.norm(apart - apart.mean(axis=0), axis=1).mean() > 0.05, kind
+        if kind != "body":
+            assert len(transfer.character.mesh.faces) != len(template()[1])
+
+
+@pytest.mark.parametrize("kind", ["robot", "skeleton"])
+def test_rigid_parts_stay_rigid(transfers, kind):
+    """Posing changes no edge, and each part moves by one rotation."""
+    rest, posed = transfers[kind].character.mesh, transfers[kind].character_posed.mesh
+    edges = rest.edges_unique
+    lengths = [np.linalg.norm(m.vertices[edges[:, 0]] - m.vertices[edges[:, 1]], axis=1) for m in (rest, posed)]
+    np.testing.assert_allclose(*lengths, atol=1e-9)
+    assert rest.volume == pytest.approx(posed.volume, rel=1e-9)
+
+
+def test_landmarks_are_where_rays_from_the_joints_leave_a_figure(transfers):
+    from bench.geometry.mesh_surface import MeshSurface
+
+    for kind, transfer in transfers.items():
+        marks = transfer.landmarks
+        assert len(marks) >= 83, kind  # as many as the thesis's
+        places = np.array(list(marks.values()))
+        for mesh, at in ((transfer.template.mesh, places[:, 0]), (transfer.character.mesh, places[:, 1])):
+            assert MeshSurface(mesh).project(at).distance.max() < 1e-5, kind
+        front, back = marks["head_front"], marks["head_back"]
+        assert (front[:, 1] < back[:, 1] - 0.04).all() and (marks["left_knee_left"][:, 0] > 0.05).all()
+
+
+def test_parts_within_parts_are_left_together():
+    """A ray leaves a ball within a block where it leaves the block, and overlapping balls where it leaves the last."""
+    from trimesh.creation import box, icosphere
+
+    from bench.datasets.figures.landmarks import exits
+
+    block, ball = box((0.2, 0.2, 0.2)), icosphere(subdivisions=3, radius=0.05)
+    far = icosphere(subdivisions=3, radius=0.05)
+    far.apply_translation((0, -0.3, 0))  # not touched: behind a gap
+    places = exits(block + ball + far, np.zeros((len(skeleton.NAMES), 3)))
+    assert np.abs(places["spine_front"][1] + 0.1) < 1e-5 and np.abs(places["spine_left"][0] - 0.1) < 1e-5
+    assert exits(far, np.zeros((len(skeleton.NAMES), 3))) == {}
+
+
+def test_a_kind_of_character_can_be_asked_for():
+    kinds = [t.character.tags for t in islice(humanoids.Humanoids(characters="robot").transfers("train"), 3)]
+    assert kinds == [("robot",)] * 3
+    with pytest.raises(ValueError, match="characters: expected all, body"):
+        humanoids.Humanoids(characters="cat")
 
 
 # -- scenes ------------------------------------------------------------------------------------------------------------

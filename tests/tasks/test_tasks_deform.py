@@ -218,11 +218,12 @@ def test_the_input_is_described():
     case = case_of(ALIKE)
     count, faces = len(case.input["source"].vertices), len(case.input["source"].faces)
     described = Deform().describe(case)
-    assert described == {"source_vertices": count, "source_faces": faces}
+    assert described == {"source_vertices": count, "source_faces": faces, "target_points": 500}
     assert Deform().describe_words(described) == (
-        f"sources of {count:,} vertices (median of the cases); targets are clouds of 5,000 points."
+        f"sources of {count:,} vertices; targets are clouds of 500 points (medians of the cases)."
     )
-    assert "targets are meshes in random order" in Deform(target="mesh").describe_words(described)
+    meshes = Deform(target="mesh").describe(case_of(ALIKE, target="mesh"))
+    assert f"targets are meshes of {count:,} vertices" in Deform().describe_words(meshes)
     assert Deform().describe_words({}) == ""
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 DISTANCE = 0.042  # between a body and its cage, in longest edges of its box (7.5 cm of 1.8 m)
-CELLS = 90  # of the grid along that edge
+CELLS = 64  # of the grid along that edge
 TRIES = 6  # distances, each a fifth larger, until all of the body is inside
 
 
@@ -30,20 +30,21 @@ def body_cage(mesh: Trimesh, vertices: int, distance: float = DISTANCE) -> tuple
     from scipy.spatial import cKDTree
     from skimage.measure import marching_cubes
     from trimesh import Trimesh
+    from trimesh.remesh import subdivide_to_size
 
-    from bench.geometry.mesh_surface import MeshSurface
     from bench.geometry.used import used_vertices
     from bench.geometry.winding import inside
 
     used = used_vertices(mesh)
     low, size = used.min(axis=0), float(np.ptp(used, axis=0).max())
     cell = size / CELLS
-    margin = 2.2 * distance * size + 2 * cell
+    farthest = 1.2**TRIES * distance * size
+    margin = farthest + 2 * cell
     counts = np.ceil((np.ptp(used, axis=0) + 2 * margin) / cell).astype(int) + 1
     grid = low - margin + cell * np.indices(counts).reshape(3, -1).T
-    field = cKDTree(used).query(grid)[0]  # far from the body its vertices do for the surface
-    close = field < 2.5 * distance * size
-    field[close] = MeshSurface(mesh).project(grid[close]).distance
+    # Points as close as the cells do for the surface: the level is some cells away from it.
+    dense, _ = subdivide_to_size(mesh.vertices, mesh.faces, cell, max_iter=30)
+    field = np.minimum(cKDTree(dense).query(grid, distance_upper_bound=farthest)[0], farthest)
     for attempt in range(TRIES):
         level = 1.2**attempt * distance * size
         places, faces, _, _ = marching_cubes(field.reshape(counts), level, spacing=(cell,) * 3)

@@ -10,6 +10,9 @@ from bench import Run
 from ..coordinates.mean_value import mean_value_coordinates
 
 BETAS = (0.5, 0.9)  # of Adam, as released
+STEPS = 600  # released: 3,000 to 8,000
+RATE = 2e-3  # of Adam, in halves of the template's longest edge
+LAPLACIAN = 0.05  # weight of Eq. 5.8 (released: 0.05 and 0.1)
 ENOUGH = 1e-9  # the loss at which the fit ends
 
 

@@ -12,7 +12,7 @@ from bench import BadInput, PointCloud, Run
 from ..coordinates.mean_value import mean_value_coordinates
 from ..meshes.round_cages import cage_mesh
 from .examples import half_edge
-from .fitting import fitted
+from .fitting import LAPLACIAN, RATE, STEPS, fitted
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -49,7 +49,13 @@ class Posing:
         self._there, self._here = there / self.unit, here * self._scale
 
     def posed(
-        self, cage: np.ndarray, faces: np.ndarray, offsets: np.ndarray, steps: int, rate: float, laplacian: float
+        self,
+        cage: np.ndarray,
+        faces: np.ndarray,
+        offsets: np.ndarray,
+        steps: int = STEPS,
+        rate: float = RATE,
+        laplacian: float = LAPLACIAN,
     ) -> Trimesh:
         """The character after the template's cage (n, 3) was fitted to it and moved by ``offsets`` (n, 3)."""
         import torch
