@@ -28,7 +28,7 @@ class CagePerPair:
 
     subdivisions: int = 1  # of the cage: 12, 42, 162, ... vertices
     radius: float = 1.8  # of the cage, in halves of the target's longest edge: the corners of that box are at 1.73
-    coordinates: Literal["mean_value", "green"] = "mean_value"  # of the source in the cage
+    coordinates: Literal["mean_value", "green", "harmonic"] = "mean_value"  # of the source in the cage
     points: int = 1024  # of each surface, drawn anew every few steps
     redraw: int = 10  # steps
     p2f: float = 0.1  # weight of Eq. 5.5

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import torch
@@ -12,6 +12,7 @@ from bench import Run
 
 from ...learned.training.schedules import late_decay
 from ..coordinates.deforming import Coordinates, deformed
+from ..coordinates.harmonic import HarmonicCoordinates
 from ..losses.planes import neighbourhoods
 from ..losses.terms import asymmetry, chamfer, plane_terms
 from ..meshes.boxes import Boxed
@@ -20,7 +21,7 @@ from ..meshes.boxes import Boxed
 class Settings(Protocol):
     """The parameters of the method."""
 
-    coordinates: Coordinates
+    coordinates: Coordinates | Literal["harmonic"]
     points: int
     redraw: int
     p2f: float
@@ -48,6 +49,9 @@ class Descent:
         self._cage = torch.from_numpy(cage)[None].float()
         self._moved = self._cage.clone().requires_grad_(True)
         self._source, self._target = (torch.from_numpy(cloud).float() for cloud in (pair.source, pair.target))
+        self._spread = None
+        if settings.coordinates == "harmonic":
+            self._spread = HarmonicCoordinates(cage, faces)
 
     def run(self) -> np.ndarray:
         """Descend; the deformed cage (n, 3), of the last step or as far as it came in time."""
@@ -69,6 +73,8 @@ class Descent:
 
     def deformed(self, points: np.ndarray) -> np.ndarray:
         """Where points (n, 3) go."""
+        if self._spread is not None:
+            return self._spread(points) @ self._moved.detach()[0].double().numpy()
         with torch.no_grad():
             place = torch.from_numpy(points)[None]
             cages = self._cage.double(), self._faces, self._moved.double()
@@ -81,7 +87,9 @@ class Descent:
             rows = self._run.rng.choice(len(cloud), min(self._settings.points, len(cloud)), replace=False)
             clouds.append(cloud[torch.from_numpy(rows)][None])
         weights = None
-        if self._settings.coordinates == "mean_value":
+        if self._spread is not None:
+            weights = torch.from_numpy(self._spread(clouds[0][0].numpy())).float()[None]
+        elif self._settings.coordinates == "mean_value":
             with torch.no_grad():
                 arguments = self._cage, self._faces, self._moved, self._settings.coordinates, self._run.threads
                 _, weights = deformed(clouds[0], *arguments)
