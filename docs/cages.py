@@ -3,10 +3,12 @@
     detailbench run experiment=figure_5_6 results=results/figure_5_6
     python docs/cages.py front results/figure_5_6 docs/cages_front.png
     python docs/cages.py strips results/figure_5_6 docs/cages_strips.png --case 000,001
+    python docs/cages.py bounds --category chair,table,shelf
 
 (`strips` with pyvista, from the extra `render`.) `front` draws each method by its means of two scores, with the Pareto
 front (figure 5.6), and prints them. `strips` has a row for each case: the source (the output of `identity`), its cage
-and the deformed cage where a method stored them, the result of each method, and the target.
+and the deformed cage where a method stored them, the result of each method, and the target. `bounds` prints what the
+best affine map and the best cage of 42 vertices reach that know where each vertex belongs (pairs with the same parts).
 """
 
 from __future__ import annotations
@@ -89,6 +91,40 @@ def strips(args: argparse.Namespace) -> None:
     plotter.screenshot(args.picture)
 
 
+def bounds(args: argparse.Namespace) -> None:
+    """The scores of the best affine map, the best cage, and the target itself, by least squares over the vertices."""
+    import torch
+
+    from bench.datasets.furniture import Furniture
+    from bench.methods.cages.coordinates.mean_value import mean_value_coordinates
+    from bench.methods.cages.meshes.round_cages import sphere_cage
+    from bench.metrics.cot_laplacian import CotLaplacian
+    from bench.metrics.recentred_chamfer_l2_sum import RecentredChamferL2Sum
+    from bench.tasks.deform import Deform
+
+    cage, faces = sphere_cage()
+    lines = []
+    for category in args.category.split(","):
+        recipes = Deform().recipes(Furniture(category=category), None, split=args.split, count=args.cases, seed=0)
+        for case in (recipe.build() for recipe in recipes):
+            source, wanted = case.input["source"], np.asarray(case.reference.mesh.vertices)
+            vertices = np.asarray(source.vertices)
+            around = cage * np.ptp(vertices, axis=0) / 2  # the template, fitted to the source's box
+            place, walls = (torch.from_numpy(array)[None] for array in (vertices, around))
+            bases = {
+                "best affine": np.column_stack([vertices, np.ones(len(vertices))]),
+                "best cage of 42 vertices": mean_value_coordinates(place, walls, faces, 1)[0].numpy(),
+            }
+            places = {name: basis @ np.linalg.lstsq(basis, wanted, rcond=1e-6)[0] for name, basis in bases.items()}
+            for name, moved in {"source": vertices, **places, "target": wanted}.items():
+                output = source.copy()
+                output.vertices = moved
+                scores = RecentredChamferL2Sum().score(output, case) | CotLaplacian().score(output, case)
+                lines.append({"category": category, "what": name} | {key: scores[key] for key in SCORES})
+    means = pd.DataFrame(lines).groupby(["category", "what"], sort=False).mean()
+    print(means.to_string(float_format=lambda value: f"{value:.4g}"))
+
+
 def main() -> None:
     """Draw what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -105,6 +141,11 @@ def main() -> None:
         else:
             command.add_argument("--case", default="", help="parts of the names of cases, with commas")
             command.add_argument("--method", default="", help="one, or several with commas")
+    command = commands.add_parser("bounds")
+    command.set_defaults(function=bounds)
+    command.add_argument("--category", default="chair,table,shelf", help="of furniture, with commas")
+    command.add_argument("--cases", type=int, default=8, help="pairs of each")
+    command.add_argument("--split", default="test")
     args = parser.parse_args()
     args.function(args)
 

@@ -14,6 +14,7 @@ from ..contract.shape import Shape, ShapePair
 from ..contract.task import CaseRecipe, Task, describe_target, generic_words, target_words, validate_mesh
 from ..errors import BadInput, InvalidOutput, UsageError
 from ..geometry.cloud import Frame, PointCloud
+from ..geometry.one_view import depth_points, mirrored
 from ..geometry.shuffling import shuffled
 from ..plugins.registry import register
 from ..seeds import generator
@@ -30,8 +31,9 @@ class Deform(Task):
     A method is called as ``deform(source, target, run)`` and returns a mesh with the faces of ``source``, in order.
     Cases come from the ``pairs`` of a dataset. No sensor takes part, and no correspondence is given: the target is a
     cloud sampled from it, or a mesh whose vertices and faces are in a random order (seeded), so that what a method
-    copies by index lands anywhere. The reference is the pair's target; where its vertices correspond to the source's,
-    metrics may compare them one by one.
+    copies by index lands anywhere; or, with ``depth``, the points of one depth image and their mirror image at x = 0,
+    for what is seen from one side alone (in figure 5.7 of the thesis, a network guesses a cloud from an image). The
+    reference is the pair's target; where its vertices correspond to the source's, metrics may compare them one by one.
 
     All is in the frame of the target (box centre at the origin, farthest vertex at radius 1). The source has its own
     box centre at the origin, and with ``scaled`` its box has the longest edge of the target's box, as both fit a unit
@@ -44,14 +46,14 @@ class Deform(Task):
     primary: ClassVar[tuple[str, ...]] = ("chamfer_l2_sum", "cot_laplacian_per_area")
     files: ClassVar[tuple[int, ...]] = (2,)
 
-    target: Literal["cloud", "mesh"] = "cloud"  # what is given of the target
+    target: Literal["cloud", "mesh", "depth"] = "cloud"  # what is given of the target
     points: int = 5000  # of that cloud
     vertices: int = 5000  # of the source, at least: its faces are divided into four until it has them
     scaled: bool = True  # whether the source is made as large as the target
 
     def __post_init__(self) -> None:
-        if self.target not in ("cloud", "mesh"):
-            raise ValueError(f"target: expected cloud or mesh, got {self.target!r}")
+        if self.target not in ("cloud", "mesh", "depth"):
+            raise ValueError(f"target: expected cloud, mesh or depth, got {self.target!r}")
         if self.points < 4:
             raise ValueError(f"points: expected at least 4, got {self.points}")
         if not 0 <= self.vertices <= 200_000:
@@ -88,6 +90,12 @@ class Deform(Task):
         rng = generator(seed, id, "target")
         if self.target == "cloud":
             return PointCloud(*reference.surface.sample(self.points, rng))
+        if self.target == "depth":
+            whole = mirrored(depth_points(reference.mesh))
+            if not len(whole):
+                raise BadInput(f"{id}: a depth image from the front left sees nothing of the target")
+            rows = rng.permutation(len(whole))[: self.points]
+            return PointCloud(whole.points[rows], whole.normals[rows])
         return shuffled(reference.mesh, rng)[0]
 
     def _input(self, source: Trimesh, target: Trimesh | PointCloud, frame: Frame) -> dict[str, Any]:
@@ -145,7 +153,7 @@ class Deform(Task):
             target = PointCloud(frame.apply(target.points), target.normals)
         else:
             target = _mesh(frame.apply(target.vertices), target.faces)
-            if self.target == "cloud":
+            if self.target != "mesh":
                 target = PointCloud(*Shape("target", target).surface.sample(self.points, generator(0, "target")))
         return self._input(source, target, frame), frame
 

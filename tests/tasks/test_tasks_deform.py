@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 from trimesh import Trimesh
 from trimesh.creation import box, icosphere
 
@@ -14,6 +15,7 @@ from bench.authoring.conformance import toy_case
 from bench.datasets.bumps import Bumps
 from bench.datasets.furniture import Furniture
 from bench.geometry.io.files import load_mesh, save
+from bench.geometry.one_view import depth_points
 from bench.geometry.used import used_vertices
 from bench.methods.deformation.anisotropic_scaling import AnisotropicScaling
 from bench.methods.pseudo.empty import Empty
@@ -214,6 +216,20 @@ def test_vertices_without_faces_are_kept_and_have_no_part_in_frames():
     Deform().validate(AnisotropicScaling().deform(**case.input, run=Run()), case.input)
 
 
+def test_a_depth_image_sees_one_side_and_its_mirror_image_completes_it():
+    ball, bump = icosphere(subdivisions=3), icosphere(subdivisions=2, radius=0.2)
+    bump.apply_translation((-0.9, 0, 0))  # on the right side of the ball, which the camera does not see
+    seen = depth_points(ball + bump)
+    assert len(seen) > 10_000 and np.abs(np.linalg.norm(seen.points, axis=1) - 1).max() < 0.02
+    camera = 3 * np.array([0.539, -0.770, 0.342])
+    assert (np.einsum("na,na->n", seen.normals, camera - seen.points) > 0).all()
+    assert np.einsum("na,a->n", seen.points, camera / 3).min() > 1 / 3 - 0.07  # to the horizon, of flat faces
+    case = case_of(pair_of(ball, ball + bump), target="depth", points=4000)
+    given = case.input["target"].points
+    flipped = cKDTree(given).query(given * (-1, 1, 1))[0]
+    assert len(given) == 4000 and np.median(flipped) < 0.05 and case.input["target"].normals is not None
+
+
 def test_the_input_is_described():
     case = case_of(ALIKE)
     count, faces = len(case.input["source"].vertices), len(case.input["source"].faces)
@@ -229,7 +245,7 @@ def test_the_input_is_described():
 
 def test_parameters_and_datasets_that_do_not_fit():
     for wrong, says in (
-        ({"target": "points"}, "target: expected cloud or mesh, got 'points'"),
+        ({"target": "points"}, "target: expected cloud, mesh or depth, got 'points'"),
         ({"points": 3}, "points: expected at least 4, got 3"),
         ({"vertices": -1}, "vertices: expected 0 to 200000, got -1"),
         ({"vertices": 200_001}, "vertices: expected 0 to 200000, got 200001"),
