@@ -44,6 +44,14 @@ def _why_no_real_files() -> str:
 collect_ignore = [OF_REAL_FILES] if _why_no_real_files() else []
 
 
+def pytest_collection_finish() -> None:
+    """All test modules are imported now, and so is what compiles, where any of them needs it."""
+    if "numba" in sys.modules:
+        from compiling import compile_each_function_once
+
+        compile_each_function_once()
+
+
 def pytest_report_header() -> str | None:
     """Say why they do not run."""
     return f"{OF_REAL_FILES} is left out: {why}" if (why := _why_no_real_files()) else None
