@@ -39,8 +39,8 @@ IDEAL = {
 REAL = {
     "depth_camera": DepthCamera(resolution=24),
     "triangulation": Triangulation(resolution=24),
-    "kinect": Kinect(max_points=1000),
-    "stereo": Stereo(width=200),
+    "kinect": Kinect(views=3, max_points=1000),
+    "stereo": Stereo(views=3, width=100),
     "time_of_flight": TimeOfFlight(resolution=24),
     "lidar": Lidar(channels=12, azimuth_step=1),
 }
