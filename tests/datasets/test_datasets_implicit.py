@@ -46,7 +46,9 @@ IMPLICIT = [(family, index) for family, index in ONE if family != "knots"]
 
 @cache  # meshes are made once
 def shape(family: str, index: int = 0, split: str = "test"):
-    return next(islice(FAMILIES[family]().shapes(split), index, None))
+    """A shape of a family: the first has its fine triangles, the others are even, which takes a tenth of the time."""
+    made = next(islice(FAMILIES[family]().shapes(split), index, None))
+    return made if index == 0 or family == "knots" else even(made)
 
 
 def rotation(seed: int = 0) -> np.ndarray:
@@ -223,7 +225,7 @@ def test_smooth_minima_blend_twice_differentiably():
 def test_gradients_are_those_of_differences_near_the_surface(family, index):
     """Of the surface's exact function, also in blends and rims; its bounds hold for points in the ball."""
     surface = shape(family, index).surface
-    points, _ = surface.sample(3000, generator(0))
+    points, _ = surface.sample(1000, generator(0))
     rng = np.random.default_rng(0)
     points = points + 0.002 * rng.normal(size=points.shape)
     field = surface.body.field
@@ -252,10 +254,10 @@ def test_a_shape_is_what_it_says(family, index):
     assert mesh.area_faces.min() > 1e-6 * mesh.area_faces.mean()
     assert made.is_exact and made.id.startswith(f"{family}-test-{index:03d}")
     # Vertices lie on the surface, and it is smooth: its normals turn little between neighbours on the mesh.
-    foot, normals = made.surface.closest(mesh.vertices[::10])
-    assert np.abs(foot - mesh.vertices[::10]).max() < 1e-10 * diagonal(mesh)
-    normals = made.surface.closest(mesh.triangles_center[::20])[1]
-    along = np.einsum("ni,ni->n", mesh.face_normals[::20], normals)
+    foot, normals = made.surface.closest(mesh.vertices[::30])
+    assert np.abs(foot - mesh.vertices[::30]).max() < 1e-10 * diagonal(mesh)
+    normals = made.surface.closest(mesh.triangles_center[::50])[1]
+    along = np.einsum("ni,ni->n", mesh.face_normals[::50], normals)
     assert np.mean(along > 0.9) > 0.995 and np.median(along) > 0.998
 
 
@@ -397,11 +399,11 @@ def test_the_symmetry_is_the_one_stated(key):
 def test_sheets_are_as_thin_as_stated(index):
     """From points of the surface inward, along the normal, to where the function changes its sign."""
     made = shape("tpms", index)
-    points, normals = made.surface.sample(4000, generator(0))
+    points, normals = made.surface.sample(1000, generator(0))
     stated = made.info["thickness"] * diagonal(made.mesh)
     depth = np.linspace(0.3, 1.5, 121) * stated
     lines = points[:, None] - depth[:, None] * normals[:, None]
-    inside = made.surface.body.field.value(lines.reshape(-1, 3)).reshape(4000, -1) < 0
+    inside = made.surface.body.field.value(lines.reshape(-1, 3)).reshape(1000, -1) < 0
     rim = np.linalg.norm(points, axis=1) > 0.93
     assert inside[~rim, : np.searchsorted(depth, 0.94 * stated)].all()
     assert not inside[~rim, : np.searchsorted(depth, 1.06 * stated)].all()
