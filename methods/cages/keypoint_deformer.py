@@ -23,15 +23,16 @@ if TYPE_CHECKING:
 class KeypointDeformer:
     """After KeypointDeformer (Jakab et al. 2021): 485,652 parameters; a source follows keypoints that nobody marked.
 
-    As published: one network predicts ordered keypoints of both shapes; the vertices of a cage around the source move
-    by the keypoints' differences times an influence, the sum of a canonical matrix and of an offset that is predicted
-    for each source, by which a keypoint moves the vertices nearest to it alone; mean value coordinates carry the source
-    along. The loss has the Chamfer distances from the deformed source to the target and from keypoints to farthest
-    points of their shape, begun at any one, and the squared norm of the offset. The cage is a sphere that is drawn in.
+    The paper's idea: one network predicts ordered keypoints of both shapes; the vertices of a cage around the source
+    move by the keypoints' differences times an influence, the sum of a canonical matrix and of an offset that is
+    predicted for each source; mean value coordinates carry the source along. The loss has the Chamfer distances from
+    the deformed source to the target and from keypoints to farthest points of their shape, and the squared norm of the
+    offset. The cage is a sphere that is drawn in.
 
-    Ours: fewer points, smaller encoders without batch normalisation, and weights of the terms for them; the cage stops
-    in closed form, and leaves no point outside; influences begin at 0, and the canonical one learns ten times as fast;
-    a term for symmetry at x = 0, as in Neural Cages, also of the keypoints; pairs go both ways, and are stretched.
+    Ours: a keypoint moves the vertices nearest to it alone; fewer points, smaller encoders without batch normalisation,
+    and weights of the terms for them; the cage stops in closed form, and leaves no point outside; influences begin at
+    0, and the canonical one learns ten times as fast; a term for symmetry at x = 0, as in Neural Cages, also of the
+    keypoints; pairs go both ways, and are stretched. The released code was not looked at.
 
     It learns from pairs of one category that stand the same way round, without correspondences (``partners=false``
     takes the pairs as they are given, and their correspondences where there are any). It comes without weights.
