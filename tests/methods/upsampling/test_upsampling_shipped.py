@@ -14,7 +14,10 @@ from bench.plugins.weights import FACTS, facts_of, load, shipped
 METHODS = Path(__file__).resolve().parents[3] / "methods"
 FILES = sorted(METHODS.glob("*/weights/*.safetensors"))
 # What the others than those of clouds were trained on; those were on the mixture of families.
-TRAINED_ON = {"neural_cages": "furniture[category=chair,same_parts=False]"}
+TRAINED_ON = {
+    "neural_cages": "furniture[category=chair,same_parts=False]",
+    "character_cages": "humanoids[characters=body]",
+}
 LEARNED = ("mpu", "pu_net", "ec_net", "grad_pu")
 
 
