@@ -62,7 +62,7 @@ def strips(args: argparse.Namespace) -> None:
     rows = rows[[any(part in case for part in args.case.split(",")) for case in rows["case"]]]
     names = [name for name in rows["line"].unique() if name not in ("identity", "noise")]
     names = args.method.split(",") if args.method else names
-    caged = [name for name in names if name.startswith(("neural_cages", "cage_per_pair"))][:1]
+    caged = [name for name in names if name.startswith(("neural_cages", "character_cages", "cage_per_pair"))][:1]
     cages = [f"{what} {name}" for name in caged for what in ("cage of", "moved by")]
     columns = ["source", *cages, *names, "target"]
     cases = sorted(rows["case"].unique())
