@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from bench import TrainingData
 
 
+HELD = 0.98  # of the template's vertices that its cage is to hold: rounding to half precision may cut a few
+
+
 @register("method", cite="Wang et al. 2020", requires=("torch", "safetensors", "numba", "open3d", "skimage", "trimesh"))
 @dataclass(frozen=True)
 class CharacterCages:
@@ -94,6 +97,9 @@ class CharacterCages:
         """The character in the pose. Its cages are stored as ``cage`` and ``deformed_cage``."""
         import torch
 
+        from bench.geometry.used import used_vertices
+        from bench.geometry.winding import inside
+
         from .characters.posing import Posing, target_points
         from .networks.cage_network import PoseNetwork
 
@@ -107,6 +113,8 @@ class CharacterCages:
         )
         network = network.to(run.device).eval().requires_grad_(False)
         posing = Posing(source, template, landmarks, run)
+        if inside(cage, faces, used_vertices(template) / posing.unit).mean() < HELD:
+            run.note("the cage does not hold the template: weights are for the template of their training alone")
         points = target_points(target, max(self.points, 2048), run.rng) / posing.unit
         moved = network(torch.from_numpy(points).float()[None].to(run.device))[0].double().cpu().numpy()
         return posing.posed(cage, faces, moved - cage, self.fit_steps, self.fit_rate, self.fit_laplacian)

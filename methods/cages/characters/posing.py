@@ -43,6 +43,8 @@ class Posing:
             raise BadInput(f"the landmarks: expected at least {LANDMARKS}, got {len(landmarks)}")
         self.unit = half_edge(used_vertices(template))
         heights = [np.ptp(used_vertices(mesh)[:, 2]) for mesh in (template, source)]
+        if not min(heights) > 0:
+            raise BadInput("template and character: expected a height along z, got a flat one")
         self._scale = float(heights[0] / heights[1]) / self.unit
         self._source, self._run = source, run
         there, here = np.array(list(landmarks.values()), dtype=np.float64).transpose(1, 0, 2)

@@ -109,6 +109,9 @@ def test_no_offsets_leave_the_character_and_a_common_one_moves_it(toy):
     apart = moved.vertices - toy.input["source"].vertices
     assert np.abs(apart - apart[0]).max() < 1e-9 and np.abs(apart).max() > 0.05
     assert set(kept) == {"cage", "deformed_cage"} and len(kept["cage"].vertices) == len(cage)
+    flat = Trimesh(toy.input["source"].vertices * (1, 1, 0), toy.input["source"].faces, process=False)
+    with pytest.raises(BadInput, match="a height along z"):
+        Posing(flat, toy.input["template"], toy.input["landmarks"], Run())
     with pytest.raises(BadInput, match="at least 8, got 2"):
         Posing(toy.input["source"], toy.input["template"], dict(list(toy.input["landmarks"].items())[:2]), Run())
 
@@ -150,6 +153,10 @@ def test_a_training_learns_goes_on_to_the_bit_and_poses_the_character(toy, examp
     score = PoseDistanceMean().score
     at_rest = score(toy.input["source"], toy)["pose_distance_mean"]
     assert score(output, toy)["pose_distance_mean"] < 0.5 * at_rest
+    assert posed.notes == []
+    wider = {**toy.input, "template": Trimesh(toy.input["template"].vertices * (3, 3, 1), toy.input["template"].faces)}
+    method.pose_transfer(**wider, run=posed)
+    assert "does not hold the template" in str(posed.notes)
     assert posed.parameters == sum(w.size for k, w in weights.items() if k not in ("cage", "cage_faces"))
 
 

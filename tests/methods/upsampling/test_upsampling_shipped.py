@@ -39,7 +39,9 @@ def test_a_header_says_all_of_the_training(file):
     assert facts["steps"] > 0 and facts["cpu_seconds"] > 60 and len(facts["curve"]) > 5
     plugin, _ = plugin_and_values(facts["method"])
     assert set(facts["parameters"]) <= set(plugin.cls.trained_by)
-    assert all(array.dtype in (np.float32, np.int32, np.int64) and np.isfinite(array).all() for array in load(file).values())
+    assert all(
+        array.dtype in (np.float32, np.int32, np.int64) and np.isfinite(array).all() for array in load(file).values()
+    )
 
 
 @pytest.mark.parametrize("name", LEARNED)
