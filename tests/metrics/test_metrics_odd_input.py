@@ -85,7 +85,7 @@ def test_no_score_of_a_mesh_changes(name):
     ):
         found = scores_of(o, r, source=s)
         # Or ask for the same faces.
-        of_all_faces = ("self_intersecting_share", "triangle_", "cot_laplacian", "vertex_distance")
+        of_all_faces = ("self_intersecting_share", "triangle_", "cot_laplacian", "vertex_distance", "pose_distance")
         for key in expected:
             if name == "behind" or not key.removeprefix("floor of ").startswith(of_all_faces):
                 assert found[key] == expected[key], key
