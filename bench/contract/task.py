@@ -27,6 +27,8 @@ from .case import Case
 from .shape import Shape
 
 if TYPE_CHECKING:
+    from trimesh import Trimesh
+
     from .run import Run
 
 
@@ -176,6 +178,22 @@ class Task:
             Saying what was promised and what came.
         """
         raise InvalidOutput(f"task {type(self).__name__} does not say what it accepts")
+
+
+def validate_deformed(output: Any, source: Trimesh, promise: str) -> None:
+    """Hold a mesh against the promise to be its source with other vertices.
+
+    Raises
+    ------
+    InvalidOutput
+        In words, where it is not a mesh, or has other faces or another number of vertices.
+    """
+    validate_mesh(output, promise)
+    if len(output.vertices) != len(source.vertices) or not np.array_equal(output.faces, source.faces):
+        raise InvalidOutput(
+            f"promised {promise}; got {len(output.vertices)} vertices and {len(output.faces)} faces that are "
+            f"not the {len(source.vertices)} and {len(source.faces)} of the source"
+        )
 
 
 def describe_target(target: Any) -> dict[str, float]:

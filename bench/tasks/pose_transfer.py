@@ -14,8 +14,8 @@ import numpy as np
 from ..contract.case import Case
 from ..contract.shape import PoseTransfer as Problem
 from ..contract.shape import Shape
-from ..contract.task import CaseRecipe, Task, describe_target, generic_words, target_words, validate_mesh
-from ..errors import BadInput, InvalidOutput, UsageError
+from ..contract.task import CaseRecipe, Task, describe_target, generic_words, target_words, validate_deformed
+from ..errors import BadInput, UsageError
 from ..geometry.cloud import Frame, PointCloud
 from ..geometry.shuffling import shuffled
 from ..plugins.registry import register
@@ -178,13 +178,7 @@ class PoseTransfer(Task):
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
         """Hold an output against the promise."""
-        validate_mesh(output, self.promise)
-        source = input["source"]
-        if len(output.vertices) != len(source.vertices) or not np.array_equal(output.faces, source.faces):
-            raise InvalidOutput(
-                f"promised {self.promise}; got {len(output.vertices)} vertices and {len(output.faces)} faces that are "
-                f"not the {len(source.vertices)} and {len(source.faces)} of the source"
-            )
+        validate_deformed(output, input["source"], self.promise)
 
     def toy(self) -> Case:
         """A small case for the conformance kit: a long ball bends, and so is a long block to do."""

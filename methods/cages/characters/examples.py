@@ -9,6 +9,7 @@ import numpy as np
 
 from bench import UsageError
 
+from ...learned.training.held_out import held_out_rows
 from .body_cage import body_cage
 
 if TYPE_CHECKING:
@@ -77,9 +78,7 @@ class Poses:
     """
 
     def __init__(self, examples: Mapping[str, np.ndarray], held_out: bool = False):
-        count = len(examples["targets"])
-        last = max(1, count // 10) if count > 1 else 0
-        rows = slice(count - last, count) if held_out and last else slice(0, count - last)
+        rows = held_out_rows(len(examples["targets"]), held_out)
         self._targets, self._posed = examples["targets"][rows], examples["posed"][rows]
         self._scale = np.float32(examples["scale"])
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...learned.training.held_out import held_out_rows
+
 if TYPE_CHECKING:
     from bench import Run, TrainingData
 
@@ -55,9 +57,7 @@ class Pairs:
     """
 
     def __init__(self, examples: Mapping[str, np.ndarray], held_out: bool = False):
-        count = len(examples["points"])
-        last = max(1, count // 10) if count > 1 else 0
-        part = slice(count - last, count) if held_out and last else slice(0, count - last)
+        part = held_out_rows(len(examples["points"]), held_out)
         self._points, self._extents = examples["points"][part], examples["extents"][part]
 
     def draw(
