@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .plain_mesh import plain_mesh
+
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
@@ -21,9 +23,7 @@ def shuffled(mesh: Trimesh, rng: np.random.Generator) -> tuple[Trimesh, np.ndarr
     faces : (f,) int array
         The same for the faces.
     """
-    from trimesh import Trimesh
-
     order, faces = rng.permutation(len(mesh.vertices)), rng.permutation(len(mesh.faces))
     number = np.empty(len(order), dtype=np.int64)
     number[order] = np.arange(len(order))
-    return Trimesh(mesh.vertices[order], number[mesh.faces[faces]], process=False), order, faces
+    return plain_mesh(mesh.vertices[order], number[mesh.faces[faces]]), order, faces

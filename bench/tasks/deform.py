@@ -15,6 +15,7 @@ from ..contract.task import CaseRecipe, Task, describe_target, generic_words, ta
 from ..errors import BadInput, UsageError
 from ..geometry.cloud import Frame, PointCloud
 from ..geometry.one_view import depth_points, mirrored
+from ..geometry.plain_mesh import plain_mesh
 from ..geometry.shuffling import shuffled
 from ..plugins.registry import register
 from ..seeds import generator
@@ -80,10 +81,12 @@ class Deform(Task):
         vertices, faces = divided(source.vertices, source.faces, rounds)
         if pair.corresponding and rounds:
             check_mesh(target.mesh, target.id)
-            target = target.replace_mesh(_mesh(*divided(target.mesh.vertices, target.mesh.faces, rounds)))
+            target = target.replace_mesh(plain_mesh(*divided(target.mesh.vertices, target.mesh.faces, rounds)))
         reference, frame = target.framed()
         given = self._target(reference, seed, id)
-        return Case(id, self._input(_mesh(vertices, faces), given, frame), reference, frame, seed, pair.target.tags)
+        return Case(
+            id, self._input(plain_mesh(vertices, faces), given, frame), reference, frame, seed, pair.target.tags
+        )
 
     def _target(self, reference: Shape, seed: int, id: str) -> Trimesh | PointCloud:
         """What is given of a target in its frame."""
@@ -107,7 +110,7 @@ class Deform(Task):
         if self.scaled:
             theirs = target.points if isinstance(target, PointCloud) else used_vertices(target)
             scale = np.ptp(used, axis=0).max() / np.ptp(theirs, axis=0).max()
-        return {"source": _mesh((source.vertices - own.center) / scale, source.faces), "target": target}
+        return {"source": plain_mesh((source.vertices - own.center) / scale, source.faces), "target": target}
 
     def expected(self, input: Mapping[str, Any]) -> int:
         """As many vertices as the faces of the source have."""
@@ -152,7 +155,7 @@ class Deform(Task):
         if isinstance(target, PointCloud):
             target = PointCloud(frame.apply(target.points), target.normals)
         else:
-            target = _mesh(frame.apply(target.vertices), target.faces)
+            target = plain_mesh(frame.apply(target.vertices), target.faces)
             if self.target != "mesh":
                 target = PointCloud(*Shape("target", target).surface.sample(self.points, generator(0, "target")))
         return self._input(source, target, frame), frame
@@ -173,7 +176,7 @@ class Deform(Task):
 
         ball = icosphere(subdivisions=3)
         dent = 1 - 0.2 * np.exp(-4 * ((ball.vertices - (1, 0, 0)) ** 2).sum(axis=1))
-        egg = _mesh(ball.vertices * (0.7, 0.85, 1.2) * dent[:, None], ball.faces)
+        egg = plain_mesh(ball.vertices * (0.7, 0.85, 1.2) * dent[:, None], ball.faces)
         pair = ShapePair("toy", Shape("toy-source", ball), Shape("toy-target", egg, tags=("smooth",)))
         return replace(self, points=min(self.points, 1000), vertices=0)._case_of("toy", pair, seed=0)
 
@@ -199,9 +202,3 @@ def _target_of(path: str, load_mesh: Callable, load_cloud: Callable) -> Trimesh 
         return load_mesh(path)
     except BadInput:
         return cloud
-
-
-def _mesh(vertices: np.ndarray, faces: np.ndarray) -> Trimesh:
-    from trimesh import Trimesh
-
-    return Trimesh(np.array(vertices), np.array(faces), process=False)

@@ -14,6 +14,7 @@ from ..contract.shape import Shape, ShapePair
 from ..contract.task import CaseRecipe, Task, generic_words, validate_mesh
 from ..errors import BadInput, UsageError
 from ..geometry.cloud import Frame
+from ..geometry.plain_mesh import plain_mesh
 from ..plugins.registry import register
 
 if TYPE_CHECKING:
@@ -79,9 +80,9 @@ class DetailTransfer(Task):
         turn = rotation_between(source_base[used], target_base[used]).T
         source, source_base = pair.source.mesh.vertices @ turn, source_base @ turn
         given = self._input(
-            _mesh(source, pair.source.mesh.faces),
-            _mesh(source_base, pair.source.mesh.faces),
-            _mesh(target_base, pair.target.mesh.faces),
+            plain_mesh(source, pair.source.mesh.faces),
+            plain_mesh(source_base, pair.source.mesh.faces),
+            plain_mesh(target_base, pair.target.mesh.faces),
             frame,
         )
         return Case(id, given, reference, frame, seed, pair.target.tags)
@@ -92,11 +93,11 @@ class DetailTransfer(Task):
 
         own = Frame(Frame.of(used_vertices(source)).center, frame.radius)
         return {
-            "source": _mesh(own.apply(source.vertices), source.faces),
-            "source_base": _mesh(own.apply(source_base.vertices), source_base.faces)
+            "source": plain_mesh(own.apply(source.vertices), source.faces),
+            "source_base": plain_mesh(own.apply(source_base.vertices), source_base.faces)
             if self.bases and source_base is not None
             else None,
-            "target_base": _mesh(frame.apply(target_base.vertices), target_base.faces),
+            "target_base": plain_mesh(frame.apply(target_base.vertices), target_base.faces),
         }
 
     def expected(self, input: Mapping[str, Any]) -> int:
@@ -177,11 +178,11 @@ class DetailTransfer(Task):
         ball = icosphere(subdivisions=3)
         x, y, z = (4 * ball.vertices).T
         height = 0.05 * np.sin(x) * np.sin(y) * np.sin(z)
-        egg = _mesh(ball.vertices * (0.8, 0.9, 1.2), ball.faces)
+        egg = plain_mesh(ball.vertices * (0.8, 0.9, 1.2), ball.faces)
         shapes = [
             Shape(
                 f"toy-{name}",
-                _mesh(base.vertices + height[:, None] * base.vertex_normals, base.faces),
+                plain_mesh(base.vertices + height[:, None] * base.vertex_normals, base.faces),
                 tags=("smooth",),
                 attributes={"base_vertices": np.asarray(base.vertices)},
             )
@@ -206,9 +207,3 @@ def _base(shape: Shape) -> np.ndarray:
             "each vertex of the mesh"
         )
     return base
-
-
-def _mesh(vertices: np.ndarray, faces: np.ndarray) -> Trimesh:
-    from trimesh import Trimesh
-
-    return Trimesh(np.array(vertices), np.array(faces), process=False)

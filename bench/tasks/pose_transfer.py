@@ -17,6 +17,7 @@ from ..contract.shape import Shape
 from ..contract.task import CaseRecipe, Task, describe_target, generic_words, target_words, validate_deformed
 from ..errors import BadInput, UsageError
 from ..geometry.cloud import Frame, PointCloud
+from ..geometry.plain_mesh import plain_mesh
 from ..geometry.shuffling import shuffled
 from ..plugins.registry import register
 from ..seeds import generator
@@ -75,7 +76,7 @@ class PoseTransfer(Task):
         rng = generator(seed, id, "order")
         character, order, faces = shuffled(problem.character.mesh, rng)
         truth = problem.character_posed.mesh
-        posed = problem.character_posed.replace_mesh(_mesh(truth.vertices[order], character.faces))
+        posed = problem.character_posed.replace_mesh(plain_mesh(truth.vertices[order], character.faces))
         reference, frame = posed.framed()
         template = _placed(problem.template.mesh, frame.radius)
         landmarks = np.array(list(problem.landmarks.values())).reshape(-1, 2, 3)
@@ -161,7 +162,7 @@ class PoseTransfer(Task):
                     "Use task.target=cloud for another mesh"
                 )
             frame = Frame.of(used_vertices(mesh))
-            target = _mesh(frame.apply(mesh.vertices), mesh.faces)
+            target = plain_mesh(frame.apply(mesh.vertices), mesh.faces)
         middles = np.array([_middle(template), _middle(character)])
         return {
             "source": _placed(character, frame.radius),
@@ -187,9 +188,9 @@ class PoseTransfer(Task):
         from ..geometry.subdivision import divided
 
         ball = icosphere(subdivisions=3)
-        template = _mesh(ball.vertices * (0.3, 0.25, 1.0), ball.faces)
-        seen = _mesh(ball.vertices * (0.33, 0.28, 0.95), ball.faces)
-        block = _mesh(*divided(*(lambda b: (b.vertices, b.faces))(box((0.5, 0.4, 1.7))), 4))
+        template = plain_mesh(ball.vertices * (0.3, 0.25, 1.0), ball.faces)
+        seen = plain_mesh(ball.vertices * (0.33, 0.28, 0.95), ball.faces)
+        block = plain_mesh(*divided(*(lambda b: (b.vertices, b.faces))(box((0.5, 0.4, 1.7))), 4))
         ways = icosphere(subdivisions=1).vertices
         flat = np.array([0.25, 0.2, 0.85]) * ways / np.abs(ways).max(axis=1, keepdims=True)
         landmarks = {f"way_{k}": np.stack([ways[k] * (0.3, 0.25, 1.0), flat[k]]) for k in range(len(ways))}
@@ -227,7 +228,7 @@ def read_landmarks(path: str) -> dict[str, np.ndarray]:
 
 
 def _bent(mesh: Trimesh) -> Trimesh:
-    return _mesh(mesh.vertices + 0.4 * mesh.vertices[:, 2:] ** 2 * np.array([1.0, 0, 0]), mesh.faces)
+    return plain_mesh(mesh.vertices + 0.4 * mesh.vertices[:, 2:] ** 2 * np.array([1.0, 0, 0]), mesh.faces)
 
 
 def _with_template(reference: Shape, problem: Problem, frame: Frame) -> Shape:
@@ -256,10 +257,4 @@ def _middle(mesh: Trimesh) -> np.ndarray:
 
 def _placed(mesh: Trimesh, size: float) -> Trimesh:
     """A mesh in a unit of ``size``, its box centre at the origin."""
-    return _mesh((mesh.vertices - _middle(mesh)) / size, mesh.faces)
-
-
-def _mesh(vertices: np.ndarray, faces: np.ndarray) -> Trimesh:
-    from trimesh import Trimesh
-
-    return Trimesh(np.array(vertices), np.array(faces), process=False)
+    return plain_mesh((mesh.vertices - _middle(mesh)) / size, mesh.faces)

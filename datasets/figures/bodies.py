@@ -216,7 +216,7 @@ def template() -> tuple[np.ndarray, np.ndarray]:
 
     field = body()
     V, F, _, _ = marching_cubes(_sampled(field), 0.0, spacing=(STEP,) * 3)
-    V, F = _thinned(V.astype(np.float64) + _LOW, F.astype(np.int64))
+    V, F = thinned(V.astype(np.float64) + _LOW, F.astype(np.int64), 2 * VERTICES)
     for _ in range(4):
         V = _relaxed(V, F, field)
     V = _projected(field, _projected(field, V))
@@ -252,11 +252,12 @@ def _sampled(field: Field) -> np.ndarray:
     return np.concatenate([volume[::-1], volume])
 
 
-def _thinned(V: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def thinned(V: np.ndarray, F: np.ndarray, faces: int) -> tuple[np.ndarray, np.ndarray]:
+    """A mesh with so many faces, by edge collapses under the quadric error."""
     import open3d as o3d
 
     mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(V), o3d.utility.Vector3iVector(F))
-    mesh = mesh.simplify_quadric_decimation(2 * VERTICES)
+    mesh = mesh.simplify_quadric_decimation(faces)
     return np.array(mesh.vertices), np.array(mesh.triangles, dtype=np.int64)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .bodies import skin, template
+from .bodies import skin, template, thinned
 from .builds import Build, shaped
 from .skeleton import ENDS, NAMES, REST
 
@@ -188,8 +188,6 @@ def _ring(centre: tuple[float, float, float], half: float, deep: float, radius: 
 @cache
 def stout() -> Character:
     """A short, heavy body on a mesh of its own."""
-    from open3d.geometry import TriangleMesh
-    from open3d.utility import Vector3dVector, Vector3iVector
     from trimesh import Trimesh
     from trimesh.triangles import points_to_barycentric
 
@@ -198,9 +196,7 @@ def stout() -> Character:
 
     V, F = template()
     body, joints = shaped(V, skin(), STOUT)
-    fine, fine_faces = divided(np.round(body / GRAIN) * GRAIN, F, 1)
-    thin = TriangleMesh(Vector3dVector(fine), Vector3iVector(fine_faces)).simplify_quadric_decimation(STOUT_FACES)
-    vertices, faces = np.array(thin.vertices), np.array(thin.triangles, dtype=np.int64)
+    vertices, faces = thinned(*divided(np.round(body / GRAIN) * GRAIN, F, 1), STOUT_FACES)
     at = MeshSurface(Trimesh(body, F, process=False)).project(vertices)
     corners = F[at.faces]
     shares = np.clip(points_to_barycentric(body[corners], at.points), 0, 1)
