@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
+from ..learned.fitting.fitted import at_least, positive
 from ..learned.networks.shipped import spheres_read
-from .fitting.fitted import at_least, positive
 from .fitting.supervised import Supervised
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
+from ..learned.fitting.fitted import Fitted, at_least, positive
 from ..learned.networks.shipped import spheres_read
-from .fitting.fitted import Fitted, at_least, positive
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Literal
 
 from bench import register
 
+from ..learned.fitting.fitted import at_least, positive
 from ..learned.networks.shipped import spheres_read
 from ..learned.training.schedules import BASE_FROZEN
-from .fitting.fitted import at_least, positive
 from .fitting.guided import Guided
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 from bench import Run, register
 from bench.geometry.check import check_mesh
 
+from ..learned.fitting.fitted import ENDLESS, at_least, check_betas, positive
 from ..learned.networks.shipped import spheres_read
-from .fitting.fitted import ENDLESS, at_least, check_betas, positive
 from .fitting.weights import OrientedWeights
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 
 from bench import InvalidOutput, PointCloud, Run, register
 
-from .fitting.fitted import ENDLESS, at_least, oriented, positive
+from ..learned.fitting.fitted import ENDLESS, at_least, oriented, positive
 
 if TYPE_CHECKING:
     from torch import Tensor

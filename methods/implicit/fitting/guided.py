@@ -9,7 +9,7 @@ import numpy as np
 
 from bench import Frame, Run
 
-from .fitted import Fitted
+from ...learned.fitting.fitted import Fitted
 from .weights import OrientedWeights
 
 if TYPE_CHECKING:

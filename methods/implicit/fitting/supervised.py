@@ -9,7 +9,7 @@ import numpy as np
 
 from bench import Frame, Run, UsageError
 
-from .fitted import Fitted, at_least
+from ...learned.fitting.fitted import Fitted, at_least
 from .weights import OrientedWeights
 
 if TYPE_CHECKING:

@@ -633,7 +633,7 @@ def test_a_training_that_the_limit_cuts_short_says_so():
 
 
 def test_of_very_many_points_without_normals_a_part_is_used(monkeypatch):
-    monkeypatch.setattr("bench.methods.implicit.fitting.fitted.MOST_ESTIMATED", 1000)
+    monkeypatch.setattr("bench.methods.learned.fitting.fitted.MOST_ESTIMATED", 1000)
     run = Run(seed=1)
     mesh = Siren(steps=30, **SMALL).reconstruct(PointCloud(ball().points), run)
     assert run.notes == ["normals were estimated for 1,000 of the 4,000 points, and those used"]

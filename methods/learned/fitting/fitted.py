@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import torch
     from trimesh import Trimesh
 
-    from ...learned.training.field import Field
-    from ...learned.training.loop import Sampling
+    from ..training.field import Field
+    from ..training.loop import Sampling
 
 LEAST_POINTS = 10
 MOST_ESTIMATED = 1_000_000  # points that normals are estimated for
@@ -58,7 +58,7 @@ class Fitted:
     def prepare(self) -> None:
         """The sphere that a sine network begins as is made once, off the clock, and kept."""
         if self.sine_sphere and self.first_sphere:
-            from ...learned.networks.sphere import keep
+            from ..networks.sphere import keep
 
             keep(self.omega, self.hidden_layers, self.width, self.first_sphere)
 
@@ -70,12 +70,16 @@ class Fitted:
 
     def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
         """What it is trained on: oriented points, unless a method says otherwise."""
-        from ...learned.training.batches import Sampler
+        from ..training.batches import Sampler
 
         return Sampler(points, normals, self.batch, run.torch_generator())
 
+    def sampler_of(self, field: Field, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
+        """The sampler of a training, for methods that also draw what the field says."""
+        return self.sampler(points, normals, frame, run)
+
     def training(self) -> dict[str, Any]:
-        """Settings of :class:`~...learned.training.settings.Training` that are none of the parameters above."""
+        """Settings of :class:`~..training.settings.Training` that are none of the parameters above."""
         return {}
 
     # -- what they share -------------------------------------------------------------------------------------------
@@ -102,7 +106,7 @@ class Fitted:
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """The zero level of a field that was fitted to the points and their normals (estimated if there are none)."""
-        from ...learned.training.stages import in_time
+        from ..training.stages import in_time
 
         field, frame = self.fit_to(cloud, run)
         return in_time(lambda seconds: self.extract(field, frame, self.resolution, seconds), run)
@@ -111,10 +115,10 @@ class Fitted:
         """The fitted field, and the frame that it lives in."""
         import torch
 
-        from ...learned.training import files
-        from ...learned.training.loop import fit
-        from ...learned.training.settings import Training
-        from ...learned.training.stages import note_shortage, reserve
+        from ..training import files
+        from ..training.loop import fit
+        from ..training.settings import Training
+        from ..training.stages import note_shortage, reserve
 
         torch.set_num_threads(run.threads)
         trains = self.steps > 0 or self.seconds > 0
@@ -131,7 +135,7 @@ class Fitted:
             if not trains:
                 files.note_other_points(self.load, points, run)
         if trains:
-            sampler = self.sampler(points, normals, frame, run)
+            sampler = self.sampler_of(field, points, normals, frame, run)
             left = run.seconds_left() - reserve(field, points, self.resolution, run)
             training = Training(
                 steps=ENDLESS if self.seconds else self.steps,
@@ -152,7 +156,7 @@ class Fitted:
 
     def extract(self, field: Field, frame: Frame, resolution: int, seconds: float = math.inf) -> Trimesh:
         """The zero level of a field, in the coordinates of the input; coarser where that would take more seconds."""
-        from ...learned.meshing.marching import REACH, extract
+        from ..meshing.marching import REACH, extract
 
         mesh = extract(field.values, resolution=resolution, domain=(-REACH, REACH), seconds=seconds)
         mesh.vertices = frame.invert(mesh.vertices)

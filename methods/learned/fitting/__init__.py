@@ -1,0 +1,1 @@
+"""Methods that fit a field to one shape."""
