@@ -4,11 +4,14 @@
     python docs/cages.py front results/figure_5_6 docs/cages_front.png
     python docs/cages.py strips results/figure_5_6 docs/cages_strips.png --case 000,001
     python docs/cages.py bounds --category chair,table,shelf
+    python docs/cages.py tightness results/table_5_1a
 
 (`strips` with pyvista, from the extra `render`.) `front` draws each method by its means of two scores, with the Pareto
 front (figure 5.6), and prints them. `strips` has a row for each case: the source (the output of `identity`), its cage
 and the deformed cage where a method stored them, the result of each method, and the target. `bounds` prints what the
 best affine map and the best cage of 42 vertices reach that know where each vertex belongs (pairs with the same parts).
+`tightness` prints how the cages of table 5.1a lie around their vases: their volume, relative to that of the vase's
+convex hull, and the negative coordinates of Eq. 5.4.
 """
 
 from __future__ import annotations
@@ -125,6 +128,30 @@ def bounds(args: argparse.Namespace) -> None:
     print(means.to_string(float_format=lambda value: f"{value:.4g}"))
 
 
+def tightness(args: argparse.Namespace) -> None:
+    """Volume and negative coordinates of the cages of vases."""
+    import torch
+    from scipy.spatial import ConvexHull
+
+    from bench.datasets.vases import Vases
+    from bench.methods.cages.coordinates.mean_value import mean_value_coordinates
+    from bench.tasks.deform import Deform
+
+    results, rows = Results(args.results), rows_of(args.results)
+    recipes = Deform().recipes(Vases(columns=64), None, split="test", count=rows["case"].nunique(), seed=0)
+    lines = []
+    for case in (recipe.build() for recipe in recipes):
+        points = np.asarray(case.input["source"].vertices)
+        for _, row in rows[rows["case"] == case.id].iterrows():
+            cage = load_mesh(Path(results.output_of(dict(row))).with_suffix("") / "cage.ply")
+            place, walls = (torch.from_numpy(np.asarray(array))[None] for array in (points, cage.vertices))
+            negative = mean_value_coordinates(place, walls, cage.faces, 1)[0].numpy().clip(max=0)
+            volume = ConvexHull(cage.vertices).volume / ConvexHull(points).volume
+            facts = {"volume of the cage": volume, "Eq. 5.4": np.mean(negative**2), "negative": -negative.sum(1).mean()}
+            lines.append({"method": row["line"]} | facts)
+    print(pd.DataFrame(lines).groupby("method").mean().to_string(float_format=lambda value: f"{value:.2g}"))
+
+
 def main() -> None:
     """Draw what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -146,6 +173,9 @@ def main() -> None:
     command.add_argument("--category", default="chair,table,shelf", help="of furniture, with commas")
     command.add_argument("--cases", type=int, default=8, help="pairs of each")
     command.add_argument("--split", default="test")
+    command = commands.add_parser("tightness")
+    command.set_defaults(function=tightness)
+    command.add_argument("results")
     args = parser.parse_args()
     args.function(args)
 

@@ -29,6 +29,7 @@ class NeuralCages:
     they are given, and their correspondences where there are any).
     """
 
+    shapes: str = "chairs"  # a name for what it is trained on; there are weights for chairs and for tables
     points: int = 512  # of a shape that the network and the losses see (Wang et al.: 1,024)
     code: int = 256  # numbers that a shape becomes
     cage: Literal["predicted", "invariant", "identity"] = "predicted"  # for each source, one that is learned, a sphere
@@ -49,7 +50,19 @@ class NeuralCages:
 
     examples_by: ClassVar[tuple[str, ...]] = ()
     trained_by: ClassVar[tuple[str, ...]] = (
-        *("points", "code", "cage", "coordinates", "mvc", "p2f", "normal", "symmetry", "laplacian", "neighbours"),
+        *(
+            "shapes",
+            "points",
+            "code",
+            "cage",
+            "coordinates",
+            "mvc",
+            "p2f",
+            "normal",
+            "symmetry",
+            "laplacian",
+            "neighbours",
+        ),
         *("stretch", "partners", "warm_up", "steps", "batch", "learning_rate", "decay"),
     )
 

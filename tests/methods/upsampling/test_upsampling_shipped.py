@@ -16,6 +16,7 @@ FILES = sorted(METHODS.glob("*/weights/*.safetensors"))
 # What the others than those of clouds were trained on; those were on the mixture of families.
 TRAINED_ON = {
     "neural_cages": "furniture[category=chair,same_parts=False]",
+    "neural_cages_tables": "furniture[category=table,same_parts=False]",
     "character_cages": "humanoids[characters=body]",
 }
 LEARNED = ("mpu", "pu_net", "ec_net", "grad_pu")
