@@ -1,0 +1,99 @@
+"""All three stages together: iso-points of a field, from any points near it (thesis 4.2.1, figure 4.14)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from .fields import Differentiable
+from .projection import STEPS, Projection, project
+from .resampling import Resampling, resample
+from .thinning import thinned
+from .upsampling import NEIGHBOURS, upsample
+
+BASE = 0.75  # of the wanted points are spread first, the others inserted where those leave gaps
+MOST = 4  # more starts than this many times the wanted points are not projected
+
+
+@dataclass(frozen=True)
+class Extraction:
+    """How iso-points are extracted."""
+
+    count: int
+    rounds: int = 1  # of thinning, spreading and inserting
+    resampling: Resampling = field(default_factory=lambda: Resampling(iterations=3))
+    edges: float | None = None  # insertions prefer edges: see `candidates`
+    neighbours: int = NEIGHBOURS
+    tolerance: float = 1e-5
+    steps: int = STEPS  # of Newton's method from the start
+    reach: float = 1.2  # points farther from the origin are dropped
+
+
+@dataclass(frozen=True, eq=False)
+class IsoPoints:
+    """Points on the zero level of a field."""
+
+    points: Tensor  # (n, 3)
+    normals: Tensor  # (n, 3), unit gradients of the field
+    evaluations: int  # of the field, that they took
+
+
+class NoLevel(ValueError):
+    """No start has found the zero level."""
+
+
+def extract(of: Differentiable, starts: Tensor, how: Extraction) -> IsoPoints:
+    """``how.count`` points on the zero level, evenly spaced, from starts (n, 3) near it.
+
+    Raises
+    ------
+    NoLevel
+        If fewer than two starts arrive there.
+    """
+    stages = _Stages(of, how)
+    stages.take(project(of, starts[: MOST * how.count], tolerance=how.tolerance, steps=how.steps))
+    for _ in range(how.rounds):
+        stages.thin()
+        stages.spread()
+        stages.fill()
+        if how.edges is None:  # inserted points settle; at edges they stay dense
+            stages.spread()
+    stages.fill()  # where some have left the level on the way
+    return IsoPoints(stages.at.points, F.normalize(stages.at.gradients, dim=1), stages.evaluations)
+
+
+class _Stages:
+    """The points between the stages: those that are on the level."""
+
+    def __init__(self, of: Differentiable, how: Extraction):
+        self._of, self._how = of, how
+        self.evaluations = 0
+        self.at: Projection
+
+    def take(self, result: Projection) -> None:
+        """Keep those of a stage's points that have arrived, and are not too far away."""
+        self.evaluations += result.evaluations
+        rows = result.values.abs() <= self._how.tolerance
+        rows &= torch.linalg.vector_norm(result.points, dim=1) <= self._how.reach
+        if rows.sum() < 2:
+            raise NoLevel(f"{int(rows.sum())} of {len(rows)} points have found the zero level of the field")
+        self.at = Projection(result.points[rows], result.gradients[rows], result.values[rows], 0)
+
+    def thin(self) -> None:
+        """Crowded points go."""
+        rows = thinned(self.at.points, max(2, round(BASE * self._how.count)))
+        self.at = Projection(self.at.points[rows], self.at.gradients[rows], self.at.values[rows], 0)
+
+    def spread(self) -> None:
+        """Even spacing."""
+        self.take(resample(self._of, self.at.points, self._how.resampling, self._how.tolerance))
+
+    def fill(self) -> None:
+        """As many as are wanted."""
+        how = self._how
+        if len(self.at.points) < how.count:
+            more = {"edges": how.edges, "neighbours": how.neighbours, "tolerance": how.tolerance}
+            self.take(upsample(self._of, self.at.points, how.count, **more))
