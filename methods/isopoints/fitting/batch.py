@@ -1,0 +1,53 @@
+"""What a step sees: points of the cloud with weights, iso-points, points of the space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from ...learned.training.batches import Batch
+
+
+@dataclass(frozen=True, eq=False)
+class RegularisedBatch(Batch):
+    """``x`` is the cloud's points, ``on`` of them, then ``iso`` iso-points, then points of the space.
+
+    Attributes
+    ----------
+    weights : (on,) tensor
+        Eq. 4.15: how much a point of the cloud counts.
+    iso : int
+    iso_normals : (iso, 3) tensor
+        From the iso-points around, up to the sign.
+    counts : (int, int, int)
+        Points of the three kinds in the whole step.
+    step : int
+        Steps before this one.
+    """
+
+    weights: Tensor
+    iso: int
+    iso_normals: Tensor
+    counts: tuple[int, int, int]
+    step: int
+
+    def chunks(self, size: int) -> Iterator[RegularisedBatch]:
+        """Parts of about ``size`` points, each with its share of the three kinds."""
+        parts = max(1, -(-len(self.x) // size))
+        kinds = self.x.split([self.on, self.iso, len(self.x) - self.on - self.iso])
+        on, iso, space = (torch.tensor_split(kind, parts) for kind in kinds)
+        normals, weights = torch.tensor_split(self.normals, parts), torch.tensor_split(self.weights, parts)
+        iso_normals = torch.tensor_split(self.iso_normals, parts)
+        for i in range(parts):
+            yield replace(
+                self,
+                x=torch.cat([on[i], iso[i], space[i]]),
+                on=len(on[i]),
+                normals=normals[i],
+                weights=weights[i],
+                iso=len(iso[i]),
+                iso_normals=iso_normals[i],
+            )

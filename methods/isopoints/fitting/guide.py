@@ -1,0 +1,159 @@
+"""The iso-points of a training: made after a warm-up, and again from time to time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from bench import Run
+
+from ..sampling.extraction import Extraction, IsoPoints, NoLevel, extract
+from ..sampling.fields import Differentiable
+from ..sampling.neighbours import nearest
+from ..sampling.wlop import wlop
+from .batch import RegularisedBatch
+
+JITTER = 0.05  # of the last iso-points, before they are projected anew
+RADIUS = 0.1  # a point of the cloud farther than this from all iso-points counts nothing
+THINNING = 4  # the first iso-points begin at a quarter of their number, at points that WLOP moved
+SPREAD = 0.1  # of the points near the cloud
+
+
+@dataclass(frozen=True)
+class Plan:
+    """When there are iso-points, how many, and what they are used for."""
+
+    batch: int
+    iso: bool
+    count: int
+    warm_up: int  # steps before the first iso-points
+    refresh: int  # steps between new ones
+    per_step: int  # iso-points of a step, at most
+    pca: int  # neighbours of an iso-point's normal
+    outliers: bool  # the cloud's points are weighted
+    sigma: float  # degrees: sigma_n of Eq. 4.16
+    near: float  # share of the points of space that are near the cloud
+
+
+class GuidedSampler:
+    """Draws steps for a field and keeps its iso-points.
+
+    Parameters
+    ----------
+    field : Differentiable
+        As it is trained.
+    points, normals : (n, 3) arrays
+        The cloud, in the frame of radius 1.
+    plan : Plan
+    run : Run
+        Intermediate iso-points are kept as ``iso_points``; a note says when there are none.
+    generator : torch.Generator
+        On the device of the field.
+    """
+
+    def __init__(
+        self,
+        field: Differentiable,
+        points: np.ndarray,
+        normals: np.ndarray,
+        plan: Plan,
+        run: Run,
+        generator: torch.Generator,
+    ):
+        self._field, self._plan, self._run, self._generator = field, plan, run, generator
+        device = generator.device
+        self._points = torch.as_tensor(np.asarray(points, dtype=np.float32), device=device)
+        unit = torch.as_tensor(np.asarray(normals, dtype=np.float32), device=device)
+        self._normals = torch.nn.functional.normalize(unit, dim=1)
+        self._weights = torch.ones(len(points), device=device)
+        self._iso_normals = torch.zeros(0, 3, device=device)
+        self._extraction = Extraction(plan.count)
+        self._step = -1  # the first batch of all is held out
+        self.iso: IsoPoints | None = None
+        self.refreshed = 0
+
+    def draw(self) -> RegularisedBatch:
+        """The next step's points."""
+        plan, step = self._plan, self._step
+        self._step += 1
+        if plan.iso and step >= plan.warm_up and (step - plan.warm_up) % plan.refresh == 0:
+            self._renew()
+        rows = self._rows(len(self._points), plan.batch)
+        x = [self._points[rows], torch.zeros(0, 3, device=rows.device), self._space()]
+        iso_normals = x[1]
+        if self.iso is not None:
+            chosen = self._rows(len(self.iso.points), min(plan.per_step, len(self.iso.points)))
+            x[1], iso_normals = self.iso.points[chosen], self._iso_normals[chosen]
+        counts = (len(x[0]), len(x[1]), len(x[2]))
+        return RegularisedBatch(
+            x=torch.cat(x),
+            on=counts[0],
+            normals=self._normals[rows],
+            distances=None,
+            total=sum(counts),
+            weights=self._weights[rows],
+            iso=counts[1],
+            iso_normals=iso_normals,
+            counts=counts,
+            step=max(step, 0),
+        )
+
+    def _rows(self, below: int, count: int) -> Tensor:
+        return torch.randint(below, (count,), generator=self._generator, device=self._generator.device)
+
+    def _space(self) -> Tensor:
+        plan, device = self._plan, self._generator.device
+        near = round(plan.near * plan.batch)
+        uniform = torch.rand(plan.batch - near, 3, generator=self._generator, device=device) * 2 - 1
+        noise = SPREAD * torch.randn(near, 3, generator=self._generator, device=device)
+        return torch.cat([uniform, self._points[self._rows(len(self._points), near)] + noise])
+
+    def _renew(self) -> None:
+        """New iso-points, from the last ones or from the cloud."""
+        device = self._generator.device
+        if self.iso is None:
+            some = torch.randperm(len(self._points), generator=self._generator, device=device)[: self._plan.count]
+            starts = wlop(self._points[some], max(2, len(some) // THINNING))
+        else:
+            shift = torch.rand(len(self.iso.points), 3, generator=self._generator, device=device) * 2 - 1
+            starts = self.iso.points + JITTER * shift
+        try:
+            self.iso = extract(self._field, starts, self._extraction)
+        except NoLevel as error:
+            self._run.note(f"no iso-points after {self._step} steps: {error}")
+            return
+        self.refreshed += 1
+        self._iso_normals = pca_normals(self.iso.points, self._plan.pca)
+        if self._plan.outliers:
+            self._weights = outlier_weights(self._points, self._normals, self.iso, self._plan.sigma)
+
+
+def pca_normals(points: Tensor, neighbours: int) -> Tensor:
+    """Unit normals (n, 3) of the planes that fit each point and its neighbours best; their sign is arbitrary."""
+    near = nearest(points, neighbours)
+    around = torch.cat([points[:, None], points[near.rows]], dim=1)
+    around = around - around.mean(1, keepdim=True)
+    _, axes = torch.linalg.eigh(around.transpose(1, 2).double() @ around.double())
+    return axes[:, :, 0].to(points.dtype)
+
+
+def outlier_weights(points: Tensor, normals: Tensor, iso: IsoPoints, sigma: float = 60.0) -> Tensor:
+    """How much each point of a cloud counts: (n,), from 0 to 1 (Eq. 4.15 and 4.16).
+
+    The product of two weights at the nearest iso-point p: ``exp(-(n_p . (p - q))^2 / sigma_p)`` with
+    ``sigma_p = 16 D / |P|``, and ``exp(-((1 - n_p . n_q) / (1 - cos(sigma)))^2)``. The text takes the minimum over all
+    iso-points, which those of the other side make 0; and it prints the last exponent as ``(1 - ...)^2``, which is
+    largest for normals that differ by 60 degrees. Both are taken as the released code has them.
+    """
+    near = nearest(points, 1, iso.points)
+    rows, distance = near.rows[:, 0], near.distances[:, 0]
+    radius = torch.linalg.vector_norm(iso.points, dim=1).max()
+    bandwidth = 32 * radius / len(iso.points)
+    across = ((iso.points[rows] - points) * iso.normals[rows]).sum(1)
+    turned = 1 - (iso.normals[rows] * normals).sum(1)
+    weight = torch.exp(-across.square() / bandwidth - (turned / (1 - math.cos(math.radians(sigma)))).square())
+    return torch.where(distance <= RADIUS, weight, 0.0)

@@ -1,0 +1,101 @@
+"""SIREN regularised by iso-points: a field from noisy, sparse or incomplete points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from bench import Frame, Run, register
+
+from ..learned.fitting.fitted import Fitted, at_least, positive
+from ..learned.networks.shipped import spheres_read
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import torch
+
+    from ..learned.training.field import Field
+    from ..learned.training.loop import Sampling
+
+LEAST, MOST = 256, 20_000  # iso-points
+
+
+@register("method", cite="Yifan et al. 2021", requires=("torch", "trimesh", "igl", "skimage", "scipy"))
+@dataclass(frozen=True)
+class SirenIso(Fitted):
+    """A sine network fitted to noisy points with iso-points (thesis 4.2: Eq. 4.13 to 4.16).
+
+    After a short warm-up, while the surface is still smooth, points are extracted from it, evenly spaced. They fill
+    holes (the field vanishes there too), smooth (its gradient has the normals of the iso-points around), and say which
+    points of the input are outliers. From time to time they are extracted anew. ``iso=false`` is the baseline.
+    """
+
+    learning_rate: float = 1e-4  # of Adam
+    omega: float = 30.0  # frequency of the sine layers
+    hidden_layers: int = 3  # sine layers behind the first
+    width: int = 256  # of each layer
+    sphere: float = 0.5  # radius of the sphere that the network begins as; 0 to begin at random
+    clip: float = 1.0  # largest norm of the gradient; 0 for none
+    surface: float = 1000.0  # weight of |f| on points and iso-points
+    normal: float = 100.0  # weight of their normals
+    space: float = 50.0  # weight of exp(-steepness |f|) elsewhere (released: 100)
+    eikonal: float = 100.0  # weight of the gradient's length
+    steepness: float = 100.0  # of the term for the space
+    steepening: float = 0.0  # growth of the steepness over the training (released: 1, it doubles)
+    squared: bool = False  # the gradient's length counts by its square (released)
+    near: float = 0.0  # share of the space's points that are near the input's (released: 0.5)
+    iso: bool = True  # whether there are iso-points
+    share: float = 0.125  # iso-points for each point of the input (released: 1/16)
+    warm_up: int = 300  # steps before the first iso-points (released: 500)
+    refresh: int = 1000  # steps between new iso-points (released: 2,000)
+    per_step: int = 1024  # iso-points of a step (released: 5,000)
+    pca: int = 8  # neighbours of an iso-point's normal; more make the surface smoother
+    outliers: bool = True  # points that iso-points do not confirm count less (Eq. 4.15)
+    sigma: float = 60.0  # degrees by which a normal may differ, sigma_n of Eq. 4.16
+    # iso-points count as much as the input's points, or by their number (released)
+    mixing: Literal["equal", "by_count"] = "equal"
+
+    free_on_load = (
+        *("sphere", "clip", "surface", "normal", "space", "eikonal", "steepness", "steepening", "squared", "near"),
+        *("iso", "share", "warm_up", "refresh", "per_step", "pca", "outliers", "sigma", "mixing"),
+    )
+    sine_sphere = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        at_least(self, hidden_layers=1, width=1, sphere=0, clip=0, surface=0, normal=0, space=0, eikonal=0)
+        at_least(self, steepening=0, warm_up=0, refresh=1, per_step=1, pca=3)
+        positive(self, "omega", "steepness", "share", "sigma")
+        for name, most in (("near", 1), ("sigma", 180)):
+            if not 0 <= getattr(self, name) <= most:
+                raise ValueError(f"{name}: expected 0 to {most}, got {getattr(self, name)}")
+
+    def reads(self) -> tuple[Path, ...]:
+        """The sphere that it begins as, where that is shipped."""
+        return spheres_read(self.omega, self.hidden_layers, self.width, self.first_sphere)
+
+    def field(self, generator: torch.Generator) -> Field:
+        """The network, a sphere to begin with."""
+        from ..learned.networks.sphere import begin_as_sphere
+        from .fitting.field import RegularisedField, Weights
+
+        own = {name: getattr(self, name) for name in Weights.__dataclass_fields__}
+        form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
+        field = RegularisedField(Weights(**own), self.omega, **form)
+        begin_as_sphere(field.network, self.first_sphere)
+        return field
+
+    def sampler_of(self, field: Field, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
+        """Points, iso-points of the field, points of the space."""
+        from .fitting.guide import GuidedSampler, Plan
+
+        own = {name: getattr(self, name) for name in Plan.__dataclass_fields__ if hasattr(self, name)}
+        plan = Plan(count=int(np.clip(round(self.share * len(points)), LEAST, MOST)), **own)
+        return GuidedSampler(field.network, points, normals, plan, run, run.torch_generator())
+
+    def training(self) -> dict[str, Any]:
+        """Gradients are clipped where that is asked for."""
+        return {"clip": self.clip}
