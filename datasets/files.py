@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from bench import Shape, UsageError, register
+from bench import BadInput, Shape, ShapePair, UsageError, register
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -35,11 +35,17 @@ class Files:
     All files are test data unless you say which are for training: ``train_path`` names others, and ``train_share``
     takes a share of ``path``, chosen by the files' contents, so that it depends neither on names nor on what else is
     there, and copies of a file stay together. A file whose content is in both splits is refused.
+
+    For tasks over pairs (``deform``) each mesh is a source. Its target is the mesh of the same name in ``target_path``
+    (a single file there is the target of all); without that, the next mesh, and the first one after the last.
     """
 
     path: str = ""  # a mesh file, a folder or a glob pattern; several with ':' between them (';' on Windows)
     train_path: str = field(default="", metadata=LATER)  # the same for the train split; path is then for the test split
     train_share: float = field(default=0.0, metadata=LATER)  # of path, for the train split: 0 to 1, by content
+
+    target_path: str = field(default="", metadata=LATER)  # of tasks over pairs: the targets, named as their sources
+    corresponding: bool = field(default=False, metadata=LATER)  # both meshes of a pair have the same faces, in order
 
     def __post_init__(self) -> None:
         if not 0 <= self.train_share <= 1:
@@ -60,6 +66,44 @@ class Files:
             if found.split == split:
                 yield Shape(id, _reader(found.file), info={"file": found.file.name})
 
+    def pairs(self, split: str) -> Iterator[ShapePair]:
+        """Each mesh of a split with its target.
+
+        Raises
+        ------
+        UsageError
+            As of :meth:`shapes`; where a source has no target, and where there is one mesh alone.
+        """
+        sources = list(self.shapes(split))
+        for source, target in zip(sources, self._targets(sources, split), strict=True):
+            if self.corresponding:
+                target = Shape(target.id, _same_faces(source, target), info=target.info)
+            yield ShapePair(f"{source.id}-to-{target.id}", source, target, corresponding=self.corresponding)
+
+    def _targets(self, sources: list[Shape], split: str) -> list[Shape]:
+        if not self.target_path:
+            if len(sources) < 2:
+                raise UsageError(
+                    f"dataset files: a pair takes two meshes, and dataset.path={self.path} has one; name targets with "
+                    "dataset.target_path=FILE or FOLDER"
+                )
+            return sources[1:] + sources[:1]
+        if split != "test":
+            raise UsageError(
+                "dataset.target_path: pairs with targets of their own are test data; leave it out to pair the meshes "
+                "of the train split with each other"
+            )
+        found = _by_id([_Found(f, split) for f in _files("target_path", self.target_path)])
+        shapes = {id: Shape(id, _reader(one.file), info={"file": one.file.name}) for id, one in found.items()}
+        if len(shapes) == 1:
+            return [next(iter(shapes.values()))] * len(sources)
+        if missing := [source.id for source in sources if source.id not in shapes]:
+            raise UsageError(
+                f"dataset.target_path={self.target_path} has no mesh named {missing[0]} (of {len(missing)} sources "
+                "without a target); name each target as its source, or give one file for all"
+            )
+        return [shapes[source.id] for source in sources]
+
     def check(self, split: str = "test") -> None:
         """Raise :class:`bench.UsageError` unless the split has at least one mesh file, and none of the other split."""
         found = self._named().values()
@@ -79,7 +123,10 @@ class Files:
 
     def state(self) -> dict[str, str]:
         """The SHA-256 of each file's content by the id of its shape, so that an edited file is a changed input."""
-        return {f"{id} ({found.file.name})": _sha256(found.file) for id, found in self._named().items()}
+        state = {f"{id} ({found.file.name})": _sha256(found.file) for id, found in self._named().items()}
+        if self.target_path:
+            state |= {f"target {file.name}": _sha256(file) for file in _files("target_path", self.target_path)}
+        return state
 
     def _named(self) -> dict[str, _Found]:
         """The files of both splits by their ids."""
@@ -162,6 +209,22 @@ def _reader(file: Path) -> Callable[[], Trimesh]:
         from bench.geometry.io.files import load_mesh
 
         return load_mesh(file)
+
+    return read
+
+
+def _same_faces(source: Shape, target: Shape) -> Callable[[], Trimesh]:
+    def read() -> Trimesh:
+        import numpy as np
+
+        theirs, mesh = source.mesh.faces, target.mesh
+        if not np.array_equal(theirs, mesh.faces):
+            raise BadInput(
+                f"dataset.corresponding=true, but {source.info['file']} ({len(theirs):,} faces) and "
+                f"{target.info['file']} ({len(mesh.faces):,} faces) do not have the same faces in the same order; "
+                "expected that, or dataset.corresponding=false"
+            )
+        return mesh
 
     return read
 

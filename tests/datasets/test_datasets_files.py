@@ -245,3 +245,58 @@ def test_a_name_with_the_separator_in_it(tmp_path):
     (tmp_path / "mesh.ply").rename(file)
     assert ids(file) == ["left_right"]
     assert stat.S_ISREG(file.stat().st_mode)
+
+
+def paired(**own: object) -> list[tuple[str, str, str]]:
+    pairs = Files(**own).pairs("test")  # type: ignore[arg-type]
+    return [(pair.id, pair.source.info["file"], pair.target.info["file"]) for pair in pairs]
+
+
+def test_pairs_are_neighbours_or_have_one_name(folder, tmp_path):
+    three = str(folder / "[abd].*")
+    assert paired(path=three) == [
+        ("a-to-b", "a.obj", "b.ply"),
+        ("b-to-d", "b.ply", "d.off"),
+        ("d-to-a", "d.off", "a.obj"),
+    ]
+    targets = tmp_path / "targets"
+    targets.mkdir()
+    for name in ("b.obj", "a.ply"):
+        save(trimesh.creation.box(), targets / name)
+    both = {"path": str(folder / "[ab].*"), "target_path": str(targets)}
+    assert paired(**both) == [("a-to-a", "a.obj", "a.ply"), ("b-to-b", "b.ply", "b.obj")]
+    single = paired(path=three, target_path=str(targets / "b.obj"))
+    assert [target for _, _, target in single] == ["b.obj"] * 3
+    before = Files(**both).state()
+    save(trimesh.creation.icosphere(1), targets / "b.obj")
+    assert before != Files(**both).state()
+
+
+def test_pairs_without_targets_are_refused(folder, tmp_path):
+    with pytest.raises(UsageError, match=r"a pair takes two meshes, and dataset.path=.*b.ply has one; name targets"):
+        paired(path=str(folder / "b.ply"))
+    targets = tmp_path / "targets"
+    targets.mkdir()
+    for name in ("a.ply", "x.ply"):
+        save(trimesh.creation.box(), targets / name)
+    with pytest.raises(UsageError, match="has no mesh named b "):
+        paired(path=str(folder / "[ab].*"), target_path=str(targets))
+    with pytest.raises(UsageError, match="target_path: pairs with targets of their own are test data"):
+        list(Files(str(folder / "a.obj"), train_path=str(folder / "b.ply"), target_path=str(targets)).pairs("train"))
+
+
+def test_pairs_are_deformed(folder, tmp_path):
+    from bench.tasks.deform import Deform
+
+    save(trimesh.creation.box(), tmp_path / "box.ply")
+
+    def recipe(target: Path, **own: bool):
+        files = Files(str(folder / "a.obj"), target_path=str(target), **own)
+        (only,) = Deform(vertices=0).recipes(files, None, split="test", count=9, seed=0)
+        return only
+
+    case = recipe(tmp_path / "box.ply").build()
+    assert len(case.input["source"].faces) == 80 and len(case.reference.mesh.faces) == 12
+    with pytest.raises(BadInput, match=r"a.obj \(80 faces\) and box.ply \(12 faces\) do not have the same faces"):
+        recipe(tmp_path / "box.ply", corresponding=True).build()
+    assert len(recipe(folder / "b.ply", corresponding=True).build().reference.mesh.faces) == 80
