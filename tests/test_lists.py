@@ -15,7 +15,15 @@ PAGES = {
     "dataset": ("datasets.md",),
     "sensor": ("sensors.md",),
     # Pseudo-methods bound the scores of metrics.
-    "method": ("which-method.md", "implicit.md", "upsampling.md", "splatting.md", "isopoints.md", "cages.md", "metrics.md"),
+    "method": (
+        "which-method.md",
+        "implicit.md",
+        "upsampling.md",
+        "splatting.md",
+        "isopoints.md",
+        "cages.md",
+        "metrics.md",
+    ),
     "metric": ("metrics.md",),
 }
 

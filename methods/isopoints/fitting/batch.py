@@ -24,15 +24,12 @@ class RegularisedBatch(Batch):
         From the iso-points around, up to the sign.
     counts : (int, int, int)
         Points of the three kinds in the whole step.
-    step : int
-        Steps before this one.
     """
 
     weights: Tensor
     iso: int
     iso_normals: Tensor
     counts: tuple[int, int, int]
-    step: int
 
     def chunks(self, size: int) -> Iterator[RegularisedBatch]:
         """Parts of about ``size`` points, each with its share of the three kinds."""

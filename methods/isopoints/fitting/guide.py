@@ -50,7 +50,7 @@ class GuidedSampler:
         The cloud, in the frame of radius 1.
     plan : Plan
     run : Run
-        Intermediate iso-points are kept as ``iso_points``; a note says when there are none.
+        A note says when no iso-points were found.
     generator : torch.Generator
         On the device of the field.
     """
@@ -99,7 +99,6 @@ class GuidedSampler:
             iso=counts[1],
             iso_normals=iso_normals,
             counts=counts,
-            step=max(step, 0),
         )
 
     def _rows(self, below: int, count: int) -> Tensor:

@@ -51,7 +51,6 @@ def some_batch(iso=7):
         iso=iso,
         iso_normals=unit[10:],
         counts=(10, iso, 12),
-        step=0,
     )
 
 
