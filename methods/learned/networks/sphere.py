@@ -1,10 +1,10 @@
 """Networks that begin as a sphere: "optional for our training but critical for baseline SIRENs" (thesis 4.1.2).
 
 Random sine networks have zero levels all over the box, and Eq. 4.4 does not tell inside from outside; one that begins
-as a sphere has one surface, outside positive. The thesis trains it beforehand; so do we, once: the forms that its
-tables use are shipped, half precision, beside this file (``python -m bench.methods.learned.networks.sphere`` makes
-them anew). Any other is made when it is first needed, off the clock, which takes minutes where it is wide or of high
-frequency, and cached in the user's folder.
+as a sphere has one surface, outside positive. The thesis trains it beforehand; so do we, once: the forms of three
+layers that its tables use are shipped, half precision, beside this file (made anew by
+``python -m bench.methods.learned.networks.sphere``). Any other is made when it is first needed, off the clock, which
+takes minutes where it is wide or of high frequency, and cached in the user's folder.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from .sine_network import SineNetwork
 
 BATCH = 2048
 STEPS_PER_OMEGA, RATE_TIMES_OMEGA = 50, 3e-3  # the higher the frequency, the smaller the weights, and so the steps
-# omega, layers behind the first, width: IDF's base and SIREN-3, SIREN-7, and the base of a transfer
-FORMS = ((15.0, 3, 256), (30.0, 3, 256), (40.0, 3, 256), (60.0, 3, 256), (30.0, 7, 256), (60.0, 7, 256), (5.0, 3, 96))
+# omega, layers behind the first, width: IDF's base and SIREN-3, and the base of a transfer; not SIREN-7, of 0.9 MB each
+FORMS = ((15.0, 3, 256), (30.0, 3, 256), (40.0, 3, 256), (60.0, 3, 256), (5.0, 3, 96))
 RADIUS = 0.5
 
 _of_this_process: dict[tuple[float, int, int, float], dict[str, torch.Tensor]] = {}
