@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
     from .run import Run
+    from .views import Views
 
 
 class CaseRecipe(NamedTuple):
@@ -210,6 +211,21 @@ def target_words(medians: Mapping[str, float]) -> str:
     if "target_vertices" in medians:
         return f"; targets are meshes of {medians['target_vertices']:,.0f} vertices"
     return ""
+
+
+def describe_views(views: Views) -> dict[str, float]:
+    """How many views there are, how many pixels across, and how much of them the shape covers."""
+    return {"views": len(views), "pixels": float(views.width), "covered": float(views.masks.mean())}
+
+
+def views_words(medians: Mapping[str, float]) -> str:
+    """What :func:`describe_views` measured, in a sentence."""
+    if not {"views", "pixels", "covered"} <= set(medians):
+        return ""
+    return (
+        f"input, median of the cases: {medians['views']:.0f} images of {medians['pixels']:.0f} pixels across, "
+        f"{medians['covered']:.0%} covered."
+    )
 
 
 def generic_words(medians: Mapping[str, float]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from ..contract.ball_views import views_of_a_ball
 from ..contract.case import Case
 from ..contract.shape import Shape
-from ..contract.task import Task, validate_cloud
+from ..contract.task import Task, describe_views, validate_cloud, views_words
 from ..contract.views import Views
 from ..contract.views_file import load_views
 from ..errors import UsageError
@@ -26,8 +26,8 @@ class FitShape(Task):
     """Images of a shape and a cloud to begin with -> a cloud of the shape's surface.
 
     A method is called as ``fit_shape(views, cloud, run)``: images with masks, cameras and known lights, and oriented
-    points that have nothing to do with the shape. It returns a cloud of any number of points. (``multiview`` is to be
-    the task that asks for a mesh.)
+    points that have nothing to do with the shape. It returns a cloud of any number of points. The task ``multiview`` asks
+    for a mesh instead.
     """
 
     takes: ClassVar[str] = "views"
@@ -80,17 +80,11 @@ class FitShape(Task):
 
     def describe(self, case: Case) -> dict[str, float]:
         """How many views there are, how many pixels across, and how much of them the shape covers."""
-        views: Views = case.input["views"]
-        return {"views": len(views), "pixels": float(views.width), "covered": float(views.masks.mean())}
+        return describe_views(case.input["views"])
 
     def describe_words(self, medians: Mapping[str, float]) -> str:
         """The same, in a sentence."""
-        if not {"views", "pixels", "covered"} <= set(medians):
-            return ""
-        return (
-            f"input, median of the cases: {medians['views']:.0f} images of {medians['pixels']:.0f} pixels across, "
-            f"{medians['covered']:.0%} covered."
-        )
+        return views_words(medians)
 
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
         """Views from an ``.npz`` file with the arrays of :meth:`bench.Views.arrays`, and a cloud to begin with.

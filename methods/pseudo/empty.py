@@ -41,6 +41,10 @@ class Empty:
         """No points."""
         return no_points()
 
+    def multiview(self, views: Views, run: Run) -> Trimesh:
+        """A mesh without vertices and faces."""
+        return no_faces()
+
     def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:
         """A mesh without vertices and faces."""
         return no_faces()

@@ -47,6 +47,10 @@ class Noise:
         """As many points as the cloud to begin with has."""
         return PointCloud(random_cloud(len(cloud), run.rng).points)
 
+    def multiview(self, views: Views, run: Run) -> Trimesh:
+        """Triangles of random place and turn, 1,000 of them."""
+        return random_triangles(1000, run.rng, self.size)
+
     def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:
         """The faces of the source between random vertices."""
         output = source.copy()

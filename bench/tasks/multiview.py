@@ -1,0 +1,56 @@
+"""Reconstruction from images: views of a shape to a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from ..contract.ball_views import views_of_a_ball
+from ..contract.case import Case
+from ..contract.shape import Shape
+from ..contract.task import Task, describe_views, validate_mesh, views_words
+from ..contract.views_file import load_views
+from ..errors import UsageError
+from ..geometry.cloud import Frame
+from ..plugins.registry import register
+
+
+@register("task")
+@dataclass(frozen=True)
+class Multiview(Task):
+    """Images of a shape with masks and cameras, and lights where they are known -> a triangle mesh.
+
+    A method is called as ``multiview(views, run)``. The shape lies within the unit ball around the origin; that is all
+    that is known of it besides the images.
+    """
+
+    takes: ClassVar[str] = "views"
+    output: ClassVar[str] = "mesh"
+    promise: ClassVar[str] = "a trimesh.Trimesh with faces and finite vertices"
+    primary: ClassVar[tuple[str, ...]] = ("surface_distance_mean",)
+
+    def describe(self, case: Case) -> dict[str, float]:
+        """How many views there are, how many pixels across, and how much of them the shape covers."""
+        return describe_views(case.input["views"])
+
+    def describe_words(self, medians: Mapping[str, float]) -> str:
+        """The same, in a sentence."""
+        return views_words(medians)
+
+    def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
+        """Views from an ``.npz`` file with the arrays of :meth:`bench.Views.arrays`, of a shape in the unit ball."""
+        if len(paths) != 1:
+            raise UsageError(f"expected one file of views, got {len(paths)}: {', '.join(paths) or 'none'}")
+        return self.input(load_views(paths[0])), Frame()
+
+    def validate(self, output: Any, input: dict[str, Any]) -> None:
+        """Hold an output against the promise."""
+        validate_mesh(output, self.promise)
+
+    def toy(self) -> Case:
+        """A small case for the conformance kit: twelve images of a ball, shaded in closed form."""
+        from trimesh.creation import icosphere
+
+        shape, frame = Shape("toy", icosphere(subdivisions=3), tags=("smooth",)).framed()
+        return Case("toy", self.input(views_of_a_ball(12, 48)), shape, frame, 0, ("smooth",))
