@@ -11,7 +11,7 @@ from bench.plugins.registry import KINDS
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Where each kind is described; one of the files is enough.
 PAGES = {
-    "task": ("write-a-plugin.md", "cages.md"),
+    "task": ("write-a-plugin.md", "cages.md", "multiview.md"),
     "dataset": ("datasets.md",),
     "sensor": ("sensors.md",),
     # Pseudo-methods bound the scores of metrics.
@@ -21,6 +21,7 @@ PAGES = {
         "upsampling.md",
         "splatting.md",
         "isopoints.md",
+        "multiview.md",
         "cages.md",
         "metrics.md",
     ),

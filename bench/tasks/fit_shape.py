@@ -26,8 +26,8 @@ class FitShape(Task):
     """Images of a shape and a cloud to begin with -> a cloud of the shape's surface.
 
     A method is called as ``fit_shape(views, cloud, run)``: images with masks, cameras and known lights, and oriented
-    points that have nothing to do with the shape. It returns a cloud of any number of points. The task ``multiview`` asks
-    for a mesh instead.
+    points that have nothing to do with the shape. It returns a cloud of any number of points. The task ``multiview``
+    asks for a mesh instead.
     """
 
     takes: ClassVar[str] = "views"
