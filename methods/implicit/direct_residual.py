@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from ..learned.fitting.fitted import at_least, positive
+from ..learned.fitting.trained import at_least, positive
 from ..learned.networks.shipped import spheres_read
 from .fitting.supervised import Supervised
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from ..learned.fitting.fitted import at_least
+from ..learned.fitting.trained import at_least
 from .fitting.guided import Guided
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from bench import register
 
-from ..learned.fitting.fitted import Fitted, at_least, positive
+from ..learned.fitting.fitted import Fitted
+from ..learned.fitting.trained import at_least, positive
 from ..learned.networks.shipped import spheres_read
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from bench import register
 
-from ..learned.fitting.fitted import at_least, positive
+from ..learned.fitting.trained import at_least, positive
 from ..learned.networks.shipped import spheres_read
 from ..learned.training.schedules import BASE_FROZEN
 from .fitting.guided import Guided

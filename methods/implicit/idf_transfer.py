@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from bench import Run, register
 from bench.geometry.check import check_mesh
 
-from ..learned.fitting.fitted import ENDLESS, at_least, check_betas, positive
+from ..learned.fitting.trained import ENDLESS, at_least, check_betas, positive
 from ..learned.networks.shipped import spheres_read
 from .fitting.weights import OrientedWeights
 

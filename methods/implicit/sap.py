@@ -11,7 +11,8 @@ import numpy as np
 
 from bench import InvalidOutput, PointCloud, Run, register
 
-from ..learned.fitting.fitted import ENDLESS, at_least, oriented, positive
+from ..learned.fitting.fitted import oriented
+from ..learned.fitting.trained import ENDLESS, at_least, positive
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -9,7 +9,8 @@ import numpy as np
 
 from bench import Frame, Run, register
 
-from ..learned.fitting.fitted import Fitted, at_least, positive
+from ..learned.fitting.fitted import Fitted
+from ..learned.fitting.trained import at_least, positive
 from ..learned.networks.shipped import spheres_read
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ import numpy as np
 
 from bench import Frame, Run, UsageError
 
-from ...learned.fitting.fitted import Fitted, at_least
+from ...learned.fitting.fitted import Fitted
+from ...learned.fitting.trained import at_least
 from .weights import OrientedWeights
 
 if TYPE_CHECKING:

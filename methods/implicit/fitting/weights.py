@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...learned.fitting.fitted import at_least
+from ...learned.fitting.trained import at_least
 
 if TYPE_CHECKING:
     from ..losses.oriented import OrientedLoss

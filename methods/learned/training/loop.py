@@ -87,7 +87,7 @@ def fit(
     training: Training,
     offer: Callable[[], None] = lambda: None,
 ) -> Fit:
-    """Fit a field; afterwards it holds its best state.
+    """Fit a field; afterwards it holds its best state, or its last one (``training.keep``).
 
     The best state is that with the least loss, as it counts at the end (t = 1), on one batch that is drawn beforehand.
     (Its points of the space are met nowhere else; those of the surface are points of the input, as in all batches.)
@@ -114,10 +114,10 @@ def fit(
 
     losses = Losses(str(device), diverged)
     progress = Progress(training.steps, run.elapsed, training.seconds)
-    held_out = sampler.draw()
-    best = _Best(field, held_out, training.chunk)
-    best.look()  # a field that was loaded may be better than what comes
-    at_first = best.loss
+    best = _Best(field, sampler.draw(), training.chunk) if training.keep == "best" else None
+    if best:
+        best.look()  # a field that was loaded may be better than what comes
+    at_first = best.loss if best else math.inf
     steps = 0
     while progress.t < 1:
         t = training.begin + (1 - training.begin) * progress.t
@@ -125,14 +125,15 @@ def fit(
         before, steps = progress.t, steps + 1
         progress.step()
         run.progress(round(1000 * progress.t), 1000)
-        if _passed(before, progress.t, training.checkpoints):
+        if best and _passed(before, progress.t, training.checkpoints):
             losses.read()
             best.look()
         if progress.t < 1 and _passed(before, progress.t, training.traces):
             offer()
     losses.read()
-    best.restore()
-    return Fit(steps, best.loss < at_first)
+    if best:
+        best.restore()
+    return Fit(steps, best is None or best.loss < at_first)
 
 
 def _passed(before: float, now: float, marks: int) -> bool:

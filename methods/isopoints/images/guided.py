@@ -1,0 +1,45 @@
+"""The base of the methods that sample a surface by iso-points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from bench import Run
+
+from ...learned.fitting.trained import at_least
+from .method import FromImages
+
+if TYPE_CHECKING:
+    from ...learned.training.loop import Sampling
+    from .field import ImageField
+    from .scene import Scene
+
+
+@dataclass(frozen=True)
+class ByIsoPoints(FromImages):
+    """Fits a sine network to images at iso-points."""
+
+    importance: ClassVar[str] = "uniform"
+
+    points: int = 4000  # iso-points, at first (thesis)
+    most_points: int = 20_000  # and in the end: a fifth more each time (thesis)
+    warm_up: int = 100  # steps by ray tracing, before the first iso-points (thesis: 500)
+    refresh: int = 100  # steps between new iso-points
+    surface: float = 0.5  # share of the samples that are of the surface
+    share: float = 0.2  # of those the share that is drawn where it matters (released)
+    lowest: int = 1  # places on a ray outside of a mask, the least of which counts (thesis: many)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        at_least(self, points=100, most_points=self.points, warm_up=0, refresh=1, lowest=1)
+        for name in ("surface", "share"):
+            if not 0 < getattr(self, name) < 1:
+                raise ValueError(f"{name}: expected a number between 0 and 1, got {getattr(self, name)}")
+
+    def sampler(self, field: ImageField, scene: Scene, run: Run) -> Sampling:
+        """Iso-points."""
+        from .by_points import Plan, PointSampler
+
+        plan = Plan(**{name: getattr(self, name) for name in Plan.__dataclass_fields__})
+        return PointSampler(field, scene, self.views, self.samples, self.space, plan, run, run.torch_generator())

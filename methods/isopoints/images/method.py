@@ -1,0 +1,126 @@
+"""The base of the methods that fit a field to images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from bench import BadInput, Frame, Run, Views
+from bench.geometry.spiral import golden_spiral
+
+from ...learned.fitting.trained import Trained, at_least, positive
+from ...learned.networks.shipped import spheres_read
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from trimesh import Trimesh
+
+    from ...learned.training.field import Field
+    from ...learned.training.loop import Sampling
+    from .field import ImageField
+    from .scene import Scene
+
+BALL = 1.02  # surface beyond this radius is cut off: no sample is there
+
+
+@dataclass(frozen=True)
+class FromImages(Trained):
+    """Fits a sine network to images; its zero level within the unit ball is the surface."""
+
+    sine_sphere = True
+
+    steps: int = 3000  # of training, at most
+    views: int = 4  # images of a step
+    samples: int = 1024  # of a step, on rays through all its images
+    space: int = 512  # points of a step anywhere in the ball, for the gradient's length
+    omega: float = 30.0  # frequency of the sine layers
+    hidden_layers: int = 3  # sine layers behind the first
+    width: int = 256  # of each layer
+    sphere: float = 0.5  # radius of the sphere that the network begins as
+    color: float = 1.0  # weight of the colours' difference
+    mask: float = 100.0  # weight of inside and outside (IDR)
+    eikonal: float = 0.1  # weight of the gradient's length (IDR)
+    steepness: float = 50.0  # of the sigmoid that says what is inside; it doubles five times (IDR)
+    motion: Literal["normal", "ray"] = "normal"  # how points of the surface move with the network
+    most: float = 0.1  # the largest derivative of the colours by a point (released); 0 for any
+    clip: float = 1.0  # largest norm of the gradient; 0 for none
+    # what a surface looks like: as the lights of the views say, or learned; auto: learned where they have no lights
+    appearance: Literal["auto", "lights", "learned"] = "auto"
+    appearance_width: int = 128  # of the learned one's layers
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        at_least(self, views=1, samples=4, space=1, hidden_layers=1, width=1, sphere=0, color=0, mask=0, eikonal=0)
+        at_least(self, most=0, clip=0, appearance_width=1)
+        positive(self, "omega", "steepness")
+        for name, known in (("motion", ("normal", "ray")), ("appearance", ("auto", "lights", "learned"))):
+            if getattr(self, name) not in known:
+                raise ValueError(f"{name}: expected {', '.join(known)}, got {getattr(self, name)!r}")
+
+    def reads(self) -> tuple[Path, ...]:
+        """The sphere that it begins as, where that is shipped."""
+        return spheres_read(self.omega, self.hidden_layers, self.width, self.first_sphere)
+
+    def form(self) -> dict[str, Any]:
+        """The parameters that say which function the weights make."""
+        return {name: getattr(self, name) for name in ("omega", "hidden_layers", "width", "appearance_width")}
+
+    def training(self) -> dict[str, Any]:
+        """The last state counts: samples follow the surface, so that losses of two states do not compare."""
+        return {"clip": self.clip, "keep": "last"}
+
+    # -- what a method adds ----------------------------------------------------------------------------------------
+
+    def sampler(self, field: ImageField, scene: Scene, run: Run) -> Sampling:
+        """What draws the steps."""
+        raise NotImplementedError
+
+    # -- what they share -------------------------------------------------------------------------------------------
+
+    def multiview(self, views: Views, run: Run) -> Trimesh:
+        """The zero level of a field that was fitted to the images."""
+        import torch
+
+        from ...learned.networks.sphere import begin_as_sphere
+        from .scene import Scene
+
+        torch.set_num_threads(run.threads)
+        self._check(views)
+        self.check_files()
+        scene = Scene(views, run.device)
+        field = self.of_images(scene, self.first_weights(run))
+        begin_as_sphere(field.network, self.first_sphere)
+        field = field.to(run.device)
+        about = 0.7 * golden_spiral(4096)  # where the surface may be: nothing of it is known yet
+        self.train(field, lambda: self.sampler(field, scene, run), about, Frame(), run)
+        return self.extract_in_time(field, Frame(), run)
+
+    def of_images(self, scene: Scene, generator: Any) -> ImageField:
+        """The field before the training."""
+        from .appearance import Appearance
+        from .field import ImageField, Terms
+
+        terms = Terms(**{name: getattr(self, name) for name in Terms.__dataclass_fields__})
+        form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
+        learned = self.appearance == "learned" or (self.appearance == "auto" and not scene.lit)
+        return ImageField(
+            scene, terms, Appearance(self.appearance_width, generator) if learned else None, self.omega, **form
+        )
+
+    def extract(self, field: Field, frame: Frame, resolution: int, seconds: float = float("inf")) -> Trimesh:
+        """The zero level of a field within the ball; coarser where that would take more seconds."""
+        from ...learned.meshing.marching import REACH, extract
+
+        def values(points: np.ndarray) -> np.ndarray:
+            return np.maximum(field.values(points), np.linalg.norm(points, axis=1) - BALL)
+
+        return extract(values, resolution=resolution, domain=(-REACH, REACH), seconds=seconds)
+
+    def _check(self, views: Views) -> None:
+        if not views.masks.any():
+            raise BadInput(f"{self.name}: no mask of the {len(views)} views holds a pixel: there is nothing to find")
+        if self.appearance == "lights" and views.light_directions is None:
+            raise BadInput(f"{self.name}: the views have no lights; say method.appearance=learned")

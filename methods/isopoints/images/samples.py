@@ -1,0 +1,63 @@
+"""What a step of the training sees, whoever has chosen it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Points of the zero level with what images show of them."""
+
+    points: Tensor  # (n, 3)
+    gradients: Tensor  # (n, 3), of the field there
+    views: Tensor  # (n,)
+    directions: Tensor  # (n, 3), unit, from the camera
+    colors: Tensor  # (n, 3)
+
+    def __getitem__(self, rows: Tensor | slice) -> Surface:
+        return Surface(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @staticmethod
+    def joined(parts: list[Surface]) -> Surface:
+        """One after the other."""
+        return Surface(*(torch.cat([getattr(part, field.name) for part in parts]) for field in fields(Surface)))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """The points of a step, or of a part of it."""
+
+    surface: Surface
+    occupied: Tensor  # (o, 3), on rays within a mask that should be inside
+    free: Tensor  # (f, 3), on rays outside a mask
+    space: Tensor  # (s, 3), anywhere in the ball
+    pixels: int  # of the whole step: the number of the first three kinds together
+
+    @property
+    def x(self) -> Tensor:
+        """All points."""
+        return torch.cat([self.surface.points, self.occupied, self.free, self.space])
+
+    def chunks(self, size: int) -> Iterator[Samples]:
+        """Parts of about ``size`` points, each with its share of all kinds."""
+        kinds = (self.surface, self.occupied, self.free, self.space)
+        parts = max(1, -(-sum(len(kind) for kind in kinds) // size))
+        for i in range(parts):
+            some = [kind[len(kind) * i // parts : len(kind) * (i + 1) // parts] for kind in kinds]
+            yield replace(self, surface=some[0], occupied=some[1], free=some[2], space=some[3])
+
+
+def in_ball(count: int, radius: float, generator: torch.Generator) -> Tensor:
+    """Points (count, 3), uniform in a ball around the origin."""
+    device = generator.device
+    directions = torch.randn(count, 3, generator=generator, device=device)
+    radii = radius * torch.rand(count, 1, generator=generator, device=device) ** (1 / 3)
+    return radii * torch.nn.functional.normalize(directions, dim=1)
