@@ -125,10 +125,7 @@ class PointSampler:
         """Points beside those where the metric is high, and which views see them."""
         assert self.iso is not None
         points, normals = self.iso.points, self.iso.normals
-        if self._plan.importance == "curvature":
-            metric = curvatures(points)
-        else:
-            metric = self._losses(seen)
+        metric = curvatures(points) if self._plan.importance == "curvature" else self._losses(seen)
         new = project(self._field.network, children(points, metric), tolerance=TOLERANCE)
         kept = (new.values.abs() <= TOLERANCE) & (new.points.norm(dim=1) <= 1)
         places, normals = new.points[kept], F.normalize(new.gradients[kept], dim=1)

@@ -38,11 +38,11 @@ class RaySampler:
         samples: int,
         space: int,
         generator: torch.Generator,
-        tracing: Tracing = Tracing(),
+        tracing: Tracing | None = None,
     ):
         self._network, self._scene, self._pixels = network, scene, Pixels(scene, generator)
         self._views, self._samples, self._space = min(views, len(scene)), samples, space
-        self._generator, self._tracing = generator, tracing
+        self._generator, self._tracing = generator, tracing or Tracing()
         self.evaluations = 0
 
     def chosen(self) -> torch.Tensor:

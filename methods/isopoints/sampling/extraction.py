@@ -80,20 +80,19 @@ class _Stages:
         rows &= torch.linalg.vector_norm(result.points, dim=1) <= self._how.reach
         if rows.sum() < 2:
             raise NoLevel(f"{int(rows.sum())} of {len(rows)} points have found the zero level of the field")
-        self.at = Projection(result.points[rows], result.gradients[rows], result.values[rows], 0)
+        self.at = result.at(rows)
 
     def thin(self) -> None:
         """Crowded points go."""
-        rows = thinned(self.at.points, max(2, round(BASE * self._how.count)))
-        self.at = Projection(self.at.points[rows], self.at.gradients[rows], self.at.values[rows], 0)
+        self.at = self.at.at(thinned(self.at.points, max(2, round(BASE * self._how.count))))
 
     def spread(self) -> None:
         """Even spacing."""
-        self.take(resample(self._of, self.at.points, self._how.resampling, self._how.tolerance))
+        self.take(resample(self._of, self.at, self._how.resampling, self._how.tolerance))
 
     def fill(self) -> None:
         """As many as are wanted."""
         how = self._how
         if len(self.at.points) < how.count:
             more = {"edges": how.edges, "neighbours": how.neighbours, "tolerance": how.tolerance}
-            self.take(upsample(self._of, self.at.points, how.count, **more))
+            self.take(upsample(self._of, self.at, how.count, **more))

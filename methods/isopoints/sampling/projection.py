@@ -15,12 +15,16 @@ FLAT = 1e-12  # the least squared length of a gradient that a step is divided by
 
 
 class Projection(NamedTuple):
-    """Points where Newton's method has left them."""
+    """Points where Newton's method has left them, and the field there."""
 
     points: Tensor  # (n, 3)
     gradients: Tensor  # (n, 3), of the field at the points
     values: Tensor  # (n,), of the field at the points
     evaluations: int  # of the field, at one point each
+
+    def at(self, rows: Tensor | slice) -> Projection:
+        """Some of the points, without evaluations."""
+        return Projection(self.points[rows], self.gradients[rows], self.values[rows], 0)
 
 
 def project(

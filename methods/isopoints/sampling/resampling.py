@@ -32,20 +32,19 @@ class Resampling:
 
 
 def resample(
-    field: Differentiable, points: Tensor, how: Resampling = Resampling(), tolerance: float = 1e-5
+    field: Differentiable, at: Projection, how: Resampling = Resampling(), tolerance: float = 1e-5
 ) -> Projection:
-    """Points (n, 3) on the zero level, moved along it to an even spacing.
+    """Points on the zero level, moved along it to an even spacing.
 
     The text calls the direction a weighted average, and Eq. 4.8 is a weighted sum: of the sum, the spacing of points on
     a sphere hardly becomes more even (coefficient of variation 0.52 to 0.47 in ten moves), of the average it does
     (0.54 to 0.20). The average is taken.
     """
-    result = project(field, points, tolerance=tolerance, steps=NEWTON)
-    evaluations = result.evaluations
+    evaluations = 0
     for _ in range(how.iterations):
-        result = project(field, _moved(result, how), tolerance=tolerance, steps=NEWTON)
-        evaluations += result.evaluations
-    return result._replace(evaluations=evaluations)
+        at = project(field, _moved(at, how), tolerance=tolerance, steps=NEWTON)
+        evaluations += at.evaluations
+    return at._replace(evaluations=evaluations)
 
 
 def _moved(at: Projection, how: Resampling) -> Tensor:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from .fields import Differentiable, evaluated
+from .fields import Differentiable
 from .neighbours import nearest
 from .projection import Projection, project
 
@@ -64,7 +64,7 @@ def candidates(points: Tensor, normals: Tensor | None, edges: float = 0.0, neigh
 
 def upsample(
     field: Differentiable,
-    points: Tensor,
+    at: Projection,
     count: int,
     *,
     edges: float | None = None,
@@ -75,14 +75,12 @@ def upsample(
 
     Parameters
     ----------
-    points : (n, 3) tensor
-        On the zero level, at least two.
+    at : Projection
+        At least two points on the zero level.
     edges : float, optional
         Without it new points go where points are sparse; with it the field's normals count: see :func:`candidates`.
     """
-    values, gradients = evaluated(field, points)
-    result = Projection(points, gradients, values, len(points))
-    evaluations = len(points)
+    result, evaluations = at, 0
     while len(result.points) < count:
         normals = None if edges is None else F.normalize(result.gradients, dim=1)
         found = candidates(result.points, normals, edges or 0.0, neighbours)
@@ -90,6 +88,5 @@ def upsample(
         best = torch.topk(found.priority, min(some, len(found.priority))).indices
         new = project(field, found.places[best], tolerance=tolerance)
         evaluations += new.evaluations
-        pairs = zip(result[:3], new[:3], strict=True)
-        result = Projection(*(torch.cat(pair) for pair in pairs), evaluations)
+        result = Projection(*(torch.cat(pair) for pair in zip(result[:3], new[:3], strict=True)), 0)
     return result._replace(evaluations=evaluations)

@@ -104,8 +104,8 @@ def test_three_rounds_space_points_evenly(function, count):
 
 def test_the_average_spreads_where_the_sum_does_not():
     """Eq. 4.7 with the constants of the thesis: see `resample`."""
-    on = project(ByAutograd(sphere), random_points(4000)).points[:1000]
-    before = variation(on)
+    on = project(ByAutograd(sphere), random_points(4000)).at(slice(1000))
+    before = variation(on.points)
     thesis = resample(ByAutograd(sphere), on, Resampling(10, neighbours=8, bandwidth=16)).points
     released = resample(ByAutograd(sphere), on, Resampling(10, neighbours=8, bandwidth=1, rule="offsets")).points
     ours = resample(ByAutograd(sphere), on, Resampling(10)).points
@@ -125,7 +125,9 @@ def test_a_move_is_the_equation():
         )
         moved.append(q - math.sqrt(unit) * r / sum(weights))
     wanted = torch.nn.functional.normalize(torch.stack(moved), dim=1) * 0.8
-    assert torch.allclose(resample(ByAutograd(sphere), points, how).points, wanted, atol=2e-5)
+    assert torch.allclose(
+        resample(ByAutograd(sphere), project(ByAutograd(sphere), points), how).points, wanted, atol=2e-5
+    )
 
 
 @pytest.mark.parametrize("edges", [None, 0.0, 3.0])
@@ -158,7 +160,7 @@ def test_points_are_inserted_where_there_are_few():
     on = project(ByAutograd(sphere), random_points(9000)).points
     upper, lower = on[on[:, 2] > 0], on[on[:, 2] < 0]
     uneven = torch.cat([upper[thinned(upper, 100)], lower[thinned(lower, 400)]])
-    iso = upsample(ByAutograd(sphere), uneven, 700)
+    iso = upsample(ByAutograd(sphere), project(ByAutograd(sphere), uneven), 700)
     assert torch.equal(iso.points[:500], uneven)
     assert sphere(iso.points).abs().max() <= 1e-5
     assert (iso.points[500:, 2] > 0).float().mean() > 0.9
