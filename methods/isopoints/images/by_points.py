@@ -29,7 +29,7 @@ GROWTH = 1.2  # of the number of iso-points, each time they are made anew, up to
 NEWTON = 4  # steps back onto the surface from beside it
 STARTS = 4  # first iso-points begin at so many times as many places of the ball (released)
 MOST_MEASURED = 5000  # iso-points of which the saliency is computed (released)
-OCCUPIED = 0.1  # samples within masks that should be inside, for each sample of the surface (released: at most)
+OCCUPIED = 0.2  # samples within masks that should be inside, for each sample of the surface (released: at most 0.1)
 Importance = Literal["uniform", "curvature", "loss"]
 
 
@@ -95,9 +95,12 @@ class PointSampler:
         inside = self._pixels.inside(views, max(1, round(OCCUPIED * len(surface) / len(views))))
         occupied = inner_points(self._field, self._scene.rays(*inside), self.iso.points, self._spacing)
         left = self._samples - len(surface) - len(free) - len(occupied)
-        free = torch.cat([free, self._outside(views, max(0, left // len(views)))])
+        outside = self._outside(views, max(0, left // len(views)))
         space = in_ball(self._space, 1.0, self._generator)
-        return Samples(surface, occupied, free, space, self._samples)
+        # as if rays were drawn all over the images
+        covered = float(self._scene.masks[views].float().mean())
+        weight = covered / max(1 - covered, 0.1) * len(outside) / max(1, len(occupied))
+        return Samples(surface, occupied, torch.cat([free, outside]), space, self._samples, weight)
 
     def _renew(self) -> None:
         """New iso-points, from the last ones; which views see them, and which are salient."""

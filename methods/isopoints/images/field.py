@@ -89,12 +89,12 @@ class ImageField(Field):
             loss = loss + terms.color * share * (colors - surface.colors).abs().sum()
             loss = loss + terms.eikonal * share * (gradients.norm(dim=1) - 1).square().sum()
         steep = self.steepness(t)
-        for some, inside in ((batch.occupied, 1.0), (batch.free, 0.0)):
+        for some, inside, weight in ((batch.occupied, 1.0, batch.occupied_weight), (batch.free, 0.0, 1.0)):
             if len(some):
                 values = self.network(some)
                 wanted = torch.full_like(values, inside)
                 entropy = F.binary_cross_entropy_with_logits(-steep * values, wanted, reduction="sum")
-                loss = loss + terms.mask * share / steep * entropy
+                loss = loss + terms.mask * weight * share / steep * entropy
         if len(batch.space):
             _, gradients = self.network.value_and_gradient(torch.cat(stretched))
             loss = loss + terms.eikonal * share * (gradients.norm(dim=1) - 1).square().sum()

@@ -40,6 +40,7 @@ class Samples:
     free: Tensor  # (f, 3), on rays outside a mask
     space: Tensor  # (s, 3), anywhere in the ball
     pixels: int  # of the whole step: the number of the first three kinds together
+    occupied_weight: float = 1.0  # of each of those, where fewer rays within masks were drawn than outside
 
     @property
     def x(self) -> Tensor:
