@@ -26,11 +26,13 @@ class Scene:
     ----------
     views : Views
     device : str or torch.device
+    dtype : torch.dtype
+        Of everything but masks.
     """
 
-    def __init__(self, views: Views, device: str | torch.device):
+    def __init__(self, views: Views, device: str | torch.device, dtype: torch.dtype = torch.float32):
         def tensor(array: np.ndarray) -> Tensor:
-            return torch.as_tensor(np.array(array, dtype=np.float32), device=device)
+            return torch.as_tensor(np.array(array), dtype=dtype, device=device)
 
         self.images = tensor(views.images) / 255
         self.masks = torch.as_tensor(np.array(views.masks), device=device)
@@ -88,10 +90,7 @@ class Scene:
         corner = place - 0.5
         low = corner.floor()
         share = corner - low
-        total, weights = (
-            torch.zeros(len(place), 3, device=place.device),
-            torch.zeros(len(place), 1, device=place.device),
-        )
+        total, weights = place.new_zeros(len(place), 3), place.new_zeros(len(place), 1)
         for right in (0, 1):
             for down in (0, 1):
                 column = (low[:, 0].long() + right).clamp(0, int(self.size[0]) - 1)
