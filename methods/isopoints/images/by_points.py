@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import torch
 from torch import Tensor
@@ -19,7 +19,7 @@ from .by_rays import RaySampler
 from .field import ImageField
 from .inner import inner_points, least
 from .saliency import averaged, children, curvatures
-from .samples import Samples, Surface, in_ball
+from .samples import Samples, Surface, Wanted, in_ball
 from .scene import Pixels, Rays, Scene
 from .tracing import ball_span
 from .visibility import Visible, visible
@@ -90,17 +90,12 @@ class PointSampler:
         if self.iso is None:
             return self._rays.draw()
         views = self._rays.chosen()
-        view, points, normals, spacing = self._drawn(views)
-        surface, free = self._moved(view, points, normals, spacing)
-        inside = self._pixels.inside(views, max(1, round(OCCUPIED * len(surface) / len(views))))
-        occupied = inner_points(self._field, self._scene.rays(*inside), self.iso.points, self._spacing)
+        surface, free = self._moved(self._drawn(views))
+        occupied = self._occupied(views, round(OCCUPIED * len(surface) / len(views)))
         left = self._samples - len(surface) - len(free) - len(occupied)
-        outside = self._outside(views, max(0, left // len(views)))
+        free = free.and_also(self._outside(views, left // len(views)))
         space = in_ball(self._space, 1.0, self._generator)
-        # as if rays were drawn all over the images
-        covered = float(self._scene.masks[views].float().mean())
-        weight = covered / max(1 - covered, 0.1) * len(outside) / max(1, len(occupied))
-        return Samples(surface, occupied, torch.cat([free, outside]), space, self._samples, weight)
+        return Samples(surface, occupied, free, space, self._samples)
 
     def _renew(self) -> None:
         """New iso-points, from the last ones; which views see them, and which are salient."""
@@ -149,42 +144,66 @@ class PointSampler:
         off = (colors - self._scene.colors(view, place)).abs().sum(1)
         return averaged(off, point, len(points))
 
-    def _drawn(self, views: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Iso-points that views see: the views, the points, their normals, and how far apart they are."""
+    def _drawn(self, views: Tensor) -> _Drawn:
+        """Iso-points that views see, some of them where it matters."""
         count = round(self._plan.surface * self._samples / len(views))
         more = 0 if self._more is None else round(self._plan.share * count)
-        found = [self._base.drawn(views, count - more, self._generator)]
-        spacing = [torch.full_like(found[0][1][:, 0], self._spacing)]
-        if self._more is not None:
-            found.append(self._more.drawn(views, more, self._generator))
-            spacing.append(torch.full_like(found[1][1][:, 0], self._spacing / 2))
-        return (*(torch.cat(parts) for parts in zip(*found, strict=True)), torch.cat(spacing))
+        base = self._base.drawn(views, count - more, self._spacing, self._generator)
+        if self._more is None:
+            return base
+        salient = self._more.drawn(views, more, self._spacing / 2, self._generator)
+        return _Drawn(*(torch.cat(parts) for parts in zip(base, salient, strict=True)))
 
-    def _moved(self, view: Tensor, points: Tensor, normals: Tensor, spacing: Tensor) -> tuple[Surface, Tensor]:
-        """Points beside those given, on the surface as it is now, as samples; and those that lie outside of a mask."""
-        scene, base = self._scene, self._base
-        shift = torch.rand(points.shape, generator=self._generator, device=points.device) * 2 - 1
-        shift = shift - (shift * normals).sum(1, keepdim=True) * normals
-        at = project(self._field.network, points + spacing[:, None] * shift, tolerance=TOLERANCE, steps=NEWTON)
-        directions = F.normalize(at.points - scene.centers[view], dim=1)
-        place, _ = scene.project(view, at.points)
-        kept = (at.values.abs() <= TOLERANCE) & (at.points.norm(dim=1) <= 1) & scene.shown(place)
-        kept &= (directions * at.gradients).sum(1) < 0
-        kept &= ~base.depths.hidden(view, at.points, F.normalize(at.gradients, dim=1))
-        rows = torch.nonzero(kept)[:, 0]
-        view, place = view[rows], place[rows]
-        inside = scene.inside(view, place)
-        free = at.points[rows[~inside]]
-        rows, view, place = rows[inside], view[inside], place[inside]
-        return Surface(at.points[rows], at.gradients[rows], view, directions[rows], scene.colors(view, place)), free
+    def _moved(self, drawn: _Drawn) -> tuple[Surface, Wanted]:
+        """Points beside those drawn, on the surface as it is now, as samples; and those that lie outside of a mask."""
+        scene, view = self._scene, drawn.view
+        shift = torch.rand(drawn.points.shape, generator=self._generator, device=view.device) * 2 - 1
+        shift = drawn.spacing[:, None] * (shift - (shift * drawn.normals).sum(1, keepdim=True) * drawn.normals)
+        at = project(self._field.network, drawn.points + shift, tolerance=TOLERANCE, steps=NEWTON)
+        directions, normals = F.normalize(at.points - scene.centers[view], dim=1), F.normalize(at.gradients, dim=1)
+        place, depth = scene.project(view, at.points)
+        cosine = -(directions * normals).sum(1)
+        kept = (at.values.abs() <= TOLERANCE) & (at.points.norm(dim=1) <= 1) & scene.shown(place) & (cosine > 0)
+        rows = torch.nonzero(kept & ~self._base.depths.hidden(view, at.points, normals))[:, 0]
+        inside = scene.inside(view[rows], place[rows])
+        outer, rows = rows[~inside], rows[inside]
+        # a point counts as the pixels that it stands for
+        pixels = (drawn.area * cosine * (scene.focal[view] / depth).square())[outer]
+        share = self._samples / (self._rays.views * int(scene.size.prod()))
+        free = Wanted(at.points[outer], share * pixels)
+        colors = scene.colors(view[rows], place[rows])
+        return Surface(at.points[rows], at.gradients[rows], view[rows], directions[rows], colors), free
 
-    def _outside(self, views: Tensor, count: int) -> Tensor:
-        """Places on rays outside of the masks, at random depths in the ball."""
-        rays = self._scene.rays(*self._pixels.outside(views, count))
+    def _outside(self, views: Tensor, count: int) -> Wanted:
+        """Places on rays outside of the masks."""
+        rays = self._scene.rays(*self._pixels.outside(views, max(1, count)))
+        drawn = len(rays.origins)
         near, far, reaches = ball_span(rays, 1.0)
         rays, near, far = Rays(rays.origins[reaches], rays.directions[reaches]), near[reaches], far[reaches]
         share = torch.rand(len(near), self._plan.lowest, generator=self._generator, device=near.device)
-        return least(self._field, rays, near[:, None] + share * (far - near)[:, None])
+        points = least(self._field, rays, near[:, None] + share * (far - near)[:, None])
+        return Wanted.alike(points, (1 - self._covered(views)) * self._samples / max(1, drawn))
+
+    def _occupied(self, views: Tensor, count: int) -> Wanted:
+        """Places on rays within the masks, the least values about the iso-points around each."""
+        assert self.iso is not None
+        rays = self._scene.rays(*self._pixels.inside(views, max(1, count)))
+        points = inner_points(self._field, rays, self.iso.points, self._spacing)
+        return Wanted.alike(points, self._covered(views) * self._samples / max(1, len(points)))
+
+    def _covered(self, views: Tensor) -> float:
+        """The share of pixels that masks hold: each kind counts as if pixels were drawn all over the images."""
+        return float(self._scene.masks[views].float().mean())
+
+
+class _Drawn(NamedTuple):
+    """Iso-points of views."""
+
+    view: Tensor  # (n,)
+    points: Tensor  # (n, 3)
+    normals: Tensor  # (n, 3)
+    spacing: Tensor  # (n,), of the points around
+    area: Tensor  # (n,), of the surface that one stands for
 
 
 class _ByView:
@@ -196,9 +215,11 @@ class _ByView:
         self._count = torch.bincount(seen.row, minlength=views)
         self._begin = self._count.cumsum(0) - self._count
 
-    def drawn(self, views: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
-        """``count`` of the points of each of some views (with replacement), where it sees any: view, point, normal."""
+    def drawn(self, views: Tensor, count: int, spacing: float, generator: torch.Generator) -> _Drawn:
+        """``count`` of the points of each of some views (with replacement), where it sees any."""
         views = views[self._count[views] > 0].repeat_interleave(count)
+        seen = self._count[views]
         share = torch.rand(len(views), generator=generator, device=views.device)
-        point = self._point[self._begin[views] + (share * self._count[views]).long()]
-        return views, self.points[point], self.normals[point]
+        point = self._point[self._begin[views] + (share * seen).long()]
+        apart = torch.full_like(share, spacing)
+        return _Drawn(views, self.points[point], self.normals[point], apart, apart**2 * seen / max(1, count))

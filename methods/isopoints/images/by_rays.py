@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from ..sampling.fields import Differentiable, evaluated
-from .samples import Samples, Surface, in_ball
+from .samples import Samples, Surface, Wanted, in_ball
 from .scene import Pixels, Scene
 from .tracing import Tracing, trace
 
@@ -41,14 +41,14 @@ class RaySampler:
         tracing: Tracing | None = None,
     ):
         self._network, self._scene, self._pixels = network, scene, Pixels(scene, generator)
-        self._views, self._samples, self._space = min(views, len(scene)), samples, space
+        self.views, self._samples, self._space = min(views, len(scene)), samples, space
         self._generator, self._tracing = generator, tracing or Tracing()
         self.evaluations = 0
 
     def chosen(self) -> torch.Tensor:
         """The views of a step."""
         device = self._generator.device
-        return torch.randperm(len(self._scene), generator=self._generator, device=device)[: self._views]
+        return torch.randperm(len(self._scene), generator=self._generator, device=device)[: self.views]
 
     def draw(self) -> Samples:
         """The next step's points."""
@@ -63,4 +63,5 @@ class RaySampler:
         _, gradients = evaluated(self._network, points)
         surface = Surface(points, gradients, view[hit], rays.directions[hit], scene.colors(view[hit], place[hit]))
         space = in_ball(self._space, self._tracing.radius, self._generator)
-        return Samples(surface, traced.points[inside & ~hit], traced.points[~inside], space, len(view))
+        occupied, free = Wanted.alike(traced.points[inside & ~hit]), Wanted.alike(traced.points[~inside])
+        return Samples(surface, occupied, free, space, len(view))

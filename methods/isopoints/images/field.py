@@ -79,7 +79,6 @@ class ImageField(Field):
         # a point counts as much in each step, however many were found
         share = 1 / max(1, batch.pixels)
         loss = torch.zeros((), device=batch.space.device)
-        stretched = [batch.space]
         if len(surface):
             kept = (surface.gradients, surface.directions, terms.motion, terms.most * share)
             points = moving(self.network(surface.points), surface.points, *kept)
@@ -89,13 +88,13 @@ class ImageField(Field):
             loss = loss + terms.color * share * (colors - surface.colors).abs().sum()
             loss = loss + terms.eikonal * share * (gradients.norm(dim=1) - 1).square().sum()
         steep = self.steepness(t)
-        for some, inside, weight in ((batch.occupied, 1.0, batch.occupied_weight), (batch.free, 0.0, 1.0)):
+        for some, inside in ((batch.occupied, 1.0), (batch.free, 0.0)):
             if len(some):
-                values = self.network(some)
+                values = self.network(some.points)
                 wanted = torch.full_like(values, inside)
-                entropy = F.binary_cross_entropy_with_logits(-steep * values, wanted, reduction="sum")
-                loss = loss + terms.mask * weight * share / steep * entropy
+                entropy = F.binary_cross_entropy_with_logits(-steep * values, wanted, some.weights, reduction="sum")
+                loss = loss + terms.mask * share / steep * entropy
         if len(batch.space):
-            _, gradients = self.network.value_and_gradient(torch.cat(stretched))
+            _, gradients = self.network.value_and_gradient(batch.space)
             loss = loss + terms.eikonal * share * (gradients.norm(dim=1) - 1).square().sum()
         return loss

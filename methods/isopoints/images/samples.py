@@ -32,20 +32,42 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
+class Wanted:
+    """Points that should be inside, or outside, and how much each counts: 1 is a pixel that was drawn."""
+
+    points: Tensor  # (n, 3)
+    weights: Tensor  # (n,)
+
+    @staticmethod
+    def alike(points: Tensor, weight: float = 1.0) -> Wanted:
+        """All count the same."""
+        return Wanted(points, torch.full_like(points[:, 0], weight))
+
+    def and_also(self, other: Wanted) -> Wanted:
+        """Those of both."""
+        return Wanted(torch.cat([self.points, other.points]), torch.cat([self.weights, other.weights]))
+
+    def __getitem__(self, rows: Tensor | slice) -> Wanted:
+        return Wanted(self.points[rows], self.weights[rows])
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+@dataclass(frozen=True, eq=False)
 class Samples:
     """The points of a step, or of a part of it."""
 
     surface: Surface
-    occupied: Tensor  # (o, 3), on rays within a mask that should be inside
-    free: Tensor  # (f, 3), on rays outside a mask
+    occupied: Wanted  # on rays within a mask that should be inside
+    free: Wanted  # on rays outside a mask
     space: Tensor  # (s, 3), anywhere in the ball
     pixels: int  # of the whole step: the number of the first three kinds together
-    occupied_weight: float = 1.0  # of each of those, where fewer rays within masks were drawn than outside
 
     @property
     def x(self) -> Tensor:
         """All points."""
-        return torch.cat([self.surface.points, self.occupied, self.free, self.space])
+        return torch.cat([self.surface.points, self.occupied.points, self.free.points, self.space])
 
     def chunks(self, size: int) -> Iterator[Samples]:
         """Parts of about ``size`` points, each with its share of all kinds."""
