@@ -17,7 +17,7 @@ from ..sampling.projection import project
 from ..sampling.resampling import Resampling
 from .by_rays import RaySampler
 from .field import ImageField
-from .inner import inner_points, least
+from .least import about, least
 from .saliency import averaged, children, curvatures
 from .samples import Samples, Surface, Wanted, in_ball
 from .scene import Pixels, Rays, Scene
@@ -30,6 +30,8 @@ NEWTON = 4  # steps back onto the surface from beside it
 STARTS = 4  # first iso-points begin at so many times as many places of the ball (released)
 MOST_MEASURED = 5000  # iso-points of which the saliency is computed (released)
 OCCUPIED = 0.2  # samples within masks that should be inside, for each sample of the surface (released: at most 0.1)
+SOME = 1000  # iso-points about which rays are searched
+INNER, OUTER = 32, 12  # places there, on rays within masks (released: 64) and outside
 Importance = Literal["uniform", "curvature", "loss"]
 
 
@@ -44,7 +46,7 @@ class Plan:
     refresh: int
     surface: float  # share of the samples that are of the surface
     share: float  # of those the share that is salient
-    lowest: int  # places on a ray outside of a mask, the least of which counts
+    lowest: int  # places on a ray outside of a mask, besides those near iso-points
 
 
 class PointSampler:
@@ -181,15 +183,22 @@ class PointSampler:
         near, far, reaches = ball_span(rays, 1.0)
         rays, near, far = Rays(rays.origins[reaches], rays.directions[reaches]), near[reaches], far[reaches]
         share = torch.rand(len(near), self._plan.lowest, generator=self._generator, device=near.device)
-        points = least(self._field, rays, near[:, None] + share * (far - near)[:, None])
+        anywhere = near[:, None] + share * (far - near)[:, None]
+        t = torch.cat([about(rays, self._some(), self._spacing, OUTER), anywhere], dim=1)
+        points = least(self._field, rays, t)
         return Wanted.alike(points, (1 - self._covered(views)) * self._samples / max(1, drawn))
 
     def _occupied(self, views: Tensor, count: int) -> Wanted:
-        """Places on rays within the masks, the least values about the iso-points around each."""
-        assert self.iso is not None
+        """Places on rays within the masks."""
         rays = self._scene.rays(*self._pixels.inside(views, max(1, count)))
-        points = inner_points(self._field, rays, self.iso.points, self._spacing)
+        points = least(self._field, rays, about(rays, self._some(), self._spacing, INNER))
         return Wanted.alike(points, self._covered(views) * self._samples / max(1, len(points)))
+
+    def _some(self) -> Tensor:
+        """Some of the iso-points: enough to find the part of a ray that is near the surface."""
+        assert self.iso is not None
+        rows = torch.randint(len(self.iso.points), (SOME,), generator=self._generator, device=self._generator.device)
+        return self.iso.points[rows]
 
     def _covered(self, views: Tensor) -> float:
         """The share of pixels that masks hold: each kind counts as if pixels were drawn all over the images."""

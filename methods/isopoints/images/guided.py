@@ -24,11 +24,11 @@ class ByIsoPoints(FromImages):
 
     points: int = 4000  # iso-points, at first (thesis)
     most_points: int = 20_000  # and in the end: a fifth more each time (thesis)
-    warm_up: int = 100  # steps by ray tracing, before the first iso-points (thesis: 500)
+    warm_up: int = 0  # steps by ray tracing, before the first iso-points (thesis: 500)
     refresh: int = 100  # steps between new iso-points
     surface: float = 0.5  # share of the samples that are of the surface
     share: float = 0.2  # of those the share that is drawn where it matters (released)
-    lowest: int = 1  # places on a ray outside of a mask, the least of which counts (thesis: many)
+    lowest: int = 4  # random places on a ray outside of a mask, besides those near iso-points; the least value counts
 
     def __post_init__(self) -> None:
         super().__post_init__()
