@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from bench import BadInput, Frame, Run, Views
+from bench import BadInput, Frame, PointCloud, Run, Views
 from bench.geometry.spiral import golden_spiral
 
 from ...learned.fitting.trained import Trained, at_least, positive
@@ -16,6 +16,7 @@ from ...learned.networks.shipped import spheres_read
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import torch
     from trimesh import Trimesh
 
     from ...learned.training.field import Field
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from .field import ImageField
     from .scene import Scene
 
+FORM = ("omega", "hidden_layers", "width", "appearance", "appearance_width")
 BALL = 1.02  # surface beyond this radius is cut off: no sample is there
 
 
@@ -66,7 +68,7 @@ class FromImages(Trained):
 
     def form(self) -> dict[str, Any]:
         """The parameters that say which function the weights make."""
-        return {name: getattr(self, name) for name in ("omega", "hidden_layers", "width", "appearance_width")}
+        return {name: getattr(self, name) for name in FORM}
 
     def training(self) -> dict[str, Any]:
         """The last state counts: samples follow the surface, so that losses of two states do not compare."""
@@ -80,35 +82,53 @@ class FromImages(Trained):
 
     # -- what they share -------------------------------------------------------------------------------------------
 
+    def kind_of_field(self) -> type[ImageField]:
+        """Its class."""
+        from .field import ImageField
+
+        return ImageField
+
     def multiview(self, views: Views, run: Run) -> Trimesh:
         """The zero level of a field that was fitted to the images."""
+        field = self.fit_to_views(views, run)
+        return self.extract_in_time(field, Frame(), run)
+
+    def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
+        """Iso-points of a field that was fitted to the images: as many as the cloud has; it is not used."""
+        from ..sampling.extraction import iso_cloud
+
+        field = self.fit_to_views(views, run)
+        return iso_cloud(field, len(cloud), run.torch_generator())
+
+    def fit_to_views(self, views: Views, run: Run) -> ImageField:
+        """The fitted field, in the frame of the views."""
         import torch
 
-        from ...learned.networks.sphere import begin_as_sphere
         from .scene import Scene
 
         torch.set_num_threads(run.threads)
         self._check(views)
-        self.check_files()
         scene = Scene(views, run.device)
-        field = self.of_images(scene, self.first_weights(run))
-        begin_as_sphere(field.network, self.first_sphere)
-        field = field.to(run.device)
+        if self.appearance == "auto":
+            return replace(self, appearance="lights" if scene.lit else "learned").fit_to_views(views, run)
+        self.check_files()
+        field = self._of_images(scene, self.first_weights(run)).to(run.device)
         about = 0.7 * golden_spiral(4096)  # where the surface may be: nothing of it is known yet
         self.train(field, lambda: self.sampler(field, scene, run), about, Frame(), run)
-        return self.extract_in_time(field, Frame(), run)
+        return field
 
-    def of_images(self, scene: Scene, generator: Any) -> ImageField:
-        """The field before the training."""
+    def _of_images(self, scene: Scene, generator: torch.Generator) -> ImageField:
+        """The field before the training, a sphere."""
+        from ...learned.networks.sphere import begin_as_sphere
         from .appearance import Appearance
-        from .field import ImageField, Terms
+        from .field import Terms
 
         terms = Terms(**{name: getattr(self, name) for name in Terms.__dataclass_fields__})
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": generator}
-        learned = self.appearance == "learned" or (self.appearance == "auto" and not scene.lit)
-        return ImageField(
-            scene, terms, Appearance(self.appearance_width, generator) if learned else None, self.omega, **form
-        )
+        appearance = Appearance(self.appearance_width, generator) if self.appearance == "learned" else None
+        field = self.kind_of_field()(scene, terms, appearance, self.omega, **form)
+        begin_as_sphere(field.network, self.first_sphere)
+        return field
 
     def extract(self, field: Field, frame: Frame, resolution: int, seconds: float = float("inf")) -> Trimesh:
         """The zero level of a field within the ball; coarser where that would take more seconds."""

@@ -8,7 +8,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from .fields import Differentiable
+from bench import PointCloud
+
+from .fields import Differentiable, differentiable
 from .projection import STEPS, Projection, project
 from .resampling import Resampling, resample
 from .thinning import thinned
@@ -63,6 +65,29 @@ def extract(of: Differentiable, starts: Tensor, how: Extraction) -> IsoPoints:
             stages.spread()
     stages.fill()  # where some have left the level on the way
     return IsoPoints(stages.at.points, F.normalize(stages.at.gradients, dim=1), stages.evaluations)
+
+
+def iso_cloud(field: object, count: int, generator: torch.Generator, how: Extraction | None = None) -> PointCloud:
+    """Iso-points of a whole field within the unit ball, in its coordinates, with normals.
+
+    Parameters
+    ----------
+    field : a field of the bench, or any function of points (n, 3) to values (n,)
+    count : int
+    generator : torch.Generator
+        Draws the places that begin, on the device of the field.
+    how : Extraction, optional
+        Three rounds by default.
+
+    Raises
+    ------
+    NoLevel
+        If the field has none there.
+    """
+    directions = torch.randn(MOST * count, 3, generator=generator, device=generator.device)
+    radii = torch.rand(len(directions), 1, generator=generator, device=generator.device) ** (1 / 3)
+    iso = extract(differentiable(field), radii * F.normalize(directions, dim=1), how or Extraction(count, rounds=3))
+    return PointCloud(*(part.double().cpu().numpy() for part in (iso.points, F.normalize(iso.normals.double(), dim=1))))
 
 
 class _Stages:
