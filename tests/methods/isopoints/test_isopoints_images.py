@@ -1,0 +1,255 @@
+"""What steps of a fit to images see, against closed forms and naive loops."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from bench import Frame, Run
+from bench.contract.ball_views import views_of_a_ball
+from bench.geometry.spiral import golden_spiral
+from bench.methods.isopoints.images.by_points import Plan, PointSampler
+from bench.methods.isopoints.images.by_rays import RaySampler
+from bench.methods.isopoints.images.field import ImageField, Terms
+from bench.methods.isopoints.images.least import about, least
+from bench.methods.isopoints.images.saliency import averaged, children, curvatures, salient
+from bench.methods.isopoints.images.scene import Rays, Scene
+from bench.methods.isopoints.images.visibility import visible
+from bench.methods.isopoints.images.volume import VolumeSampler, opacities, weights_of
+from bench.methods.learned.networks.sphere import begin_as_sphere
+
+TERMS = Terms(color=1.0, mask=30.0, eikonal=0.1, steepness=50.0, motion="normal", most=0.1)
+
+
+def spiral(count):
+    return torch.as_tensor(golden_spiral(count), dtype=torch.float32)
+
+
+def two_balls(count=3000):
+    """A small ball beside a large one: each hides part of the other."""
+    unit = spiral(count)
+    points = torch.cat([0.25 * unit + torch.tensor([0.8, 0, 0]), 0.5 * unit])
+    return points, torch.cat([unit, unit])
+
+
+def in_front(camera, points, center, radius):
+    """Whether a ball lies between points (n, 3) and a camera, in closed form."""
+    towards = camera - points
+    length = towards.norm(dim=1)
+    direction = towards / length[:, None]
+    middle = ((center - points) * direction).sum(1)
+    closest = (points + middle[:, None] * direction - center).norm(dim=1)
+    return (closest < radius) & (middle > 0) & (middle < length)
+
+
+def test_points_are_seen_as_the_closed_form_says():
+    scene, (points, normals) = Scene(views_of_a_ball(8, 128), "cpu"), two_balls()
+    seen = visible(scene, torch.arange(8), points, normals, radius=0.04)
+    wrong = total = 0
+    for view in range(8):
+        camera = scene.centers[view]
+        hidden = torch.cat(
+            [
+                in_front(camera, points[:3000], torch.zeros(3), 0.5),
+                in_front(camera, points[3000:], torch.tensor([0.8, 0, 0]), 0.25),
+            ]
+        )
+        wanted = (((camera - points) * normals).sum(1) > 0) & ~hidden
+        found = torch.zeros(6000, dtype=torch.bool)
+        found[seen.point[seen.row == view]] = True
+        wrong, total = wrong + int((wanted != found).sum()), total + int(wanted.sum())
+        place, _ = scene.project(torch.full((6000,), view), points)
+        assert torch.allclose(place[seen.point[seen.row == view]], seen.place[seen.row == view])
+    assert wrong < 0.01 * total
+
+
+def test_rays_are_searched_about_the_nearest_points():
+    points = 0.6 * spiral(2000)
+    generator = torch.Generator().manual_seed(0)
+    origins = 3 * torch.nn.functional.normalize(torch.randn(50, 3, generator=generator), dim=1)
+    targets = 0.2 * torch.randn(50, 3, generator=generator)
+    rays = Rays(origins, torch.nn.functional.normalize(targets - origins, dim=1))
+    t = about(rays, points, 0.0, 9)
+    middle = -(rays.origins * rays.directions).sum(1)
+    half = (0.36 - rays.origins.square().sum(1) + middle**2).sqrt()
+    # from where the ray enters the ball to where it leaves it, as far as points stand apart
+    assert torch.allclose(t[:, 0], middle - half, atol=0.08) and torch.allclose(t[:, -1], middle + half, atol=0.08)
+    assert torch.allclose(t.diff(dim=1), t.diff(dim=1)[:, :1].expand(-1, 8), atol=1e-5)
+    found = least(lambda x: x.norm(dim=1), rays, t)
+    x = rays.origins[:, None] + t[..., None] * rays.directions[:, None]
+    for k in range(50):
+        assert torch.equal(found[k], x[k, x[k].norm(dim=1).argmin()])
+
+
+def test_a_missing_ray_is_searched_beside_the_nearest_part():
+    points = 0.5 * spiral(2000)
+    rays = Rays(torch.tensor([[0.0, 0.7, -3]]), torch.tensor([[0.0, 0, 1]]))
+    t = about(rays, points, 0.05, 5)
+    assert 2.7 < float(t.min()) and float(t.max()) < 3.3  # the ball is nearest at z = 0
+
+
+def test_curvature_is_the_laplacian_by_naive_loops():
+    points = torch.rand(60, 3, generator=torch.Generator().manual_seed(0))
+    found = curvatures(points)
+    for k in range(60):
+        near = (points - points[k]).norm(dim=1).argsort()[1:9]
+        assert float(found[k]) == pytest.approx(float((points[k] - points[near].mean(0)).norm()), abs=1e-6)
+
+
+def test_losses_are_averaged_over_the_views_that_see_a_point():
+    mean = averaged(torch.tensor([1.0, 3, 5]), torch.tensor([2, 2, 0]), 4)
+    assert mean.tolist() == [5, 0, 2, 0]
+
+
+def test_what_is_salient():
+    metric = torch.ones(200)
+    metric[[3, 50]] = 10
+    assert salient(metric).tolist() == [3, 50]  # above min(2 median, max / 2)
+    assert len(salient(torch.linspace(0, 1, 400))) == 20  # a twentieth at most
+    assert len(salient(torch.ones(400))) == 20  # and where none stands out
+
+
+def test_children_stand_between_salient_points_and_their_neighbours():
+    points = spiral(1000)
+    metric = torch.zeros(1000)
+    metric[500] = 1
+    new = children(points, metric)
+    reach = 2 * math.sqrt(2 * math.sqrt(3) / 1000)  # D, the box's diagonal, is nearly that of the cube
+    assert len(new) % 8 == 0 and len(new) > 0
+    assert (new - points[500]).norm(dim=1).max() < 1.6 * reach
+    fathers = int(((points - points[500]).norm(dim=1) < reach).sum())
+    assert len(new) == 8 * fathers
+
+
+def toy_field(scene, kind=ImageField):
+    field = kind(scene, TERMS, None, 5.0, hidden_layers=3, width=96, generator=torch.Generator().manual_seed(0))
+    begin_as_sphere(field.network, 0.5)
+    return field
+
+
+def point_sampler(scene, field, importance="uniform"):
+    plan = Plan(importance, 800, 1600, warm_up=0, refresh=4, surface=0.5, share=0.2, lowest=4)
+    return PointSampler(field, scene, 3, 300, 60, plan, Run(), torch.Generator().manual_seed(1))
+
+
+def sampler_of(kind, scene, field):
+    if kind == "rays":
+        return RaySampler(field.network, scene, 3, 300, 60, torch.Generator().manual_seed(1))
+    return point_sampler(scene, field, kind)
+
+
+@pytest.mark.parametrize("kind", ["rays", "uniform", "curvature", "loss"])
+def test_samples_are_where_they_belong(kind):
+    """A sphere of radius 0.5 against images of a ball of 0.6: its surface lies within all masks."""
+    scene = Scene(views_of_a_ball(6, 48).in_frame(Frame(radius=1 / 0.6)), "cpu")
+    field = toy_field(scene)
+    samples = sampler_of(kind, scene, field).draw()
+    surface = samples.surface
+    assert 50 < len(surface) <= 300 and samples.pixels == pytest.approx(300, abs=2) and len(samples.space) == 60
+    with torch.no_grad():
+        assert field(surface.points).abs().max() < 2e-4
+    place, _ = scene.project(surface.views, surface.points)
+    assert scene.inside(surface.views, place).all()
+    assert torch.allclose(surface.colors, scene.colors(surface.views, place), atol=2e-3)
+    away = torch.nn.functional.normalize(surface.points - scene.centers[surface.views], dim=1)
+    assert torch.allclose(away, surface.directions, atol=1e-5)
+    assert ((surface.directions * surface.gradients).sum(1) < 0).all()  # seen from outside
+    masked = float(scene.masks.float().mean())
+    outside = float(samples.free.weights.sum())
+    if kind == "rays":  # a ray that misses the ball counts too
+        assert outside == pytest.approx((1 - masked) * 300, rel=0.25)
+    else:
+        assert 0.2 * (1 - masked) * 300 < outside < (1 - masked) * 300
+    if kind != "rays":
+        assert float(samples.occupied.weights.sum()) == pytest.approx(masked * 300, rel=0.1)
+    for some in (samples.occupied, samples.free):
+        assert torch.isfinite(some.points).all()
+
+
+def test_iso_points_outside_of_a_mask_are_to_go():
+    """A sphere that is larger than the ball of the images: what is seen outside of the masks is free space."""
+    views = views_of_a_ball(6, 48)
+    scene = Scene(views, "cpu")
+    scene.masks = scene.masks & (torch.arange(48) < 24)  # half of each mask is gone
+    field = toy_field(scene)
+    samples = point_sampler(scene, field).draw()
+    with torch.no_grad():
+        on = field(samples.free.points).abs() < 2e-4
+    assert on.sum() > 20
+    # each of them counts as the pixels that it stands for: together about the sphere's part outside of the masks
+    covered = (0.5**2 / 2) / 1.0  # of the disc of the ball, about, which covers `masks` of the image
+    disc = float(torch.tensor(views.masks).float().mean())
+    assert float(samples.free.weights[on].sum()) == pytest.approx(covered * disc * 300, rel=0.35)
+
+
+def test_a_step_in_parts_has_the_loss_of_the_whole():
+    scene = Scene(views_of_a_ball(6, 48).in_frame(Frame(radius=1 / 0.6)), "cpu")
+    field = toy_field(scene)
+    samples = point_sampler(scene, field).draw()
+    whole = field.loss(samples, 0.5)
+    parts = list(samples.chunks(100))
+    assert len(parts) >= 3
+    assert float(sum(field.loss(part, 0.5) for part in parts)) == pytest.approx(float(whole), rel=1e-4)
+
+
+def test_iso_points_are_made_anew_and_become_more():
+    scene = Scene(views_of_a_ball(6, 48), "cpu")
+    sampler = point_sampler(scene, toy_field(scene))
+    counts = []
+    for _ in range(9):
+        sampler.draw()
+        counts.append(len(sampler.iso.points))
+    assert counts == [800] * 4 + [960] * 4 + [1152]
+
+
+def test_without_a_surface_there_are_no_iso_points_and_rays_are_traced():
+    scene = Scene(views_of_a_ball(6, 48), "cpu")
+    field = toy_field(scene)
+    field.network.biases[-1].data += 5  # everything is outside
+    sampler = point_sampler(scene, field)
+    samples = sampler.draw()
+    assert sampler.iso is None and not len(samples.surface) and len(samples.occupied)
+    assert "no iso-points" in sampler._run.notes[0]
+
+
+# -- volume rendering --------------------------------------------------------------------------------------------------
+
+
+def test_opacities_are_the_formula():
+    before, after = torch.tensor([0.3, -0.1, 0.2]), torch.tensor([0.1, -0.3, 0.4])
+    s = torch.sigmoid
+    wanted = (1 - s(20 * after) / s(20 * before)).clamp(min=0)
+    assert torch.allclose(opacities(before, after, 20.0), wanted, atol=1e-6)
+
+
+def test_weights_of_a_ray_that_enters_follow_the_logistic_density():
+    """Of a plane at 0.4: the weights of fine parts sum to 1, and their mean is at the plane (unbiased)."""
+    t = torch.linspace(0, 1, 2001)[None]
+    f = 0.4 - t
+    weights = weights_of(opacities(f[:, :-1], f[:, 1:], 60.0))
+    middle = (t[:, 1:] + t[:, :-1]) / 2
+    assert float(weights.sum()) == pytest.approx(1, abs=1e-3)
+    assert float((weights * middle).sum()) == pytest.approx(0.4, abs=2e-3)
+    density = 60 * torch.sigmoid(60 * (0.4 - middle)) * (1 - torch.sigmoid(60 * (0.4 - middle)))
+    assert torch.allclose(weights * 2000, density, atol=0.05)
+
+
+def test_samples_of_a_ray_gather_at_the_surface():
+    scene = Scene(views_of_a_ball(6, 48), "cpu")
+    sampler = VolumeSampler(
+        lambda x: x.norm(dim=1) - 0.5, lambda: 20.0, scene, 3, 90, 16, 16, torch.Generator().manual_seed(0)
+    )
+    batch = sampler.draw()
+    assert batch.t.shape[1] == 33 and (batch.t.diff(dim=1) >= 0).all() and batch.total == 90
+    middle = -(batch.rays.origins * batch.rays.directions).sum(1)
+    squared = 0.25 - batch.rays.origins.square().sum(1) + middle**2
+    hit = squared > 0.01
+    enter = (middle - squared.clamp(min=0).sqrt())[hit]
+    near = (batch.t[hit] - enter[:, None]).abs() < 0.08
+    assert near.float().mean() > 0.3  # of an even spread: 0.08
+    assert np.array_equal(batch.inside.numpy(), scene.inside(batch.views, _places(scene, batch)).numpy())
+
+
+def _places(scene, batch):
+    return scene.project(batch.views, batch.rays.origins + 3 * batch.rays.directions)[0]
