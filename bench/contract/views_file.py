@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import zipfile
+import zlib
+from pathlib import Path
+
 import numpy as np
 
 from ..errors import UsageError
+from .artefacts import write
 from .views import Views
 
 
-def load_views(path: str) -> Views:
+def load_views(path: str | Path) -> Views:
     """Views from an ``.npz`` file.
 
     Raises
@@ -16,14 +21,40 @@ def load_views(path: str) -> Views:
     UsageError
         Naming the file and what was expected of it.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = dict(file)
-    except (OSError, ValueError) as error:
-        raise UsageError(
-            f"{path}: expected an .npz file of views (images, masks, extrinsics, intrinsics): {error}"
-        ) from None
+    arrays = npz_arrays(path, "an .npz file of views (images, masks, extrinsics, intrinsics)")
     missing = [name for name in ("images", "masks", "extrinsics", "intrinsics") if name not in arrays]
     if missing:
         raise UsageError(f"{path}: has no array {missing[0]}; expected images, masks, extrinsics and intrinsics")
     return Views.of(arrays)
+
+
+def save_views(views: Views, path: str | Path) -> None:
+    """Write views to an ``.npz`` file, which :func:`load_views` reads.
+
+    Raises
+    ------
+    UsageError
+        If the suffix is another, or the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix != ".npz":
+        raise UsageError(f"{path}: expected a name that ends in .npz")
+    try:
+        write(views, path)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error}") from None
+
+
+def npz_arrays(path: str | Path, expected: str) -> dict[str, np.ndarray]:
+    """All arrays of an ``.npz`` file by name.
+
+    Raises
+    ------
+    UsageError
+        Naming the file and what was ``expected``.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return dict(file)
+    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise UsageError(f"{path}: expected {expected}: {error}") from None
