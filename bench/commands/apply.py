@@ -3,12 +3,14 @@
   detailbench apply method=poisson scan.ply mesh.ply method.depth=9
   detailbench apply method=rimls task=denoise scan.ply clean.ply
   detailbench apply method=identity task=detail_transfer source.ply source_base.ply target_base.ply out.ply
+  detailbench apply method=NAME task=multiview FOLDER mesh.ply
 
 INPUT is a point cloud (PLY, XYZ, TXT, OBJ) or a mesh whose vertices are taken; OUTPUT is in the coordinates of INPUT,
 as PLY, OBJ, STL, OFF or GLB. Parameters that are lengths refer to the frame in which the input has radius 1.
 A detail transfer takes three meshes that are aligned with each other, or two where the source has no base; OUTPUT and
 that frame are the target base's.
-What other tasks take, their `read` says (detailbench list task NAME); an input may be a folder.
+FOLDER has images with masks and cameras: transforms.json, cameras.npz, or a COLMAP model as text (docs/multiview.md).
+What other tasks take, their `read` says (detailbench list task NAME).
 Where a method solves several tasks, task= says which. normals=file (the default) takes the normals of a cloud from its
 file, where it has any; normals=estimate takes none of them. A learned method takes the weights that come with it, or
 those of training.weights=FILE (detailbench train). Further keys: seed, threads, device, limit.seconds,

@@ -10,7 +10,6 @@ from ..contract.ball_views import views_of_a_ball
 from ..contract.case import Case
 from ..contract.shape import Shape
 from ..contract.task import Task, describe_views, validate_mesh, views_words
-from ..contract.views_file import load_views
 from ..errors import UsageError
 from ..geometry.cloud import Frame
 from ..plugins.registry import register
@@ -30,6 +29,12 @@ class Multiview(Task):
     promise: ClassVar[str] = "a trimesh.Trimesh with faces and finite vertices"
     primary: ClassVar[tuple[str, ...]] = ("surface_distance_mean",)
 
+    max_pixels: int = 512  # longest side of the images of your own folder, which are shrunk to it (apply); 0: no limit
+
+    def __post_init__(self) -> None:
+        if self.max_pixels < 0:
+            raise ValueError(f"max_pixels: expected 0 (no limit) or more, got {self.max_pixels}")
+
     def describe(self, case: Case) -> dict[str, float]:
         """How many views there are, how many pixels across, and how much of them the shape covers."""
         return describe_views(case.input["views"])
@@ -39,10 +44,18 @@ class Multiview(Task):
         return views_words(medians)
 
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
-        """Views from an ``.npz`` file with the arrays of :meth:`bench.Views.arrays`, of a shape in the unit ball."""
+        """Views from a folder of images with masks and cameras, or from an ``.npz`` file.
+
+        The folder has ``transforms.json`` (NeRF, instant-ngp, nerfstudio), ``cameras.npz`` (DTU in IDR and NeuS), or a
+        COLMAP model as text. The frame is the ball that the file gives, or one that is estimated from the masks. A file
+        has the arrays of :meth:`bench.Views.arrays`, of a shape in the unit ball.
+        """
+        from ..contract.image_folders.reading import read_views
+
         if len(paths) != 1:
-            raise UsageError(f"expected one file of views, got {len(paths)}: {', '.join(paths) or 'none'}")
-        return self.input(load_views(paths[0])), Frame()
+            raise UsageError(f"expected one folder or file of views, got {len(paths)}: {', '.join(paths) or 'none'}")
+        views, frame = read_views(paths[0], self.max_pixels)
+        return self.input(views), frame
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
         """Hold an output against the promise."""

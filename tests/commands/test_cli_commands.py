@@ -10,6 +10,11 @@ import numpy as np
 import pytest
 from conftest import TOYS
 
+from bench import Frame
+from bench.contract.ball_views import views_of_a_ball
+from bench.contract.image_folders.writing import save_views_as_transforms
+from bench.geometry.io.files import load_mesh
+
 COMMANDS = ("run", "plan", "list", "leaderboard", "apply", "check", "new", "why", "reproduce")
 
 
@@ -474,3 +479,18 @@ def test_check_fails_a_method_that_crashes_or_breaks_its_promise(shell):
     assert re.search(r"FAIL .*no function is named after a task", idles)
     assert re.search(r"FAIL .*promised a PointCloud", lies)
     assert not shell.left_over()
+
+
+def test_apply_takes_a_folder_of_images(shell):
+    """Triangles of random places in the ball that is estimated from the masks, in the coordinates of the cameras."""
+    center, radius = np.array([10.0, -4.0, 2.0]), 3.0
+    views = views_of_a_ball(12, 48).in_frame(Frame(tuple(-center / radius), 1 / radius))
+    save_views_as_transforms(views, shell.work / "photos")
+    done = shell.call("apply", "method=noise", "photos", "mesh.ply", "task.max_pixels=40")
+    assert done.returncode == 0, done.stderr
+    assert "photos (Views(12 images of 40 x 40)) -> mesh.ply" in done.stdout
+    distance = np.linalg.norm(load_mesh(shell.work / "mesh.ply").vertices - center, axis=1)
+    assert 0.9 * radius < distance.max() < 1.4 * radius
+    (shell.work / "photos/transforms.json").unlink()
+    done = shell.call("apply", "method=noise", "task=multiview", "photos", "mesh.ply")
+    assert done.returncode == 1 and "photos: has no file of cameras; expected one of transforms.json" in done.stderr

@@ -1,0 +1,1 @@
+"""Folders of images with cameras, as other programs write them, to views and back."""
