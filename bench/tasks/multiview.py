@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from ..contract.ball_views import views_of_a_ball
@@ -29,7 +29,7 @@ class Multiview(Task):
     promise: ClassVar[str] = "a trimesh.Trimesh with faces and finite vertices"
     primary: ClassVar[tuple[str, ...]] = ("surface_distance_mean",)
 
-    max_pixels: int = 512  # longest side of the images of your own folder, which are shrunk to it (apply); 0: no limit
+    max_pixels: int = field(default=512, metadata={"since": "0.2"})  # longest side of images of your own; 0: no limit
 
     def __post_init__(self) -> None:
         if self.max_pixels < 0:
