@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from bench import BadInput, PointCloud, Shape
+from bench import BadInput, PointCloud, Shape, Views
 from bench.geometry.used import used_vertices
 
 Unit = Literal["radius", "diagonal"]
@@ -44,6 +44,19 @@ def kept(cloud: PointCloud, chosen: np.ndarray, shape: Shape, effect: str) -> Po
     if not len(parts[0]):
         raise BadInput(f"sensor {effect}: none of the {len(cloud)} points of {shape.id} is left; ask it to take less")
     return PointCloud(*parts)
+
+
+def seen_as(views: Views, **changes: np.ndarray) -> Views:
+    """The views with other arrays in place of some.
+
+    Raises
+    ------
+    BadInput
+        If no mask shows the shape any more.
+    """
+    if "masks" in changes and not changes["masks"].any():
+        raise BadInput(f"none of the {len(changes['masks'])} views that are left shows the shape; spoil them less")
+    return Views.of(views.arrays() | changes)
 
 
 def replaced(
