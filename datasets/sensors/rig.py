@@ -43,9 +43,7 @@ class Rig:
     placement: Literal["sphere", "random", "turntable"] = "sphere"  # even (turned at random), random, or a ring about z
     elevation: float = 20.0  # of the turntable's ring, in degrees above the horizon
     distance: float = 3.0  # of the cameras from the middle of the shape; more than 1
-    farthest: float = field(
-        default=0.0, metadata=LATER
-    )  # distances are uniform from `distance` to this; 0: all the same
+    farthest: float = field(default=0.0, metadata=LATER)  # distances are drawn up to this; 0: all are `distance`
     field_of_view: float = 0.0  # degrees from the left to the right of an image; 0: the sphere just fills the nearest
     normals: Literal["flat", "smooth"] = "flat"  # of the triangles, or of the exact surface (slow), or interpolated
     ambient: float = 0.1  # light from everywhere, 0..1

@@ -141,7 +141,13 @@ def test_wrong_words_are_refused(name, word):
 
 def test_what_sensors_give_and_the_class_of_it():
     found = registry()
-    assert {p.name for p in found.all("sensor") if given_by(p, p.cls()) != "cloud"} == {"rig"}
+    assert {p.name for p in found.all("sensor") if given_by(p, p.cls()) != "cloud"} == {
+        "rig",
+        "pixel_noise",
+        "mask_errors",
+        "view_few",
+        "camera_noise",
+    }
     rig, chain = found.find("sensor", "rig"), found.find("sensor", "chain")
     over_rig = Chain(steps=({"rig": {"views": 2}},))
     assert [given_by(chain, sensor) for sensor in (Chain(), over_rig)] == ["cloud", "views"]
