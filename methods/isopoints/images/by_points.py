@@ -30,6 +30,8 @@ NEWTON = 4  # steps back onto the surface from beside it
 STARTS = 4  # first iso-points begin at so many times as many places of the ball (released)
 MOST_MEASURED = 5000  # iso-points of which the saliency is computed (released)
 OCCUPIED = 0.2  # samples within masks that should be inside, for each sample of the surface (released: at most 0.1)
+SOON = 10  # steps after which the first iso-points are made anew; then after as many steps as there were
+SLANTED = 0.1  # cosine of normal and ray below which a point's pixel may show what is beside it: no colour is compared
 SOME = 1000  # iso-points about which rays are searched
 INNER, OUTER = 32, 12  # places there, on rays within masks (released: 64) and outside
 Importance = Literal["uniform", "curvature", "loss"]
@@ -78,7 +80,7 @@ class PointSampler:
         self._rays = RaySampler(field.network, scene, views, samples, space, generator)
         self._pixels = Pixels(scene, generator)
         self._samples, self._space = samples, space
-        self._step = 0
+        self._step, self._next = 0, plan.warm_up
         self._count = plan.points
         self.iso: IsoPoints | None = None
         self.refreshed = 0
@@ -87,8 +89,10 @@ class PointSampler:
         """The next step's points."""
         plan, step = self._plan, self._step
         self._step += 1
-        if step >= plan.warm_up and (step - plan.warm_up) % plan.refresh == 0:
+        if step >= self._next:
             self._renew()
+            # at first the surface moves fast
+            self._next = step + min(plan.refresh, max(SOON, step - plan.warm_up))
         if self.iso is None:
             return self._rays.draw()
         views = self._rays.chosen()
@@ -168,7 +172,7 @@ class PointSampler:
         kept = (at.values.abs() <= TOLERANCE) & (at.points.norm(dim=1) <= 1) & scene.shown(place) & (cosine > 0)
         rows = torch.nonzero(kept & ~self._base.depths.hidden(view, at.points, normals))[:, 0]
         inside = scene.inside(view[rows], place[rows])
-        outer, rows = rows[~inside], rows[inside]
+        outer, rows = rows[~inside], rows[inside & (cosine[rows] > SLANTED)]
         # a point counts as the pixels that it stands for
         pixels = (drawn.area * cosine * (scene.focal[view] / depth).square())[outer]
         share = self._samples / (self._rays.views * int(scene.size.prod()))
@@ -185,14 +189,16 @@ class PointSampler:
         share = torch.rand(len(near), self._plan.lowest, generator=self._generator, device=near.device)
         anywhere = near[:, None] + share * (far - near)[:, None]
         t = torch.cat([about(rays, self._some(), self._spacing, OUTER), anywhere], dim=1)
-        points = least(self._field, rays, t)
+        points = least(self._field, rays, t, first=True).points
         return Wanted.alike(points, (1 - self._covered(views)) * self._samples / max(1, drawn))
 
     def _occupied(self, views: Tensor, count: int) -> Wanted:
         """Places on rays within the masks."""
         rays = self._scene.rays(*self._pixels.inside(views, max(1, count)))
-        points = least(self._field, rays, about(rays, self._some(), self._spacing, INNER))
-        return Wanted.alike(points, self._covered(views) * self._samples / max(1, len(points)))
+        found = least(self._field, rays, about(rays, self._some(), self._spacing, INNER))
+        whole = self._covered(views) * self._samples / max(1, len(found.points))
+        # a ray that has no hit should have one; of the others the inside is to stay inside, at half the weight (thesis)
+        return Wanted(found.points, torch.where(found.values > 0, whole, 0.5))
 
     def _some(self) -> Tensor:
         """Some of the iso-points: enough to find the part of a ray that is near the surface."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -27,11 +28,32 @@ def about(rays: Rays, points: Tensor, slack: float, samples: int) -> Tensor:
     return first + torch.linspace(0, 1, samples, device=points.device) * (last - first)
 
 
+class Least(NamedTuple):
+    """What was found on rays."""
+
+    points: Tensor  # (n, 3)
+    values: Tensor  # (n,)
+
+
 @torch.no_grad()
-def least(values: Callable[[Tensor], Tensor], rays: Rays, t: Tensor) -> Tensor:
-    """Of places at distances (n, k) along rays those with the least value: (n, 3)."""
+def least(values: Callable[[Tensor], Tensor], rays: Rays, t: Tensor, first: bool = False) -> Least:
+    """Of places at distances (n, k) along rays those with the least value, or (``first``) the first one inside.
+
+    Parameters
+    ----------
+    values : function of points (n, 3) to values (n,), negative inside
+    first : bool
+        Where a ray enters the surface, its place is the first with a value below 0 instead: samples that are to be
+        outside push the surface away from there.
+    """
+    if not len(t):
+        return Least(t.new_zeros(0, 3), t.new_zeros(0))
     x = rays.origins[:, None] + t[..., None] * rays.directions[:, None]
-    if not len(x):
-        return x[:, 0]
     f = torch.cat([values(part) for part in x.reshape(-1, 3).split(4096)]).reshape(t.shape)
-    return x[torch.arange(len(x), device=x.device), f.argmin(1)]
+    chosen = f.argmin(1)
+    if first:
+        inside = f < 0
+        distance = torch.where(inside, t, torch.inf)
+        chosen = torch.where(inside.any(1), distance.argmin(1), chosen)
+    rows = torch.arange(len(x), device=x.device)
+    return Least(x[rows, chosen], f[rows, chosen])

@@ -76,10 +76,16 @@ def test_rays_are_searched_about_the_nearest_points():
     # from where the ray enters the ball to where it leaves it, as far as points stand apart
     assert torch.allclose(t[:, 0], middle - half, atol=0.08) and torch.allclose(t[:, -1], middle + half, atol=0.08)
     assert torch.allclose(t.diff(dim=1), t.diff(dim=1)[:, :1].expand(-1, 8), atol=1e-5)
-    found = least(lambda x: x.norm(dim=1), rays, t)
+    found, entered = (least(lambda x: x.norm(dim=1) - 0.5, rays, t, first) for first in (False, True))
     x = rays.origins[:, None] + t[..., None] * rays.directions[:, None]
+    entries = 0
     for k in range(50):
-        assert torch.equal(found[k], x[k, x[k].norm(dim=1).argmin()])
+        f = x[k].norm(dim=1) - 0.5
+        assert torch.equal(found.points[k], x[k, f.argmin()]) and found.values[k] == f.min()
+        first = next((i for i in range(9) if f[i] < 0), int(f.argmin()))
+        assert torch.equal(entered.points[k], x[k, first])
+        entries += int((f < 0).any())
+    assert entries > 10
 
 
 def test_a_missing_ray_is_searched_beside_the_nearest_part():
@@ -162,7 +168,7 @@ def test_samples_are_where_they_belong(kind):
     else:
         assert 0.2 * (1 - masked) * 300 < outside < 1.1 * (1 - masked) * 300
     if kind != "rays":
-        assert float(samples.occupied.weights.sum()) == pytest.approx(masked * 300, rel=0.1)
+        assert 0 < float(samples.occupied.weights.sum()) < 1.1 * masked * 300
     for some in (samples.occupied, samples.free):
         assert torch.isfinite(some.points).all()
 
@@ -200,7 +206,7 @@ def test_iso_points_are_made_anew_and_become_more():
     for _ in range(9):
         sampler.draw()
         counts.append(len(sampler.iso.points))
-    assert counts == [800] * 4 + [960] * 4 + [1152]
+    assert counts == [800] * 4 + [960] * 4 + [1152]  # SOON is more than `refresh`
 
 
 def test_without_a_surface_there_are_no_iso_points_and_rays_are_traced():

@@ -99,7 +99,9 @@ def test_the_span_in_the_ball():
     rays = Rays(torch.tensor([[0.0, 0, -3], [0, 2, -3], [0, 0, 0.5]]), torch.tensor([[0.0, 0, 1]] * 3))
     near, far, reaches = ball_span(rays, 1.0)
     assert reaches.tolist() == [True, False, True]
-    assert torch.allclose(near[[0, 2]], torch.tensor([2.0, 0.0])) and torch.allclose(far[[0, 2]], torch.tensor([4, 0.5]))
+    assert torch.allclose(near[[0, 2]], torch.tensor([2.0, 0.0])) and torch.allclose(
+        far[[0, 2]], torch.tensor([4, 0.5])
+    )
 
 
 @pytest.mark.parametrize("motion", ["ray", "normal"])
