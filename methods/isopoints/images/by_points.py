@@ -48,6 +48,7 @@ class Plan:
     refresh: int
     surface: float  # share of the samples that are of the surface
     share: float  # of those the share that is salient
+    inner: float  # weight of a place within the surface that is to stay inside
     lowest: int  # places on a ray outside of a mask, besides those near iso-points
 
 
@@ -197,8 +198,8 @@ class PointSampler:
         rays = self._scene.rays(*self._pixels.inside(views, max(1, count)))
         found = least(self._field, rays, about(rays, self._some(), self._spacing, INNER))
         whole = self._covered(views) * self._samples / max(1, len(found.points))
-        # a ray that has no hit should have one; of the others the inside is to stay inside, at half the weight (thesis)
-        return Wanted(found.points, torch.where(found.values > 0, whole, 0.5))
+        # a ray that has no hit should have one; of the others the inside is to stay inside
+        return Wanted(found.points, torch.where(found.values > 0, whole, self._plan.inner))
 
     def _some(self) -> Tensor:
         """Some of the iso-points: enough to find the part of a ray that is near the surface."""

@@ -28,11 +28,12 @@ class ByIsoPoints(FromImages):
     refresh: int = 100  # steps between new iso-points
     surface: float = 0.5  # share of the samples that are of the surface
     share: float = 0.2  # of those the share that is drawn where it matters (released)
+    inner: float = 0.1  # weight of places on rays within masks that are inside already, and are to stay it
     lowest: int = 4  # random places on a ray outside of a mask, besides those near iso-points; the least value counts
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        at_least(self, points=100, most_points=self.points, warm_up=0, refresh=1, lowest=1)
+        at_least(self, points=100, most_points=self.points, warm_up=0, refresh=1, inner=0, lowest=1)
         for name in ("surface", "share"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"{name}: expected a number between 0 and 1, got {getattr(self, name)}")

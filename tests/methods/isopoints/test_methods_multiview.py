@@ -33,10 +33,10 @@ def run():
 @pytest.mark.parametrize(
     "method",
     [
-        Idr(steps=40, **SMALL),
-        IsoUniform(steps=60, **POINTS),
-        IsoCurvature(steps=60, **POINTS),
-        IsoLoss(steps=60, **POINTS),
+        Idr(steps=25, **SMALL),
+        IsoUniform(steps=40, **POINTS),
+        IsoCurvature(steps=40, **POINTS),
+        IsoLoss(steps=40, **POINTS),
         Neus(steps=40, **SMALL | {"samples": 60, "coarse": 12, "fine": 12}),
     ],
     ids=lambda method: method.name,
@@ -77,13 +77,14 @@ def test_a_field_is_saved_trained_further_and_sampled(views, tmp_path):
     from bench.geometry.cloud import PointCloud
 
     path = str(tmp_path / "field.safetensors")
-    first = IsoUniform(steps=10, save=path, **POINTS).multiview(views, run())
-    again = IsoUniform(steps=0, load=path, **POINTS).multiview(views, run())
+    slow = POINTS | {"learning_rate": 1e-4}
+    first = IsoUniform(steps=10, save=path, **slow).multiview(views, run())
+    again = IsoUniform(steps=0, load=path, **slow).multiview(views, run())
     assert np.array_equal(first.vertices, again.vertices)
-    cloud = IsoUniform(steps=0, load=path, **POINTS).fit_shape(views, PointCloud(np.zeros((300, 3))), run())
+    cloud = IsoUniform(steps=0, load=path, **slow).fit_shape(views, PointCloud(np.zeros((300, 3))), run())
     assert len(cloud) == 300 and cloud.normals is not None
     assert abs(np.linalg.norm(cloud.points, axis=1).mean() - radii(first).mean()) < 0.02
-    further = IsoUniform(steps=5, load=path, **POINTS).multiview(views, run())
+    further = IsoUniform(steps=5, load=path, **slow).multiview(views, run())
     assert not np.array_equal(further.vertices, first.vertices)
     with pytest.raises(BadInput, match="was saved by iso_uniform, not by idr"):
         Idr(steps=0, load=path, **SMALL).multiview(views, run())
@@ -119,8 +120,8 @@ def test_iso_points_of_a_saved_field_of_any_method(tmp_path):
     from bench.methods.implicit.siren import Siren
 
     path, cloud = str(tmp_path / "siren.safetensors"), ball_cloud()
-    Siren(steps=60, omega=5.0, width=96, save=path, resolution=16, learning_rate=1e-3).reconstruct(cloud, run())
-    found = IsoPoints(load=path).upsample(cloud, 2, run())
+    Siren(steps=40, omega=5.0, width=96, save=path, resolution=16, learning_rate=1e-3).reconstruct(cloud, run())
+    found = IsoPoints(load=path, rounds=1).upsample(cloud, 2, run())
     assert len(found) == 800
     away = np.linalg.norm(found.points - [5.0, 0, -2], axis=1)
     assert abs(away.mean() - 3) < 0.1 and away.std() < 0.1
