@@ -32,7 +32,7 @@ MOST_MEASURED = 5000  # iso-points of which the saliency is computed (released)
 OCCUPIED = 0.2  # samples within masks that should be inside, for each sample of the surface (released: at most 0.1)
 SOON = 10  # steps after which the first iso-points are made anew; then after as many steps as there were
 SLANTED = 0.1  # cosine of normal and ray below which a point's pixel may show what is beside it: no colour is compared
-SOME = 1000  # iso-points about which rays are searched
+SOME = 4000  # iso-points about which rays are searched
 INNER, OUTER = 32, 12  # places there, on rays within masks (released: 64) and outside
 Importance = Literal["uniform", "curvature", "loss"]
 
@@ -196,7 +196,8 @@ class PointSampler:
     def _occupied(self, views: Tensor, count: int) -> Wanted:
         """Places on rays within the masks."""
         rays = self._scene.rays(*self._pixels.inside(views, max(1, count)))
-        found = least(self._field, rays, about(rays, self._some(), self._spacing, INNER))
+        t = about(rays, self._some(), self._spacing, INNER)
+        found = least(self._field, rays, t, closer=INNER // 2)
         whole = self._covered(views) * self._samples / max(1, len(found.points))
         # a ray that has no hit should have one; of the others the inside is to stay inside
         return Wanted(found.points, torch.where(found.values > 0, whole, self._plan.inner))
@@ -204,8 +205,10 @@ class PointSampler:
     def _some(self) -> Tensor:
         """Some of the iso-points: enough to find the part of a ray that is near the surface."""
         assert self.iso is not None
-        rows = torch.randint(len(self.iso.points), (SOME,), generator=self._generator, device=self._generator.device)
-        return self.iso.points[rows]
+        points = self.iso.points
+        if len(points) <= SOME:
+            return points
+        return points[torch.randperm(len(points), generator=self._generator, device=points.device)[:SOME]]
 
     def _covered(self, views: Tensor) -> float:
         """The share of pixels that masks hold: each kind counts as if pixels were drawn all over the images."""
