@@ -21,7 +21,7 @@ from .least import about, least
 from .saliency import averaged, children, curvatures
 from .samples import Samples, Surface, Wanted, in_ball
 from .scene import Pixels, Rays, Scene
-from .tracing import ball_span
+from .tracing import ball_span, trace
 from .visibility import Visible, visible
 
 TOLERANCE = 1e-4  # of iso-points (thesis: from 1e-4 to 1e-5)
@@ -30,6 +30,7 @@ NEWTON = 4  # steps back onto the surface from beside it
 STARTS = 4  # first iso-points begin at so many times as many places of the ball (released)
 MOST_MEASURED = 5000  # iso-points of which the saliency is computed (released)
 OCCUPIED = 0.2  # samples within masks that should be inside, for each sample of the surface (released: at most 0.1)
+STRAYS = 4  # among the starts of new iso-points are a quarter as many random places of the ball
 SOON = 10  # steps after which the first iso-points are made anew; then after as many steps as there were
 SLANTED = 0.1  # cosine of normal and ray below which a point's pixel may show what is beside it: no colour is compared
 SOME = 4000  # iso-points about which rays are searched
@@ -110,7 +111,9 @@ class PointSampler:
         if self.iso is None:
             starts = in_ball(STARTS * plan.points, 1.0, self._generator)
         else:
-            starts = self.iso.points
+            # and some new ones: the surface may have grown where there were none
+            strays = in_ball(self._count // STRAYS, 1.0, self._generator)
+            starts = torch.cat([self.iso.points, strays])
             self._count = min(plan.most_points, round(GROWTH * self._count))
         how = Extraction(self._count, resampling=Resampling(iterations=1), tolerance=TOLERANCE, reach=1.0)
         try:
@@ -197,10 +200,14 @@ class PointSampler:
         """Places on rays within the masks."""
         rays = self._scene.rays(*self._pixels.inside(views, max(1, count)))
         t = about(rays, self._some(), self._spacing, INNER)
-        found = least(self._field, rays, t, closer=INNER // 2)
-        whole = self._covered(views) * self._samples / max(1, len(found.points))
-        # a ray that has no hit should have one; of the others the inside is to stay inside
-        return Wanted(found.points, torch.where(found.values > 0, whole, self._plan.inner))
+        found = least(self._field, rays, t)
+        # a ray that seems to miss the surface may meet a part that moved since there were iso-points: it is traced
+        misses = torch.nonzero(found.values > 0)[:, 0]
+        traced = trace(self._field, Rays(rays.origins[misses], rays.directions[misses]))
+        found.points[misses] = traced.points
+        weights = torch.full_like(found.values, self._plan.inner)
+        weights[misses] = torch.where(traced.hit, 0.0, self._covered(views) * self._samples / max(1, len(weights)))
+        return Wanted(found.points, weights)
 
     def _some(self) -> Tensor:
         """Some of the iso-points: enough to find the part of a ray that is near the surface."""

@@ -11,7 +11,7 @@ from torch import Tensor
 from .scene import Rays
 from .tracing import PART
 
-NEAREST = 8  # iso-points nearest to a ray: they are of all layers that it passes through
+NEAREST = 16  # iso-points nearest to a ray: they are of all layers that it passes through
 
 
 def about(rays: Rays, points: Tensor, slack: float, samples: int) -> Tensor:
@@ -46,29 +46,15 @@ def least(values: Callable[[Tensor], Tensor], rays: Rays, t: Tensor, first: bool
     first : bool
         Where a ray enters the surface, its place is the first with a value below 0 instead: samples that are to be
         outside push the surface away from there.
-    closer : int
-        Of even distances: look so many times more between the neighbours of the least. A ray through a thin part of
-        the surface is then not taken for one that misses it.
     """
     if not len(t):
         return Least(t.new_zeros(0, 3), t.new_zeros(0))
-    x, f = _looked(values, rays, t)
+    x = rays.origins[:, None] + t[..., None] * rays.directions[:, None]
+    f = torch.cat([values(part) for part in x.reshape(-1, 3).split(PART)]).reshape(t.shape)
     chosen = f.argmin(1)
-    if closer:
-        step = t[:, 1:2] - t[:, :1]
-        share = torch.linspace(-1, 1, closer + 2, device=t.device)[1:-1]
-        x_more, f_more = _looked(values, rays, t.gather(1, chosen[:, None]) + share * step)
-        x, f = torch.cat([x, x_more], dim=1), torch.cat([f, f_more], dim=1)
-        chosen = f.argmin(1)
     if first:
         inside = f < 0
         distance = torch.where(inside, t, torch.inf)
         chosen = torch.where(inside.any(1), distance.argmin(1), chosen)
     rows = torch.arange(len(x), device=x.device)
     return Least(x[rows, chosen], f[rows, chosen])
-
-
-def _looked(values: Callable[[Tensor], Tensor], rays: Rays, t: Tensor) -> tuple[Tensor, Tensor]:
-    """The places (n, k, 3), and the values there."""
-    x = rays.origins[:, None] + t[..., None] * rays.directions[:, None]
-    return x, torch.cat([values(part) for part in x.reshape(-1, 3).split(PART)]).reshape(t.shape)
