@@ -37,7 +37,7 @@ class Least(NamedTuple):
 
 
 @torch.no_grad()
-def least(values: Callable[[Tensor], Tensor], rays: Rays, t: Tensor, first: bool = False, closer: int = 0) -> Least:
+def least(values: Callable[[Tensor], Tensor], rays: Rays, t: Tensor, first: bool = False) -> Least:
     """Of places at distances (n, k) along rays those with the least value, or (``first``) the first one inside.
 
     Parameters
