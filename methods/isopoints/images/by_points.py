@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor
@@ -21,7 +21,7 @@ from .least import about, least
 from .saliency import averaged, children, curvatures
 from .samples import Samples, Surface, Wanted, in_ball
 from .scene import Pixels, Rays, Scene
-from .tracing import ball_span, trace
+from .tracing import Tracing, ball_span, trace
 from .visibility import Visible, visible
 
 TOLERANCE = 1e-4  # of iso-points (thesis: from 1e-4 to 1e-5)
@@ -33,8 +33,10 @@ OCCUPIED = 0.2  # samples within masks that should be inside, for each sample of
 STRAYS = 4  # among the starts of new iso-points are a quarter as many random places of the ball
 SOON = 10  # steps after which the first iso-points are made anew; then after as many steps as there were
 SLANTED = 0.1  # cosine of normal and ray below which a point's pixel may show what is beside it: no colour is compared
+FAST: dict[str, Any] = {"resampling": Resampling(iterations=1), "neighbours": 8}  # of an extraction
+SAMPLED = Tracing(steps=0, secants=0, polish=0)  # whether a ray meets the surface at all
 SOME = 4000  # iso-points about which rays are searched
-INNER, OUTER = 32, 12  # places there, on rays within masks (released: 64) and outside
+INNER, OUTER = 16, 8  # places there, on rays within masks (released: 64) and outside
 Importance = Literal["uniform", "curvature", "loss"]
 
 
@@ -115,7 +117,7 @@ class PointSampler:
             strays = in_ball(self._count // STRAYS, 1.0, self._generator)
             starts = torch.cat([self.iso.points, strays])
             self._count = min(plan.most_points, round(GROWTH * self._count))
-        how = Extraction(self._count, resampling=Resampling(iterations=1), tolerance=TOLERANCE, reach=1.0)
+        how = Extraction(self._count, tolerance=TOLERANCE, reach=1.0, **FAST)
         try:
             self.iso = extract(self._field.network, starts, how)
         except NoLevel as error:
@@ -192,30 +194,30 @@ class PointSampler:
         rays, near, far = Rays(rays.origins[reaches], rays.directions[reaches]), near[reaches], far[reaches]
         share = torch.rand(len(near), self._plan.lowest, generator=self._generator, device=near.device)
         anywhere = near[:, None] + share * (far - near)[:, None]
-        t = torch.cat([about(rays, self._some(), self._spacing, OUTER), anywhere], dim=1)
+        t = torch.cat([about(rays, self._some(SOME // 4), 2 * self._spacing, OUTER), anywhere], dim=1)
         points = least(self._field, rays, t, first=True).points
         return Wanted.alike(points, (1 - self._covered(views)) * self._samples / max(1, drawn))
 
     def _occupied(self, views: Tensor, count: int) -> Wanted:
         """Places on rays within the masks."""
         rays = self._scene.rays(*self._pixels.inside(views, max(1, count)))
-        t = about(rays, self._some(), self._spacing, INNER)
+        t = about(rays, self._some(SOME), self._spacing, INNER)
         found = least(self._field, rays, t)
         # a ray that seems to miss the surface may meet a part that moved since there were iso-points: it is traced
         misses = torch.nonzero(found.values > 0)[:, 0]
-        traced = trace(self._field, Rays(rays.origins[misses], rays.directions[misses]))
+        traced = trace(self._field, Rays(rays.origins[misses], rays.directions[misses]), SAMPLED)
         found.points[misses] = traced.points
         weights = torch.full_like(found.values, self._plan.inner)
         weights[misses] = torch.where(traced.hit, 0.0, self._covered(views) * self._samples / max(1, len(weights)))
         return Wanted(found.points, weights)
 
-    def _some(self) -> Tensor:
+    def _some(self, count: int) -> Tensor:
         """Some of the iso-points: enough to find the part of a ray that is near the surface."""
         assert self.iso is not None
         points = self.iso.points
-        if len(points) <= SOME:
+        if len(points) <= count:
             return points
-        return points[torch.randperm(len(points), generator=self._generator, device=points.device)[:SOME]]
+        return points[torch.randperm(len(points), generator=self._generator, device=points.device)[:count]]
 
     def _covered(self, views: Tensor) -> float:
         """The share of pixels that masks hold: each kind counts as if pixels were drawn all over the images."""

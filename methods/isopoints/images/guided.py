@@ -29,7 +29,7 @@ class ByIsoPoints(FromImages):
     surface: float = 0.5  # share of the samples that are of the surface
     share: float = 0.2  # of those the share that is drawn where it matters (released)
     inner: float = 0.1  # weight of places on rays within masks that are inside already, and are to stay it
-    lowest: int = 4  # random places on a ray outside of a mask, besides those near iso-points; the least value counts
+    lowest: int = 2  # random places on a ray outside of a mask, besides those near iso-points; the least value counts
 
     def __post_init__(self) -> None:
         super().__post_init__()
