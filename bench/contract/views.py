@@ -150,6 +150,28 @@ class Views:
         pixels[depth == 0] = np.nan
         return pixels, depth
 
+    def pixels_at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Which pixel of every view some points of the world fall on.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+
+        Returns
+        -------
+        rows, columns : (v, n) int64 arrays
+            0 where a view does not show the point.
+        shown : (v, n) bool array
+            Whether the point lies in front of the camera and projects into the image; what hides it plays no part.
+            ``shown & views.masks[view, rows, columns]``, with ``view = numpy.arange(v)[:, None]``, are those that a
+            mask holds.
+        """
+        pixels, depth = self.project(points)
+        cells = np.floor(np.nan_to_num(pixels, nan=-1.0))
+        shown = (depth > 0) & (cells >= 0).all(axis=2) & (cells < (self.width, self.height)).all(axis=2)
+        columns, rows = np.moveaxis(np.where(shown[..., None], cells, 0).astype(np.int64), 2, 0)
+        return rows, columns, shown
+
     def unproject(self, view: int, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """The points of the world at some depths behind the pixels of one view: the inverse of :meth:`project`.
 

@@ -63,6 +63,22 @@ def test_projecting_is_what_a_naive_loop_does():
             assert depth[view, index] == pytest.approx(x[2])
 
 
+def test_pixels_at_are_what_a_naive_loop_finds():
+    """Of random points, many of which no image shows; a camera's own centre has no pixel."""
+    some = views()
+    points = np.vstack([np.random.default_rng(1).normal(size=(200, 3)), some.centers])
+    rows, columns, shown = some.pixels_at(points)
+    pixels, depth = some.project(points)
+    for view in range(len(some)):
+        for index in range(len(points)):
+            x, y = pixels[view, index]
+            seen = depth[view, index] > 0 and 0 <= x < 128 and 0 <= y < 96
+            assert shown[view, index] == seen
+            assert (rows[view, index], columns[view, index]) == ((int(y), int(x)) if seen else (0, 0))
+    assert 0.1 < shown.mean() < 0.9
+    assert rows.dtype == columns.dtype == np.int64
+
+
 def test_unprojecting_and_rays_are_the_inverse_of_projecting():
     skewed = np.repeat(K[None], 3, axis=0)
     skewed[:, 0, 1], skewed[:, 1, 1] = (0, 3, -5), (100, 90, 110)

@@ -66,14 +66,10 @@ class Scene:
 
         What an image does not show counts as inside.
         """
-        pixels, depth = self.views.project(points)
+        rows, columns, shown = self.views.pixels_at(points)
         farthest = np.zeros(len(points))
-        for view, away in enumerate(self._away):
-            column, row = np.floor(np.nan_to_num(pixels[view], nan=-1.0)).T
-            known = (column >= 0) & (row >= 0) & (column < self.views.width) & (row < self.views.height)
-            known &= depth[view] > 0
-            found = away[row[known].astype(np.int64), column[known].astype(np.int64)]
-            farthest[known] = np.maximum(farthest[known], found)
+        for away, row, column, known in zip(self._away, rows, columns, shown, strict=True):
+            farthest = np.maximum(farthest, np.where(known, away[row, column], 0))
         return farthest
 
     @cached_property

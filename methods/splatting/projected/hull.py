@@ -16,12 +16,8 @@ def carved(views: Views, cells: int) -> np.ndarray:
     inside = np.ones((cells, cells, cells), dtype=bool)
     for first, x in enumerate(middles):  # slice by slice, to save memory
         grid = np.stack(np.meshgrid([x], middles, middles, indexing="ij"), axis=-1).reshape(-1, 3)
-        pixels, depth = views.project(grid)
-        kept = depth > 0
-        for view in range(len(views)):
-            column, row = (np.floor(np.nan_to_num(pixels[view, :, axis], nan=-1.0)).astype(np.int64) for axis in (0, 1))
-            kept[view] &= (column >= 0) & (column < views.width) & (row >= 0) & (row < views.height)
-            kept[view, kept[view]] = views.masks[view][row[kept[view]], column[kept[view]]]
+        rows, columns, shown = views.pixels_at(grid)
+        kept = shown & views.masks[np.arange(len(views))[:, None], rows, columns]
         inside[first] = kept.all(axis=0).reshape(cells, cells)
     return inside
 
