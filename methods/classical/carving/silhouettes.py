@@ -45,12 +45,13 @@ class Silhouettes:
         if not used.all():
             empty = ", ".join(map(str, np.flatnonzero(~used)))
             run.note(f"views without a pixel in the mask are left out: {empty}")
-        masks = views.masks[used]
+        self.views = views if used.all() else Views.of({name: a[used] for name, a in views.arrays().items()})
+        masks = self.views.masks
         cut_off = masks[:, [0, -1]].any(axis=(1, 2)) | masks[:, :, [0, -1]].any(axis=(1, 2))
         self.beyond = cut_off if beyond == "auto" else np.full(len(masks), beyond == "keep")
         self.distances = np.stack([mask_distances(mask) for mask in masks])
-        self.matrices = np.ascontiguousarray(views.intrinsics[used] @ views.extrinsics[used])
-        self.focal = np.sqrt(views.intrinsics[used, 0, 0] * views.intrinsics[used, 1, 1])
+        self.matrices = np.ascontiguousarray(self.views.intrinsics @ self.views.extrinsics)
+        self.focal = np.sqrt(self.views.intrinsics[:, 0, 0] * self.views.intrinsics[:, 1, 1])
 
     def values(self, points: np.ndarray) -> np.ndarray:
         """The field at points (n, 3): (n,) float64 array of lengths, negative within the hull."""

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from trimesh.creation import revolve
 
-from bench import BadInput, Frame, Run, Views
+from bench import BadInput, Frame, Run, Shape, Views
 from bench.contract.ball_views import views_of_a_ball
+from bench.datasets.sensors.rig import Rig
+from bench.geometry.mesh_surface import MeshSurface
+from bench.methods.classical.carving.agreement import agreement
+from bench.methods.classical.carving.rounds import Carver
+from bench.methods.classical.carving.sight import count_covers, depth_buffers, pixels_seen, take
 from bench.methods.classical.carving.silhouettes import Silhouettes, mask_distances
+from bench.methods.classical.carving.voxels import Voxels, surface_of
+from bench.methods.classical.space_carving import SpaceCarving
 from bench.methods.classical.visual_hull import VisualHull
 
 RADIUS = 0.6
@@ -65,7 +75,7 @@ def test_the_hull_of_a_ball_holds_the_ball():
 
 def test_the_volume_falls_towards_the_balls():
     ball = 4 / 3 * np.pi * RADIUS**3
-    hulls = [VisualHull(resolution=48).multiview(balls(count, pixels=192), Run()) for count in (3, 6, 12, 40)]
+    hulls = [VisualHull(resolution=48).multiview(balls(count, pixels=192), Run()) for count in (3, 6, 12, 36)]
     assert all(hull.is_watertight for hull in hulls)
     ratios = [hull.volume / ball for hull in hulls]
     assert ratios == sorted(ratios, reverse=True)
@@ -164,3 +174,201 @@ def test_empty_masks_are_left_out_and_noted():
 def test_parameters_of_the_hull(name, value):
     with pytest.raises(ValueError, match=f"{name}: expected"):
         VisualHull(**{name: value})
+
+
+# -- what sees a voxel -------------------------------------------------------------------------------------------------
+
+
+def boxes() -> tuple[np.ndarray, float, Views, Silhouettes]:
+    """Some voxels, their side, and views of them."""
+    views = balls(3, pixels=24)
+    return np.random.default_rng(2).uniform(-0.5, 0.5, (40, 3)), 0.1, views, Silhouettes(views, Run())
+
+
+def drawn(points, cell, views, margin):
+    """By naive loops: for each view, the pixels whose middles lie in the square of each voxel, and its depth."""
+    pixels, depth = views.project(points)
+    middles = np.stack(np.meshgrid(np.arange(24) + 0.5, np.arange(24) + 0.5), axis=-1)
+    for view in range(len(views)):
+        for k in range(len(points)):
+            half = 0.5 * cell * views.intrinsics[view, 0, 0] / depth[view, k] + margin
+            yield view, k, (np.abs(middles - pixels[view, k]) <= half).all(axis=2), depth[view, k]
+
+
+def test_depth_buffers_and_what_is_seen_are_what_naive_loops_find():
+    points, cell, views, known = boxes()
+    wanted = np.full((3, 24, 24), np.inf)
+    for view, _, square, depth in drawn(points, cell, views, 0.5):
+        wanted[view, square] = np.minimum(wanted[view, square], depth)
+    buffers = depth_buffers(points, known.matrices, known.focal, cell, 24, 24)
+    assert buffers == pytest.approx(wanted, rel=1e-6)
+    found = pixels_seen(points, known.matrices, buffers, views.masks, 0.05)
+    rows, columns, shown = views.pixels_at(points)
+    _, depth = views.project(points)
+    for view in range(3):
+        seen = shown[view] & views.masks[view, rows[view], columns[view]]
+        seen &= depth[view] <= buffers[view, rows[view], columns[view]] + 0.05
+        assert np.array_equal(found[:, view], np.where(seen, rows[view] * 24 + columns[view], -1))
+    assert 0.2 < (found >= 0).mean() < 0.9
+
+
+def test_voxels_are_taken_until_the_next_would_uncover_a_mask():
+    points, cell, views, known = boxes()
+    covers = count_covers(points, known.matrices, known.focal, cell, 24, 24)
+    wanted = np.zeros((3, 24, 24), dtype=int)
+    for view, _, square, _ in drawn(points, cell, views, 0):
+        wanted[view] += square
+    assert np.array_equal(covers, wanted)
+    gone = take(points, known.matrices, known.focal, cell, covers, views.masks)
+    assert 0 < gone.sum() < len(points)
+    assert np.array_equal(covers, count_covers(points[~gone], known.matrices, known.focal, cell, 24, 24))
+    assert np.array_equal((covers > 0)[views.masks], (wanted > 0)[views.masks])
+
+
+def test_the_surface_of_voxels_is_what_a_naive_loop_finds():
+    filled = np.zeros((7, 6, 8), dtype=bool)
+    filled[1:-1, 1:-1, 1:-1] = np.random.default_rng(0).random((5, 4, 6)) < 0.8
+    wanted = []
+    for i, j, k in np.argwhere(filled):
+        sides = filled[i - 1, j, k], filled[i + 1, j, k], filled[i, j - 1, k], filled[i, j + 1, k]
+        if not all((*sides, filled[i, j, k - 1], filled[i, j, k + 1])):
+            wanted.append([i, j, k])
+    assert np.array_equal(surface_of(filled), wanted)
+
+
+def test_the_grid_holds_the_hull():
+    voxels = Voxels.over(Silhouettes(balls(12, (0.2, -0.1, 0.15)), Run()), 24)
+    ball = voxels.middles(np.argwhere(voxels.hull < 0))
+    assert voxels.cell**3 * len(ball) == pytest.approx(4 / 3 * np.pi * RADIUS**3, rel=0.2)
+    assert min((voxels.hull[part] > 0).all() for part in (0, -1, np.s_[:, [0, -1]], np.s_[:, :, [0, -1]]))
+
+
+# -- whether views agree -----------------------------------------------------------------------------------------------
+
+
+def seen(colors: np.ndarray, **lights) -> Views:
+    """Views of 1 x 1 pixels with some colours (v, 3)."""
+    count = len(colors)
+    camera = np.tile(np.eye(3, 4), (count, 1, 1))
+    return Views(colors.reshape(count, 1, 1, 3), np.ones((count, 1, 1), dtype=bool), camera, np.eye(3), **lights)
+
+
+def lit(normals: np.ndarray, seed: int) -> Views:
+    """The colours of normals (v, 3) under three lights at right angles, the first about along that normal."""
+    rng = np.random.default_rng(seed)
+    first = normals + 0.4 * rng.normal(size=normals.shape)
+    lights = np.linalg.qr(np.concatenate([first[:, :, None], rng.normal(size=(len(normals), 3, 2))], axis=2))[0]
+    lights = lights.transpose(0, 2, 1)
+    lights[:, 0] = first / np.linalg.norm(first, axis=1, keepdims=True)  # QR may have turned it around
+    colors, ambient = np.tile(0.9 * np.eye(3), (len(normals), 1, 1)), np.full((len(normals), 3), 0.1)
+    shade = np.maximum(np.einsum("vki,vi->vk", lights, normals), 0) * 0.9 + 0.1
+    images = np.rint(255 * shade).astype(np.uint8)
+    return seen(images, light_directions=lights, light_colors=colors, ambient=ambient)
+
+
+def test_views_of_one_normal_agree():
+    """Up to the rounding of colours; a view of another normal is found, and left out where a share allows it."""
+    rng = np.random.default_rng(0)
+    for seed in range(20):
+        normal = rng.normal(size=3)
+        normals = np.tile(normal / np.linalg.norm(normal), (6, 1))
+        pixels = np.zeros((1, 6), dtype=np.int32)
+        assert agreement(lit(normals, seed), 1, 0)(pixels) < 0.004
+        normals[2] = np.cross(normals[0], [0.6, 0, 0.8])
+        normals[2] /= np.linalg.norm(normals[2])
+        views = lit(normals, seed)
+        assert agreement(views, 1, 0)(pixels) > 0.1
+        assert agreement(views, 0.8, 0)(pixels) < 0.004
+        pixels[0, 2] = -1  # which does not see it
+        assert agreement(views, 1, 0)(pixels) < 0.004
+
+
+def test_without_lights_it_is_the_standard_deviation():
+    colors = np.random.default_rng(0).integers(256, size=(7, 3)).astype(np.uint8)
+    pixels = np.zeros((1, 7), dtype=np.int32)
+    wanted = np.sqrt((colors / 255).var(axis=0).mean())
+    assert agreement(seen(colors), 1, 0)(pixels) == pytest.approx(wanted)
+    colors[:6] = 100
+    assert agreement(seen(colors), 0.8, 0)(pixels) == pytest.approx(0, abs=1e-12)
+
+
+# -- carving -----------------------------------------------------------------------------------------------------------
+
+BOWL = revolve([[0, -0.4], [0.7, -0.1], [0.8, 0.4], [0.7, 0.4], [0.6, 0.0], [0, -0.25]], sections=48)
+QUICK = SpaceCarving(cells=56)
+
+
+@pytest.fixture(scope="module")
+def bowl() -> tuple[Views, MeshSurface, float]:
+    """Images of a bowl, the bowl, and its volume."""
+    shape, _ = Shape("bowl", BOWL).framed()
+    views = Rig(views=24, resolution=128).sense(shape, np.random.default_rng(0))
+    return views, MeshSurface(shape.mesh), abs(shape.mesh.volume)
+
+
+def test_the_hollow_of_a_bowl_is_carved(bowl):
+    """The hull fills it."""
+    views, surface, volume = bowl
+    hull, carved = VisualHull(resolution=32).multiview(views, Run()), QUICK.multiview(views, Run())
+    assert carved.is_watertight
+    far = [surface.project(np.asarray(mesh.vertices)).distance.mean() for mesh in (hull, carved)]
+    assert far[1] < 0.65 * far[0]
+    assert hull.volume > 1.8 * volume
+    assert volume < carved.volume < 1.5 * volume
+
+
+def test_the_masks_stay_reproduced(bowl):
+    """Of the carved bowl; and by voxels, even if all are carved that may be."""
+    views = bowl[0]
+    rows, columns, _ = views.pixels_at(QUICK.multiview(views, Run()).sample(100_000, seed=0))
+    for mask, row, column in zip(views.masks, rows, columns, strict=True):
+        covered = np.zeros(mask.shape, dtype=bool)
+        covered[row, column] = True
+        assert covered[mask].mean() > 0.98
+        assert mask_distances(mask)[row, column].max() <= 1.5
+    silhouettes = Silhouettes(views, Run())
+    voxels = Voxels.over(silhouettes, 24)
+    hull = voxels.hull < 0
+    least = Carver(silhouettes, voxels, lambda pixels: np.ones(len(pixels)), 0.5, 1).carve(hull, 100, Run())
+    assert least.sum() < 0.5 * hull.sum()
+    camera = silhouettes.matrices, silhouettes.focal, voxels.cell, views.height, views.width
+    before, after = (count_covers(voxels.middles(np.argwhere(filled)), *camera) for filled in (hull, least))
+    assert np.array_equal((after > 0)[views.masks], (before > 0)[views.masks])
+
+
+def test_a_ball_is_left_as_it_is():
+    views = balls(24)
+    carved, hull = QUICK.multiview(views, Run()), replace(QUICK, rounds=0).multiview(views, Run())
+    assert np.linalg.norm(carved.vertices, axis=1).mean() == pytest.approx(RADIUS, abs=0.01)
+    assert carved.volume == pytest.approx(hull.volume, rel=0.01)
+
+
+def test_it_ends_with_the_time_and_returns_the_hull_where_colours_do_not_fit(bowl):
+    views, run = bowl[0], Run(seconds=0)
+    early = QUICK.multiview(views, run)
+    assert "0 rounds were done" in run.notes[0]
+    run = Run()
+    refused = replace(QUICK, least_left=1.0).multiview(views, run)
+    assert "of the visual hull, which is returned instead" in run.notes[0]
+    assert np.array_equal(early.vertices, refused.vertices)
+    arrays = views.arrays()
+    for name in ("light_directions", "light_colors", "ambient"):
+        del arrays[name]
+    assert QUICK.multiview(Views.of(arrays), Run()).is_watertight
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("cells", 4),
+        ("cells", 5000),
+        ("tolerance", -1.0),
+        ("share", 0.0),
+        ("reach", -1),
+        ("views", 1),
+        ("least_left", 2.0),
+    ],
+)
+def test_parameters_of_carving(name, value):
+    with pytest.raises(ValueError, match=f"{name}: expected"):
+        SpaceCarving(**{name: value})
