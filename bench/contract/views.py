@@ -167,9 +167,9 @@ class Views:
             mask holds.
         """
         pixels, depth = self.project(points)
-        cells = np.floor(np.nan_to_num(pixels, nan=-1.0))
-        shown = (depth > 0) & (cells >= 0).all(axis=2) & (cells < (self.width, self.height)).all(axis=2)
-        columns, rows = np.moveaxis(np.where(shown[..., None], cells, 0).astype(np.int64), 2, 0)
+        columns, rows = pixels[..., 0], pixels[..., 1]
+        shown = (depth > 0) & (columns >= 0) & (columns < self.width) & (rows >= 0) & (rows < self.height)
+        rows, columns = (np.where(shown, place, 0).astype(np.int64) for place in (rows, columns))
         return rows, columns, shown
 
     def unproject(self, view: int, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
