@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from bench import BadInput, PointCloud, Run, Views, register
 
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
-@register("method", cite="Huang et al. 2024", requires=("scipy", "numba"))
+LATER = {"since": "0.2"}  # parameters of `multiview`; cells of `fit_shape` keep their ids
+
+
+@register("method", cite="Huang et al. 2024", requires=("scipy", "numba", "open3d"))
 @dataclass(frozen=True)
 class Surfels:
     """2-D Gaussian splatting: surfels with two scales and opacity descend on the images; their centres are the cloud.
@@ -17,6 +23,10 @@ class Surfels:
     the normals under the known lights (as for ``dss``), so there are no spherical harmonics and no D-SSIM; surfels have
     one side; and their number stays: instead of densification, pruning and resets of opacity, surfels that are
     transparent, unseen or (``carve``) outside a mask take the places of halves of those that are pulled most.
+
+    For ``multiview`` it begins with oriented points on the visual hull: depths at which the rays of pixels enter it,
+    normals of planes through neighbours, turned to the cameras. The fit is the same, and the mesh is that of the
+    surfels that are left, by screened Poisson (Kazhdan and Hoppe 2013); the publication fuses rendered depths instead.
     """
 
     steps: int = 2000  # each looks at one view
@@ -35,6 +45,10 @@ class Surfels:
     relocated: float = 0.2  # of all surfels, at most, each time
     transparent: float = 0.05  # less opaque ones are moved, and left out in the end
     carve: float = 2.0  # so are those that lie outside a mask by more pixels; 0: only by opacity, as published
+    points: int = field(default=4000, metadata=LATER)  # for multiview: surfels to begin with
+    trim: float = field(
+        default=0.0, metadata=LATER
+    )  # for multiview: share of the least supported vertices to leave out
 
     def __post_init__(self) -> None:
         for name in ("steps", "relocate_every"):
@@ -49,14 +63,29 @@ class Surfels:
         for name in ("relocate_until", "relocated", "transparent"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name}: expected a number between 0 and 1, got {getattr(self, name)}")
+        if self.points < 10:
+            raise ValueError(f"points: expected at least 10, got {self.points}")
+        if not 0 <= self.trim < 1:
+            raise ValueError(f"trim: expected 0 or more and below 1, got {self.trim}")
         if not 1 / 255 < self.opacity < 0.99:
             raise ValueError(f"opacity: expected a number between 1/255 and 0.99, got {self.opacity}")
 
     def prepare(self) -> None:
         """Load the compiled loops, or compile them."""
+        from bench.geometry import farthest
+
         from .gaussian_surfels.warm import load_compiled
 
         load_compiled()
+        farthest.load_compiled()
+
+    def multiview(self, views: Views, run: Run) -> Trimesh:
+        """A mesh of the fitted surfels, closed unless it is trimmed."""
+        from .gaussian_surfels.meshing import poisson_mesh
+        from .projected.beginning import points_on_the_hull
+
+        self._check_lights(views)
+        return poisson_mesh(self.fit_shape(views, points_on_the_hull(views, self.points, run), run), self.trim)
 
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
         """At most as many points as the cloud to begin with, with normals."""
@@ -66,8 +95,7 @@ class Surfels:
         from .gaussian_surfels.losses import Weighting
         from .gaussian_surfels.state import State
 
-        if views.light_directions is None:
-            raise BadInput("the views have no lights; it matches diffuse shading under known lights")
+        self._check_lights(views)
         if cloud.normals is None:
             raise BadInput("the cloud to begin with has no normals")
         spacing = mean_spacing(cloud.points)
@@ -75,3 +103,8 @@ class Surfels:
         schedule = Schedule(**{name: getattr(self, name) for name in Schedule.__dataclass_fields__})
         state = State(cloud.points, cloud.normals, self.scale * spacing, self.opacity)
         return fit(Scene(views, weighting, run.threads), state, spacing, schedule, run)
+
+    @staticmethod
+    def _check_lights(views: Views) -> None:
+        if views.light_directions is None:
+            raise BadInput("the views have no lights; it matches diffuse shading under known lights")

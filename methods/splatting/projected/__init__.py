@@ -1,1 +1,1 @@
-"""Points that are drawn by projection as smoothed depths, and the depths of a visual hull to compare with."""
+"""Points that are drawn by projection as smoothed depths; depths of a visual hull, and points on it to begin with."""

@@ -6,16 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from splat_scenes import crooked_camera
 
 from bench import BadInput, PointCloud, Run, Views
 from bench.contract.ball_views import views_of_a_ball
+from bench.geometry.topology import count_topology
 from bench.methods.splatting.gaussian_surfels.fitting import Scene, Schedule, Tally, relocate
 from bench.methods.splatting.gaussian_surfels.footprints import Surfels
 from bench.methods.splatting.gaussian_surfels.losses import Weighting, consistency, loss_of
 from bench.methods.splatting.gaussian_surfels.rendering import render
 from bench.methods.splatting.gaussian_surfels.state import State
+from bench.methods.splatting.projected.beginning import points_on_the_hull
 from bench.methods.splatting.renderer.camera import Camera
 from bench.methods.splatting.surfels import Surfels as Method
 from bench.tasks.fit_shape import FitShape
@@ -302,6 +305,32 @@ def test_the_same_seed_gives_the_same_surfels_and_time_stops_it(views):
     np.testing.assert_allclose(stopped.normals, start.normals, atol=1e-12)
 
 
+def test_points_on_the_hull_are_even_and_face_outward(views):
+    cloud = points_on_the_hull(views, 300, Run(seed=1))
+    radius = np.linalg.norm(cloud.points, axis=1)
+    assert len(cloud) == 300
+    assert np.abs(radius - 1).mean() < 0.05
+    assert ((cloud.points / radius[:, None]) * cloud.normals).sum(1).min() > 0.7
+    apart = cKDTree(cloud.points).query(cloud.points, 2)[0][:, 1]
+    assert apart.min() > 0.5 * np.sqrt(4 * np.pi / 300)
+
+
+def test_images_of_a_ball_become_its_mesh(views):
+    """Within a pixel, which is 0.024 wide at the middle of the ball."""
+    method = replace(Method(), steps=60, points=600)
+    mesh = method.multiview(views_of_a_ball(12, 96), Run(seed=1))
+    assert count_topology(mesh.vertices, mesh.faces).boundary_edges == 0 and mesh.volume > 0
+    assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 1).mean() < 0.024
+    trimmed = replace(method, steps=1, trim=0.2).multiview(views, Run(seed=1))
+    assert count_topology(trimmed.vertices, trimmed.faces).boundary_edges > 0
+    dark = Views(views.images, views.masks, views.extrinsics, views.intrinsics)
+    with pytest.raises(BadInput, match="no lights"):
+        method.multiview(dark, Run())
+    empty = Views.of(views.arrays() | {"masks": np.zeros_like(views.masks)})
+    with pytest.raises(BadInput, match="the masks disagree"):
+        method.multiview(empty, Run())
+
+
 def test_what_is_missing_is_named(views):
     start = FitShape(points=50).beginning()
     dark = Views(views.images, views.masks, views.extrinsics, views.intrinsics)
@@ -311,7 +340,10 @@ def test_what_is_missing_is_named(views):
         Method().fit_shape(views, PointCloud(start.points), Run())
 
 
-@pytest.mark.parametrize("wrong", [{"steps": 0}, {"scale": 0}, {"distortion": -1}, {"opacity": 1}, {"transparent": 2}])
+@pytest.mark.parametrize(
+    "wrong",
+    [{"steps": 0}, {"scale": 0}, {"distortion": -1}, {"opacity": 1}, {"transparent": 2}, {"points": 3}, {"trim": 1}],
+)
 def test_wrong_parameters_are_named(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Method(**wrong)
