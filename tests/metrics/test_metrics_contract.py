@@ -49,6 +49,7 @@ KINDS = {
     "fscore": ("higher", BOTH, {"fscore@0.01", "precision@0.01", "recall@0.01"}),
     "hausdorff": ("lower", BOTH, {"hausdorff"}),
     "hausdorff_sq_sum": ("lower", BOTH, {"hausdorff_sq_sum"}),
+    "inner_surface": ("lower", MESH, {"inner_area", "inner_components"}),
     "iou": ("higher", MESH, {"iou"}),
     "mesh_quality": (
         None,
@@ -102,6 +103,7 @@ def made():
 # Small counts for the metrics that have one of their own.
 QUICK = {
     "chamfer_l1_point_sum": {"samples": 700},
+    "inner_surface": {"samples": 2000},
     "iou": {"samples": 5000},
     "recentred_chamfer_l2_sum": {"samples": 800},
     "sampled_distances": {"samples": 900},
@@ -221,6 +223,7 @@ def test_importing_the_metrics_loads_no_heavy_library():
 BY_DOCUMENT = {
     "spacing_variation": "noise spreads points in space",
     "topology": "counts",
+    "inner_surface": "sees only what lies deep inside",
     "cot_laplacian": "has its own source",
 }
 

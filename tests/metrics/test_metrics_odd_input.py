@@ -21,6 +21,7 @@ CotLaplacian = registry().find("metric", "cot_laplacian").cls
 Directed = registry().find("metric", "directed").cls
 Hausdorff = registry().find("metric", "hausdorff").cls
 HausdorffSqSum = registry().find("metric", "hausdorff_sq_sum").cls
+InnerSurface = registry().find("metric", "inner_surface").cls
 Iou = registry().find("metric", "iou").cls
 P2fSpread = registry().find("metric", "p2f_spread").cls
 S2f = registry().find("metric", "s2f").cls
@@ -253,6 +254,65 @@ def test_why_there_is_no_iou():
         found = score(iou, output, case_of(reference))
         assert not found.values and reason in found.left_out["iou"]
     assert not score(iou, BALL, case_of(BALL)).left_out
+
+
+# -- inside ------------------------------------------------------------------------------------------------------------
+
+
+def with_inner(*meshes):
+    return trimesh.util.concatenate([BALL, *meshes])
+
+
+@pytest.mark.parametrize("radius", [0.3, 0.6])
+def test_a_ball_inside_a_ball_is_one_piece(radius):
+    """Of the area radius^2, whichever way its faces are wound."""
+    inner = mesh_of(BALL.vertices * radius, BALL.faces)
+    for output in (with_inner(inner), with_inner(flipped(inner, 1.0)), with_inner(flipped(inner, 0.5))):
+        found = InnerSurface().score(output, case_of(BALL))
+        assert found["inner_area"] == pytest.approx(radius**2, abs=4 * 1.4 * np.sqrt(0.25 / 20_000))
+        assert found["inner_components"] == 1
+
+
+def test_what_is_at_the_surface_or_outside_is_no_inner_surface():
+    nothing = {"inner_area": 0.0, "inner_components": 0.0}
+    for output in (BALL, mesh_of(BALL.vertices * 0.99, BALL.faces), with_inner(mesh_of(BALL.vertices + 5, BALL.faces))):
+        assert InnerSurface(samples=3000).score(output, case_of(BALL)) == nothing
+    assert InnerSurface(samples=3000, depth=0.0).score(mesh_of(BALL.vertices * 0.99, BALL.faces), case_of(BALL)) == {
+        "inner_area": pytest.approx(0.99**2),
+        "inner_components": 1,
+    }
+
+
+@pytest.mark.parametrize(("half", "pieces"), [(0.5, 1), (2.0, 0)])
+def test_a_plane_inside_a_ball(half, pieces):
+    """Two large faces: what lies within the ball of radius 1 - depth counts, and one that sticks out is no piece."""
+    square = mesh_of([(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [(0, 1, 2), (0, 2, 3)])
+    found = InnerSurface(samples=50_000).score(with_inner(square), case_of(trimesh.creation.icosphere(5)))
+    area = min(4 * half**2, np.pi * 0.98**2) / (4 * np.pi)
+    assert found["inner_area"] == pytest.approx(area, abs=0.012)
+    assert found["inner_components"] == pieces
+
+
+def test_small_pieces_count_one_by_one():
+    """Also those that no sample meets, and one of unmerged triangles; a cavity's own wall is no structure."""
+    crumbs = [mesh_of(0.001 * BALL.vertices + (x, 0, 0), BALL.faces) for x in (-0.5, 0.0, 0.5)]
+    soup = mesh_of(crumbs[0].triangles.reshape(-1, 3), np.arange(3 * len(BALL.faces)).reshape(-1, 3))
+    found = InnerSurface(samples=500).score(with_inner(soup, *crumbs[1:]), case_of(BALL))
+    assert found["inner_components"] == 3
+    assert found["inner_area"] < 0.01
+    hollow = with_inner(flipped(mesh_of(0.5 * BALL.vertices, BALL.faces), 1.0))
+    assert InnerSurface(samples=3000).score(hollow, case_of(hollow)) == {"inner_area": 0.0, "inner_components": 0.0}
+
+
+def test_where_there_is_no_inside():
+    metric, opened = InnerSurface(samples=500), mesh_of(BALL.vertices, BALL.faces[3:])
+    assert metric.score(BALL, case_of(opened)) == {}
+    assert "the reference is not closed" in metric.why_not(BALL, case_of(opened))
+    assert metric.why_not(opened, case_of(BALL)) == ""
+    assert metric.score(opened, case_of(BALL)) == {"inner_area": 0.0, "inner_components": 0.0}
+    for name, value in (("depth", -1.0), ("samples", 0)):
+        with pytest.raises(ValueError, match=f"{name}: expected"):
+            InnerSurface(**{name: value})
 
 
 # -- slivers -----------------------------------------------------------------------------------------------------------
