@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from bench import BadInput, PointCloud, Run, register
+from bench import PointCloud, Run, register
 
 from . import screened_poisson
-from .inputs import distinct_points, note_coarse, note_flat
-from .isolated import without_isolated
 from .poisson import weight_for
+from .unoriented import outward_surface, points_for_poisson
 from .visibility import facing
 
 if TYPE_CHECKING:
@@ -55,20 +54,9 @@ class Ipsr:
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """A closed surface, outward; the points with the normals that were found are kept as ``oriented``."""
-        from trimesh import Trimesh
-
-        cloud, _ = without_isolated(cloud, "ipsr", run)
-        points, _ = distinct_points(cloud.points, "ipsr", at_least=10)
-        note_coarse(points, 2**self.depth / self.scale, "ipsr", "depth", run)
-        note_flat(points, "ipsr", run, "the surface goes on beyond them, to the border of the box")
+        points = points_for_poisson(cloud, self.depth, self.scale, "ipsr", run)
         solution, normals = self._iterate(points, self._first(points, run), run)
-        vertices, faces = solution.vertices, solution.faces
-        if not len(faces):
-            raise BadInput(f"ipsr: {len(points)} points have no Poisson surface; expected points of a surface")
-        if enclosed_volume(vertices, faces) < 0:
-            faces, normals = faces[:, ::-1], -normals
-        run.keep("oriented", PointCloud(points, normals))
-        return Trimesh(vertices, faces, process=False)
+        return outward_surface(solution, points, normals, "ipsr", run)
 
     def _first(self, points: np.ndarray, run: Run) -> np.ndarray:
         """Normals (n, 3) to begin with; zeros where the start has none."""
@@ -148,9 +136,3 @@ def settled(last: np.ndarray, normals: np.ndarray) -> bool:
     changes = np.linalg.norm(normals - last, axis=1)
     count = max(1, round(TOP * len(changes)))
     return bool(np.partition(changes, -count)[-count:].mean() < SETTLED)
-
-
-def enclosed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """The signed volume between the faces (f, 3) and the mean of the vertices (v, 3); positive if they face outward."""
-    a, b, c = (vertices[faces[:, corner]] - vertices.mean(axis=0) for corner in range(3))
-    return float(np.einsum("ni,ni->", a, np.cross(b, c)) / 6)

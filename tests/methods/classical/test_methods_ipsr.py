@@ -9,7 +9,8 @@ from bench import PointCloud, Run
 from bench.geometry.mesh_surface import MeshSurface
 from bench.geometry.normals import estimate_normals
 from bench.geometry.poisson_disk import eliminate
-from bench.methods.classical.ipsr import Ipsr, enclosed_volume, settled, told_normals
+from bench.methods.classical.ipsr import Ipsr, settled, told_normals
+from bench.methods.classical.unoriented import enclosed_volume
 from bench.methods.classical.visibility import facing
 
 BOX = trimesh.creation.box((1.0, 0.8, 0.6))
