@@ -12,6 +12,10 @@ NEIGHBOURS = 8
 ON_ONE_SIDE = 0.7  # least cosine of two normals for their points to count as neighbours on the surface
 QUERIES = 10_000  # points whose neighbourhoods are looked at; more change the median in the third digit
 ROUGHNESS = 0.35  # of the turn between neighbouring normals, in radians: what rough detail leaves, over the spacing
+FITTED = (16, 32, 64, 128)  # points of a quadric
+FLAT = 0.4  # of the size of a neighbourhood: with more noise a larger one is taken
+FITS = 2000  # quadrics, at most
+WALLS = 0.5  # mean spacings: what thin walls leave
 NORMAL_MEDIAN = 0.6745  # median |x| of a normal variable with standard deviation 1
 
 
@@ -58,3 +62,50 @@ def noise_to_spacing(points: np.ndarray, normals: np.ndarray) -> float:
     noise = float(np.median(offsets)) / (NORMAL_MEDIAN * np.sqrt(2)) / spacing
     turn = np.sqrt(max(2 - 2 * float(np.median(cosine[similar])), 0.0))
     return float(np.sqrt(max(noise**2 - (ROUGHNESS * turn) ** 2, 0.0)))
+
+
+def noise_without_normals(points: np.ndarray) -> float:
+    """The standard deviation of the noise, in the unit of the points, without any normals.
+
+    A quadric is fitted to the nearest points of each of some; what is left of them over six degrees of freedom is noise
+    and, where walls are no farther than neighbours, their other side. The median of it is taken, and the share
+    :data:`WALLS` of the spacing off, as a leg of a right triangle, which is what thin shapes without noise leave
+    (measured on the train shapes of branches and furniture). Noise that is large beside the neighbourhoods is sought
+    in larger ones.
+
+    Parameters
+    ----------
+    points : (n, 3) array, all different
+
+    Returns
+    -------
+    float
+        Between half and all of the noise where it is larger than the spacing; 0 where it cannot be told from thin
+        walls, and for fewer than 16 points.
+    """
+    from scipy.spatial import cKDTree
+
+    from bench.geometry.spacing import mean_spacing
+
+    tree, spacing, noise = cKDTree(points), mean_spacing(points), 0.0
+    chosen = points[np.unique(np.linspace(0, len(points) - 1, FITS).astype(int))]
+    for count in FITTED:
+        if count > len(points):
+            break
+        noise, reach = _left_by_quadrics(points[tree.query(chosen, count)[1]])
+        if noise < FLAT * reach:
+            break
+    return float(np.sqrt(max(noise**2 - (WALLS * spacing) ** 2, 0.0)))
+
+
+def _left_by_quadrics(near: np.ndarray) -> tuple[float, float]:
+    """The deviation from their quadrics of neighbourhoods (n, k, 3), and the size of these; both are medians."""
+    near = near - near.mean(axis=1, keepdims=True)
+    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", near, near))
+    height, u, v = np.moveaxis(np.einsum("nki,nij->nkj", near, axes), -1, 0)
+    reach = np.sqrt((u**2 + v**2).mean(axis=1, keepdims=True))
+    u, v = u / np.maximum(reach, 1e-300), v / np.maximum(reach, 1e-300)
+    quadrics = np.linalg.qr(np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=2))[0]
+    left = height - np.einsum("nkt,nt->nk", quadrics, np.einsum("nkt,nk->nt", quadrics, height))
+    variance = np.median((left**2).sum(axis=1)) / (near.shape[1] - 6)
+    return float(np.sqrt(variance)), float(np.median(reach))

@@ -29,14 +29,16 @@ class Wnnc:
     each other than a width do not see each other, and the width shrinks from round to round. The surface through the
     oriented points is that of screened Poisson, and encloses a positive volume.
 
-    The paper's: the iteration, from zero, its 40 rounds, and a linear schedule of the width. Ours: widths in spacings
-    of the points (theirs: one of five pairs, by the noise, in a box of side 2), and a sum that walks its tree once.
+    The paper's: the iteration, from zero, its 40 rounds, and a linear schedule of the width. Ours: widths from
+    the spacing and the noise of the points (theirs: a pair of numbers that the user picks by the noise), and a sum that
+    walks its tree once.
     """
 
     rounds: int = 40  # of descent and turning
-    # in mean spacings: of the last round and of the first; wider forgives noise, and mixes the sides of thin walls.
+    # of the last round and of the first, in mean spacings; wider forgives noise, and mixes the sides of thin walls
     widths: tuple[float, float] = (1.0, 4.0)
-    opening: float = 0.3  # radius over distance of clusters that count as one point; 0: exact sums, in n^2
+    noise: float = 2.0  # deviations of the noise that are added to the spacing, as legs of a right triangle; 0 for none
+    opening: float = 0.4  # radius over distance of clusters that count as one point; 0: exact sums, in n^2
     depth: int = 8  # octree depth of the surface, 5 to 12: 2^depth cells along the bounding cube
     point_weight: float | None = None  # how strongly points hold the surface; 0: not; None: by their noise, 0.3 to 10
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
@@ -48,6 +50,8 @@ class Wnnc:
             raise ValueError(f"rounds: expected at least 1, got {self.rounds}")
         if not 0 < self.widths[0] <= self.widths[1] < np.inf:
             raise ValueError(f"widths: expected two numbers above 0, the smaller first, got {self.widths}")
+        if not 0 <= self.noise < np.inf:
+            raise ValueError(f"noise: expected at least 0, got {self.noise}")
         if not 0 <= self.opening < 1:
             raise ValueError(f"opening: expected a number from 0 to below 1, got {self.opening}")
 
@@ -75,10 +79,11 @@ class Wnnc:
         """Normals (n, 3) of unit length, all outward or all inward."""
         from bench.geometry.spacing import mean_spacing
 
+        from .noise import noise_without_normals
         from .winding.consistency import consistent_normals
         from .winding.field import WindingField
 
-        last, first = np.array(self.widths) * mean_spacing(points)
+        last, first = np.array(self.widths) * np.hypot(mean_spacing(points), self.noise * noise_without_normals(points))
         field = WindingField(points, self.opening, run.threads)
         normals, done = consistent_normals(field, np.linspace(first, last, self.rounds), run, SHARE)
         if done < self.rounds:

@@ -7,7 +7,7 @@ from bench import PointCloud
 from bench.methods.classical.ball_pivoting import radii_for
 from bench.methods.classical.bilateral import neighbours_for
 from bench.methods.classical.ear import passes_for
-from bench.methods.classical.noise import noise_of, noise_to_spacing
+from bench.methods.classical.noise import noise_of, noise_to_spacing, noise_without_normals
 from bench.methods.classical.poisson import weight_for
 
 
@@ -70,3 +70,13 @@ def test_defaults_grow_smoother_with_the_noise():
     assert neighbours == sorted(neighbours) and neighbours[0] == 12 and neighbours[-1] > 40
     assert passes[0] == 0 and passes[1] == 1 and passes[-1] == 2
     assert min(radii_for(*clouds[0])) < min(radii_for(*clouds[-1]))
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.02, 0.05, 0.1])
+def test_without_normals_at_least_half_of_the_noise_is_found_where_it_is_no_less_than_the_spacing(sigma):
+    points, _ = ball()  # the spacing is 0.05
+    noisy = points + np.random.default_rng(2).normal(0, sigma, points.shape)
+    found = noise_without_normals(noisy)
+    assert (0.5 * sigma if sigma > 0.04 else 0) <= found <= 1.1 * sigma
+    assert noise_without_normals(100 * noisy + 7) == pytest.approx(100 * found, rel=1e-6)
+    assert noise_without_normals(noisy[:15]) == 0
