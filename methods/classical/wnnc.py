@@ -37,7 +37,7 @@ class Wnnc:
     rounds: int = 40  # of descent and turning
     # of the last round and of the first, in mean spacings; wider forgives noise, and mixes the sides of thin walls
     widths: tuple[float, float] = (1.0, 4.0)
-    noise: float = 2.0  # deviations of the noise that are added to the spacing, as legs of a right triangle; 0 for none
+    noise: float = 1.0  # deviations of the noise that are added to the spacing, as legs of a right triangle; 0 for none
     opening: float = 0.4  # radius over distance of clusters that count as one point; 0: exact sums, in n^2
     depth: int = 8  # octree depth of the surface, 5 to 12: 2^depth cells along the bounding cube
     point_weight: float | None = None  # how strongly points hold the surface; 0: not; None: by their noise, 0.3 to 10
