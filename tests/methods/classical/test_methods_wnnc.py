@@ -65,7 +65,9 @@ def test_normals_are_outward_and_the_surface_is_near(shape):
     assert np.allclose(np.linalg.norm(found, axis=1), 1)
     assert mesh.volume > 0
     samples = MeshSurface(mesh).sample(5000, np.random.default_rng(0))[0]
-    assert np.linalg.norm(MeshSurface(truth).closest(samples)[0] - samples, axis=1).mean() < 0.015  # a third of a spacing
+    assert (
+        np.linalg.norm(MeshSurface(truth).closest(samples)[0] - samples, axis=1).mean() < 0.015
+    )  # a third of a spacing
 
 
 def test_noise_that_is_larger_than_the_spacing_is_seen_and_makes_widths_wider():

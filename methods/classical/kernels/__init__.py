@@ -1,0 +1,1 @@
+"""Fields of least norm in the space of a kernel."""
