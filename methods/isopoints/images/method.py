@@ -43,7 +43,7 @@ class FromImages(Trained):
     width: int = 256  # of each layer
     sphere: float = 0.5  # radius of the sphere that the network begins as
     color: float = 1.0  # weight of the colours' difference
-    mask: float = 100.0  # weight of inside and outside (IDR)
+    mask: float = 30.0  # weight of inside and outside (IDR: 100, of colours from -1 to 1)
     eikonal: float = 0.1  # weight of the gradient's length (IDR)
     steepness: float = 50.0  # of the sigmoid that says what is inside; it doubles five times (IDR)
     motion: Literal["normal", "ray"] = "normal"  # how points of the surface move with the network
