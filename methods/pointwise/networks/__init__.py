@@ -1,0 +1,1 @@
+"""Networks from points around a place to its signed distance."""
