@@ -31,7 +31,8 @@ class SirenIso(Fitted):
 
     After a short warm-up, while the surface is still smooth, points are extracted from it, evenly spaced. They fill
     holes (the field vanishes there too), smooth (its gradient has the normals of the iso-points around), and say which
-    points of the input are outliers. From time to time they are extracted anew. ``iso=false`` is the baseline.
+    points of the input are outliers, and which sheets of the surface have no points of the input (``sheets``, which the
+    thesis does not have). From time to time they are extracted anew. ``iso=false`` is the baseline.
     """
 
     learning_rate: float = 1e-4  # of Adam
@@ -40,6 +41,7 @@ class SirenIso(Fitted):
     width: int = 256  # of each layer
     sphere: float = 0.5  # radius of the sphere that the network begins as; 0 to begin at random
     clip: float = 1.0  # largest norm of the gradient; 0 for none
+    keep: Literal["last", "best"] = "last"  # which state is kept: the last, or the one nearest to the (noisy) points
     surface: float = 1000.0  # weight of |f| on points and iso-points
     normal: float = 100.0  # weight of their normals
     space: float = 50.0  # weight of exp(-steepness |f|) elsewhere (released: 100)
@@ -49,26 +51,31 @@ class SirenIso(Fitted):
     squared: bool = False  # the gradient's length counts by its square (released)
     near: float = 0.0  # share of the space's points that are near the input's (released: 0.5)
     iso: bool = True  # whether there are iso-points
-    share: float = 0.125  # iso-points for each point of the input (released: 1/16)
-    warm_up: int = 300  # steps before the first iso-points (released: 500)
-    refresh: int = 1000  # steps between new iso-points (released: 2,000)
-    per_step: int = 1024  # iso-points of a step (released: 5,000)
+    share: float = 0.3  # iso-points for each point of the input (thesis: 1/8, released: 1/16)
+    warm_up: int = 80  # steps before the first iso-points (thesis: 300 of 30,000)
+    refresh: int = 40  # steps between new iso-points (thesis: 2,000 of 30,000)
+    per_step: int = 512  # iso-points of a step (released: 5,000)
     pca: int = 8  # neighbours of an iso-point's normal; more make the surface smoother
+    hold: float = 1.0  # how much iso-points count beside the input's points
     outliers: bool = True  # points that iso-points do not confirm count less (Eq. 4.15)
+    sheets: bool = True  # where the field vanishes far from the points it is pushed away from 0 instead of held
     sigma: float = 60.0  # degrees by which a normal may differ, sigma_n of Eq. 4.16
+    # width of the outlier weight: by the noise of the points, or by the spacing of iso-points (thesis)
+    bandwidth: Literal["noise", "spacing"] = "noise"
     # iso-points count as much as the input's points, or by their number (released)
     mixing: Literal["equal", "by_count"] = "equal"
 
     free_on_load = (
-        *("sphere", "clip", "surface", "normal", "space", "eikonal", "steepness", "steepening", "squared", "near"),
-        *("iso", "share", "warm_up", "refresh", "per_step", "pca", "outliers", "sigma", "mixing"),
+        *("sphere", "clip", "keep", "surface", "normal", "space", "eikonal", "steepness", "steepening", "squared"),
+        *("near", "iso", "share", "warm_up", "refresh", "per_step", "pca", "hold", "outliers", "sheets", "sigma"),
+        *("bandwidth", "mixing"),
     )
     sine_sphere = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         at_least(self, hidden_layers=1, width=1, sphere=0, clip=0, surface=0, normal=0, space=0, eikonal=0)
-        at_least(self, steepening=0, warm_up=0, refresh=1, per_step=1, pca=3)
+        at_least(self, steepening=0, hold=0, warm_up=0, refresh=1, per_step=1, pca=3)
         positive(self, "omega", "steepness", "share", "sigma")
         for name, most in (("near", 1), ("sigma", 180)):
             if not 0 <= getattr(self, name) <= most:
@@ -98,5 +105,5 @@ class SirenIso(Fitted):
         return GuidedSampler(field.network, points, normals, plan, run, run.torch_generator())
 
     def training(self) -> dict[str, Any]:
-        """Gradients are clipped where that is asked for."""
-        return {"clip": self.clip}
+        """Gradients are clipped; the last state counts, since a batch of noisy points favours what overfits to them."""
+        return {"clip": self.clip, "keep": self.keep}

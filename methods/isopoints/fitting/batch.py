@@ -1,4 +1,4 @@
-"""What a step sees: points of the cloud with weights, iso-points, points of the space."""
+"""What a step sees: points of the cloud with weights, iso-points, points of the space, points of false sheets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...learned.training.batches import Batch
 
 @dataclass(frozen=True, eq=False)
 class RegularisedBatch(Batch):
-    """``x`` is the cloud's points, ``on`` of them, then ``iso`` iso-points, then points of the space.
+    """``x`` is the cloud's points, ``on`` of them, then ``iso`` iso-points, then points of the space, then false ones.
 
     Attributes
     ----------
@@ -22,29 +22,34 @@ class RegularisedBatch(Batch):
     iso : int
     iso_normals : (iso, 3) tensor
         From the iso-points around, up to the sign.
-    counts : (int, int, int)
-        Points of the three kinds in the whole step.
+    counts : (int, int, int, int)
+        Points of the four kinds in the whole step.
+    bounds : (m,) tensor
+        For points of sheets that the cloud does not confirm: what the field is at least (at most, where negative).
     """
 
     weights: Tensor
     iso: int
     iso_normals: Tensor
-    counts: tuple[int, int, int]
+    counts: tuple[int, int, int, int]
+    bounds: Tensor
 
     def chunks(self, size: int) -> Iterator[RegularisedBatch]:
-        """Parts of about ``size`` points, each with its share of the three kinds."""
+        """Parts of about ``size`` points, each with its share of the four kinds."""
         parts = max(1, -(-len(self.x) // size))
-        kinds = self.x.split([self.on, self.iso, len(self.x) - self.on - self.iso])
-        on, iso, space = (torch.tensor_split(kind, parts) for kind in kinds)
+        false = len(self.bounds)
+        kinds = self.x.split([self.on, self.iso, len(self.x) - self.on - self.iso - false, false])
+        on, iso, space, off = (torch.tensor_split(kind, parts) for kind in kinds)
         normals, weights = torch.tensor_split(self.normals, parts), torch.tensor_split(self.weights, parts)
-        iso_normals = torch.tensor_split(self.iso_normals, parts)
+        iso_normals, bounds = torch.tensor_split(self.iso_normals, parts), torch.tensor_split(self.bounds, parts)
         for i in range(parts):
             yield replace(
                 self,
-                x=torch.cat([on[i], iso[i], space[i]]),
+                x=torch.cat([on[i], iso[i], space[i], off[i]]),
                 on=len(on[i]),
                 normals=normals[i],
                 weights=weights[i],
                 iso=len(iso[i]),
                 iso_normals=iso_normals[i],
+                bounds=bounds[i],
             )

@@ -27,6 +27,7 @@ class Weights:
     steepness: float = 100.0
     steepening: float = 0.0  # the steepness grows by this factor more until the end (released: 1)
     squared: bool = False  # the square of the gradient's length less 1, instead of its absolute value (released)
+    hold: float = 1.0  # how much the terms of the iso-points count
     # iso-points count as much as the cloud, or by how many there are
     mixing: Literal["equal", "by_count"] = "equal"
 
@@ -53,25 +54,27 @@ class RegularisedField(Field):
         """The sum of the weighted terms; a part of a step has its part of each mean."""
         weights = self._weights
         f, gradient = self.network.value_and_gradient(batch.x)
-        on, end = batch.on, batch.on + batch.iso
-        surface, iso, space = (max(1, count) for count in batch.counts)
+        on, end, last = batch.on, batch.on + batch.iso, len(batch.x) - len(batch.bounds)
+        surface, iso, space, false = (max(1, count) for count in batch.counts)
         cosine = F.cosine_similarity(gradient[:on], batch.normals)
         data = weights.surface * (batch.weights * f[:on].abs()).sum() / surface
         data = data + weights.normal * (batch.weights * (1 - cosine)).sum() / surface
         length = torch.linalg.vector_norm(gradient, dim=1) - 1
         stretch = length.square() if weights.squared else length.abs()
         if weights.squared:  # released: the means over surface and space are added, half of the weight each
-            eikonal = (stretch[:on].sum() / surface + stretch[end:].sum() / space) / 2
+            eikonal = (stretch[:on].sum() / surface + stretch[end:last].sum() / space) / 2
         else:
-            eikonal = (stretch[:on].sum() + stretch[end:].sum()) / (surface + space)
+            eikonal = (stretch[:on].sum() + stretch[end:last].sum()) / (surface + space)
         steepness = weights.steepness * (1 + weights.steepening * t)
-        off = torch.exp(-steepness * f[end:].abs()).sum() / space
+        off = torch.exp(-steepness * f[end:last].abs()).sum() / space
         loss = weights.eikonal * eikonal + weights.space * off
         if not batch.counts[1]:
             return loss + data
+        short = F.relu(batch.bounds.abs() - batch.bounds.sign() * f[last:])
         unsigned = F.cosine_similarity(gradient[on:end], batch.iso_normals).abs()
         regular = weights.surface * f[on:end].abs().sum() / iso + weights.normal * (1 - unsigned).sum() / iso
         if weights.mixing == "by_count":
             data = data * (surface / (surface + iso))
             regular = regular * (iso / (iso + MANY))
-        return loss + data + regular
+        regular = regular + weights.surface * short.sum() / false
+        return loss + data + weights.hold * regular

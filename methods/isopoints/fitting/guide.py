@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -16,11 +17,17 @@ from ..sampling.fields import Differentiable
 from ..sampling.neighbours import nearest
 from ..sampling.wlop import wlop
 from .batch import RegularisedBatch
+from .sheets import Sheets, split
 
 JITTER = 0.05  # of the last iso-points, before they are projected anew
 RADIUS = 0.1  # a point of the cloud farther than this from all iso-points counts nothing
 THINNING = 4  # the first iso-points begin at a quarter of their number, at points that WLOP moved
 SPREAD = 0.1  # of the points near the cloud
+CORNER = 1.8  # a little farther than the corners of the box of the space's points
+WIDTH = 2.0  # standard deviations of the cloud's noise in that of the outlier weight
+MAD = 1.4826  # standard deviations of a Gaussian in its median absolute value
+
+Bandwidth = Literal["noise", "spacing"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,8 @@ class Plan:
     pca: int  # neighbours of an iso-point's normal
     outliers: bool  # the cloud's points are weighted
     sigma: float  # degrees: sigma_n of Eq. 4.16
+    bandwidth: Bandwidth  # what sigma_p of Eq. 4.15 is taken from
+    sheets: bool  # iso-points of sheets that the cloud does not confirm are pushed away from the level
     near: float  # share of the points of space that are near the cloud
 
 
@@ -71,8 +80,9 @@ class GuidedSampler:
         self._normals = torch.nn.functional.normalize(unit, dim=1)
         self._weights = torch.ones(len(points), device=device)
         self._iso_normals = torch.zeros(0, 3, device=device)
-        self._extraction = Extraction(plan.count)
-        self._step = -1  # the first batch of all is held out
+        self._extraction = Extraction(plan.count, reach=CORNER) if plan.sheets else Extraction(plan.count)
+        self._step = -1  # the first batch may be held out
+        self._false = Sheets(torch.zeros(0, 3, device=device), torch.zeros(0, device=device))
         self.iso: IsoPoints | None = None
         self.refreshed = 0
 
@@ -88,7 +98,9 @@ class GuidedSampler:
         if self.iso is not None:
             chosen = self._rows(len(self.iso.points), min(plan.per_step, len(self.iso.points)))
             x[1], iso_normals = self.iso.points[chosen], self._iso_normals[chosen]
-        counts = (len(x[0]), len(x[1]), len(x[2]))
+        counts = (len(x[0]), len(x[1]), len(x[2]), min(len(self._false.points), plan.per_step // 4))
+        false = self._rows(max(1, len(self._false.points)), counts[3])
+        x.append(self._false.points[false])
         return RegularisedBatch(
             x=torch.cat(x),
             on=counts[0],
@@ -99,6 +111,7 @@ class GuidedSampler:
             iso=counts[1],
             iso_normals=iso_normals,
             counts=counts,
+            bounds=self._false.bounds[false],
         )
 
     def _rows(self, below: int, count: int) -> Tensor:
@@ -120,15 +133,22 @@ class GuidedSampler:
         else:
             shift = torch.rand(len(self.iso.points), 3, generator=self._generator, device=device) * 2 - 1
             starts = self.iso.points + JITTER * shift
+        if self._plan.sheets:  # sheets far from the cloud are met from anywhere
+            anywhere = torch.rand(self._plan.count, 3, generator=self._generator, device=device) * 2 - 1
+            starts = torch.cat([starts, anywhere])
         try:
-            self.iso = extract(self._field, starts, self._extraction)
+            found = extract(self._field, starts, self._extraction)
         except NoLevel as error:
             self._run.note(f"no iso-points after {self._step} steps: {error}")
             return
         self.refreshed += 1
+        self.iso = found
+        if self._plan.sheets:
+            self.iso, self._false = split(found, self._points)
         self._iso_normals = pca_normals(self.iso.points, self._plan.pca)
         if self._plan.outliers:
-            self._weights = outlier_weights(self._points, self._normals, self.iso, self._plan.sigma)
+            plan = self._plan
+            self._weights = outlier_weights(self._points, self._normals, self.iso, plan.sigma, plan.bandwidth)
 
 
 def pca_normals(points: Tensor, neighbours: int) -> Tensor:
@@ -140,19 +160,30 @@ def pca_normals(points: Tensor, neighbours: int) -> Tensor:
     return axes[:, :, 0].to(points.dtype)
 
 
-def outlier_weights(points: Tensor, normals: Tensor, iso: IsoPoints, sigma: float = 60.0) -> Tensor:
+def outlier_weights(
+    points: Tensor, normals: Tensor, iso: IsoPoints, sigma: float = 60.0, bandwidth: Bandwidth = "spacing"
+) -> Tensor:
     """How much each point of a cloud counts: (n,), from 0 to 1 (Eq. 4.15 and 4.16).
 
-    The product of two weights at the nearest iso-point p: ``exp(-(n_p . (p - q))^2 / sigma_p)`` with
-    ``sigma_p = 16 D / |P|``, and ``exp(-((1 - n_p . n_q) / (1 - cos(sigma)))^2)``. The text takes the minimum over all
-    iso-points, which those of the other side make 0; and it prints the last exponent as ``(1 - ...)^2``, which is
-    largest for normals that differ by 60 degrees. Both are taken as the released code has them.
+    The product of two weights at the nearest iso-point p: ``exp(-(n_p . (p - q))^2 / sigma_p)``, and
+    ``exp(-((1 - n_p . n_q) / (1 - cos(sigma)))^2)``. The text takes the minimum over all iso-points, which those of
+    the other side make 0; and it prints the last exponent as ``(1 - ...)^2``, which is largest for normals that differ
+    by 60 degrees. Both are taken as the released code has them. A point farther than 0.1 from all iso-points counts
+    nothing.
+
+    With ``bandwidth="spacing"``, ``sigma_p = 16 D / |P|`` as published: the square of the spacing, whatever the noise.
+    With ``"noise"``, ``sigma_p = 2 (2 s)^2``, s the robust standard deviation of ``n_p . (p - q)`` over the cloud: a
+    point at s has the weight 0.88, at 4 s 0.14, at 6 s 0.01; and the 0.1 grows to 6 s where that is more.
     """
     near = nearest(points, 1, iso.points)
     rows, distance = near.rows[:, 0], near.distances[:, 0]
-    radius = torch.linalg.vector_norm(iso.points, dim=1).max()
-    bandwidth = 32 * radius / len(iso.points)
     across = ((iso.points[rows] - points) * iso.normals[rows]).sum(1)
+    reach = RADIUS
+    if bandwidth == "noise":
+        scale = max(MAD * float(across.abs().median()), 1e-6)
+        width, reach = 2 * (WIDTH * scale) ** 2, max(RADIUS, 6 * scale)
+    else:
+        width = 32 * float(torch.linalg.vector_norm(iso.points, dim=1).max()) / len(iso.points)
     turned = 1 - (iso.normals[rows] * normals).sum(1)
-    weight = torch.exp(-across.square() / bandwidth - (turned / (1 - math.cos(math.radians(sigma)))).square())
-    return torch.where(distance <= RADIUS, weight, 0.0)
+    weight = torch.exp(-across.square() / width - (turned / (1 - math.cos(math.radians(sigma)))).square())
+    return torch.where(distance <= reach, weight, 0.0)

@@ -10,14 +10,25 @@ from bench import PointCloud, Run
 from bench.methods.isopoints.fitting.batch import RegularisedBatch
 from bench.methods.isopoints.fitting.field import RegularisedField, Weights
 from bench.methods.isopoints.fitting.guide import GuidedSampler, Plan, outlier_weights, pca_normals
+from bench.methods.isopoints.fitting.sheets import split
 from bench.methods.isopoints.sampling.extraction import IsoPoints
 from bench.methods.isopoints.siren_iso import SirenIso
+from bench.plugins.presets import presets
 
 
 def ball(count, seed=0, radius=0.8):
     rng = np.random.default_rng(seed)
     normals = rng.normal(size=(count, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return radius * normals, normals
+
+
+def even(count, radius=0.8):
+    """Evenly spaced points of a sphere: a spiral of golden angles."""
+    i = np.arange(count) + 0.5
+    z, around = 1 - 2 * i / count, np.pi * (1 + math.sqrt(5)) * i
+    ring = np.sqrt(1 - z**2)
+    normals = np.stack([ring * np.cos(around), ring * np.sin(around), z], axis=1)
     return radius * normals, normals
 
 
@@ -31,26 +42,28 @@ class Ball:
 
 def plan(**own):
     usual = {"batch": 50, "iso": True, "count": 300, "warm_up": 3, "refresh": 4, "per_step": 40, "pca": 8}
-    return Plan(**(usual | {"outliers": True, "sigma": 60.0, "near": 0.0} | own))
+    usual |= {"outliers": True, "sigma": 60.0, "bandwidth": "noise", "sheets": True, "near": 0.0}
+    return Plan(**(usual | own))
 
 
 def sampler(points, normals, **own):
     return GuidedSampler(Ball(), points, normals, plan(**own), Run(), torch.Generator().manual_seed(0))
 
 
-def some_batch(iso=7):
+def some_batch(iso=7, false=0):
     g = torch.Generator().manual_seed(2)
     unit = torch.nn.functional.normalize(torch.randn(10 + iso, 3, generator=g), dim=1)
     return RegularisedBatch(
-        x=torch.rand(10 + iso + 12, 3, generator=g) - 0.5,
+        x=torch.rand(10 + iso + 12 + false, 3, generator=g) - 0.5,
         on=10,
         normals=unit[:10],
         distances=None,
-        total=22 + iso,
+        total=22 + iso + false,
         weights=torch.rand(10, generator=g),
         iso=iso,
         iso_normals=unit[10:],
-        counts=(10, iso, 12),
+        counts=(10, iso, 12, false),
+        bounds=torch.rand(false, generator=g) - 0.5,
     )
 
 
@@ -58,7 +71,7 @@ def written_out(field, batch, weights, t):
     """The objective of section 4.2.2, point by point."""
     f, g = (part.detach().double().numpy() for part in field.network.value_and_gradient(batch.x))
     cosine = lambda i, n: float(g[i] @ n.double().numpy() / np.linalg.norm(g[i]))  # noqa: E731
-    on, iso, space = range(10), range(10, 10 + batch.iso), range(10 + batch.iso, len(f))
+    on, iso, space = range(10), range(10, 10 + batch.iso), range(10 + batch.iso, 22 + batch.iso)
     v = batch.weights.tolist()
     data = weights.surface * sum(v[i] * abs(f[i]) for i in on) / 10
     data += weights.normal * sum(v[i] * (1 - cosine(i, batch.normals[i])) for i in on) / 10
@@ -66,8 +79,11 @@ def written_out(field, batch, weights, t):
     if batch.iso:
         regular = weights.surface * sum(abs(f[i]) for i in iso) / batch.iso
         regular += weights.normal * sum(1 - abs(cosine(i, batch.iso_normals[i - 10])) for i in iso) / batch.iso
+    false = [(b, f[22 + batch.iso + i]) for i, b in enumerate(batch.bounds.tolist())]
+    short = sum(max(0.0, b - value if b > 0 else value - b) for b, value in false) / max(1, len(false))
     if weights.mixing == "by_count" and batch.iso:
         data, regular = data * 10 / (10 + batch.iso), regular * batch.iso / (batch.iso + 8000)
+    regular = weights.hold * (regular + weights.surface * short)
     stretch = [abs(np.linalg.norm(g[i]) - 1) for i in range(len(f))]
     if weights.squared:
         eikonal = sum(stretch[i] ** 2 for i in on) / 20 + sum(stretch[i] ** 2 for i in space) / 24
@@ -82,12 +98,12 @@ def written_out(field, batch, weights, t):
     )
 
 
-@pytest.mark.parametrize("iso", [0, 7])
-@pytest.mark.parametrize("own", [{}, {"squared": True, "steepening": 1.0, "mixing": "by_count"}])
-def test_the_loss_is_the_objective(iso, own):
+@pytest.mark.parametrize(("iso", "false"), [(0, 0), (7, 0), (7, 5)])
+@pytest.mark.parametrize("own", [{}, {"hold": 0.3}, {"squared": True, "steepening": 1.0, "mixing": "by_count"}])
+def test_the_loss_is_the_objective(iso, false, own):
     weights = Weights(**own)
     field = RegularisedField(weights, 15.0, hidden_layers=1, width=16, generator=torch.Generator().manual_seed(1))
-    batch = some_batch(iso)
+    batch = some_batch(iso, false)
     wanted = written_out(field, batch, weights, 0.4)
     assert field.loss(batch, 0.4).item() == pytest.approx(wanted, rel=1e-5)
     parts = list(batch.chunks(8))
@@ -104,7 +120,7 @@ def test_iso_points_come_after_the_warm_up_and_again():
         made.append(draws.refreshed)
     assert had == [0] * 4 + [40] * 8
     assert made == [0] * 4 + [1] * 4 + [2] * 4
-    assert batch.counts == (50, 40, 50) and len(batch.x) == 140
+    assert batch.counts == (50, 40, 50, 0) and len(batch.x) == 140
     on_level = Ball().value_and_gradient(batch.x[50:90])[0]
     assert on_level.abs().max() <= 1e-5
     cosine = torch.nn.functional.cosine_similarity(batch.x[50:90], batch.iso_normals).abs()
@@ -137,6 +153,65 @@ def test_outliers_count_less():
     assert weights.tolist() == pytest.approx(wanted, abs=1e-4)
     opposite = outlier_weights(q[:1], -unit[:1], at)
     assert float(opposite) == pytest.approx(math.exp(-16), rel=1e-3)
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.08])
+def test_the_outlier_weight_is_as_wide_as_the_noise(noise):
+    """A point at s standard deviations has exp(-s^2 / 8), however many iso-points there are."""
+    iso, unit = (torch.from_numpy(part).float() for part in ball(20_000))
+    at = IsoPoints(iso, unit, 0)
+    q, normals = (torch.from_numpy(part).float() for part in ball(3000, seed=1))
+    deviation = torch.randn(3000, 1, generator=torch.Generator().manual_seed(0))
+    weights = outlier_weights(q + noise * deviation * normals, normals, at, bandwidth="noise")
+    inner = deviation[:, 0].abs() < 3  # reach = 6 s, and the nearest iso-point is not right below
+    assert (weights - torch.exp(-deviation[:, 0].square() / 8))[inner].abs().max() < 0.1
+    if noise == 0.08:
+        published = outlier_weights(q + noise * deviation * normals, normals, at)
+        assert published.mean() < 0.5 * weights.mean()
+
+
+def test_sheets_without_points_are_found():
+    """A ball around the cloud, one within and a small one beside it: only the cloud's own is kept."""
+    own, unit = even(2000)
+    inner, inner_unit = even(300, radius=0.3)
+    beside = 0.1 * inner / 0.3 + [1.2, 0, 0]
+    points = torch.from_numpy(np.concatenate([own, inner, beside])).float()
+    normals = torch.from_numpy(np.concatenate([unit, -inner_unit, inner_unit])).float()
+    cloud = torch.from_numpy(np.concatenate([ball(990, seed=2)[0], beside[:10]])).float()
+    kept, false = split(IsoPoints(points, normals, 0), cloud)
+    assert torch.equal(kept.points, points[:2000]) and torch.equal(false.points, points[2000:])
+    distance = (torch.linalg.vector_norm(false.points, dim=1) - 0.8).numpy()
+    assert false.bounds.numpy() == pytest.approx(distance / 2, abs=0.01)
+    assert len(split(kept, cloud)[1].points) == 0
+
+
+def test_false_sheets_are_in_the_steps():
+    """A field with a second ball, which no point of the cloud is near: its points come with positive bounds."""
+
+    class Two:
+        def value_and_gradient(self, x):
+            away = x - torch.tensor([0.9, 0.9, 0.9])
+            large, small = (torch.linalg.vector_norm(part, dim=1, keepdim=True) for part in (x, away))
+            first = (large - 0.5) < (small - 0.2)
+            value = torch.where(first, large - 0.5, small - 0.2)
+            return value[:, 0], torch.where(first, x / large, away / small)
+
+    own = {"batch": 100, "per_step": 40, "warm_up": 0, "count": 500}
+    draws = GuidedSampler(Two(), *ball(500, radius=0.5), plan(**own), Run(), torch.Generator().manual_seed(0))
+    draws.draw()
+    batch = draws.draw()
+    assert batch.counts == (100, 40, 100, 10) and len(batch.x) == 250
+    centre = torch.tensor([0.9, 0.9, 0.9])
+    assert (torch.linalg.vector_norm(batch.x[-10:] - centre, dim=1) - 0.2).abs().max() < 1e-4
+    assert batch.bounds.min() > 0
+    assert sum(len(part.bounds) for part in batch.chunks(60)) == 10
+
+
+@pytest.mark.parametrize(("name", "steps"), [("thesis", (300, 2000, 0.125)), ("released", (500, 2000, 0.0625))])
+def test_presets_keep_the_published_sizes(name, steps):
+    values = presets("method")[f"siren_iso_{name}"].values
+    assert (values["warm_up"], values["refresh"], values["share"]) == steps
+    assert values["bandwidth"] == "spacing" and values["sheets"] is False and values["per_step"] == 5000
 
 
 def test_a_fit_makes_iso_points_and_is_repeatable():
