@@ -10,6 +10,7 @@ from bench import BadInput, PointCloud, Run, Views, register
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
+SPARE = 0.2  # of the seconds there are, at most 20: they are left for the mesh
 LATER = {"since": "0.2"}  # parameters of `multiview`; cells of `fit_shape` keep their ids
 
 
@@ -85,24 +86,28 @@ class Surfels:
         from .projected.beginning import points_on_the_hull
 
         self._check_lights(views)
-        return poisson_mesh(self.fit_shape(views, points_on_the_hull(views, self.points, run), run), self.trim)
+        start = points_on_the_hull(views, self.points, run)
+        return poisson_mesh(self._fitted(views, start, run, min(SPARE * run.seconds, 20.0)), self.trim)
 
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
         """At most as many points as the cloud to begin with, with normals."""
+        self._check_lights(views)
+        if cloud.normals is None:
+            raise BadInput("the cloud to begin with has no normals")
+        return self._fitted(views, cloud, run)
+
+    def _fitted(self, views: Views, cloud: PointCloud, run: Run, spare: float = 0.0) -> PointCloud:
         from bench.geometry.spacing import mean_spacing
 
         from .gaussian_surfels.fitting import Scene, Schedule, fit
         from .gaussian_surfels.losses import Weighting
         from .gaussian_surfels.state import State
 
-        self._check_lights(views)
-        if cloud.normals is None:
-            raise BadInput("the cloud to begin with has no normals")
         spacing = mean_spacing(cloud.points)
         weighting = Weighting(self.mask_weight, self.distortion, self.consistency)
         schedule = Schedule(**{name: getattr(self, name) for name in Schedule.__dataclass_fields__})
         state = State(cloud.points, cloud.normals, self.scale * spacing, self.opacity)
-        return fit(Scene(views, weighting, run.threads), state, spacing, schedule, run)
+        return fit(Scene(views, weighting, run.threads), state, spacing, schedule, run, spare)
 
     @staticmethod
     def _check_lights(views: Views) -> None:

@@ -101,7 +101,7 @@ class Scene:
         return total
 
 
-def fit(scene: Scene, state: State, spacing: float, schedule: Schedule, run: Run) -> PointCloud:
+def fit(scene: Scene, state: State, spacing: float, schedule: Schedule, run: Run, spare: float = 0.0) -> PointCloud:
     """The centres of the surfels that are seen and opaque, with normals.
 
     Parameters
@@ -114,11 +114,13 @@ def fit(scene: Scene, state: State, spacing: float, schedule: Schedule, run: Run
     schedule : Schedule
     run : Run
         Draws the order of the views, one a step.
+    spare : float
+        Seconds that are left in the end.
     """
     order: list[int] = []
     tally = Tally(len(state))
     for step in range(schedule.steps):
-        if not run.time_for_more():
+        if not run.time_for_more() or run.seconds_left() < spare:
             break
         if not order:
             order = run.rng.permutation(len(scene.cameras)).tolist()

@@ -321,6 +321,7 @@ def test_images_of_a_ball_become_its_mesh(views):
     mesh = method.multiview(views_of_a_ball(12, 96), Run(seed=1))
     assert count_topology(mesh.vertices, mesh.faces).boundary_edges == 0 and mesh.volume > 0
     assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 1).mean() < 0.024
+    assert len(method.multiview(views, Run(seconds=0)).faces)  # of where it begins
     trimmed = replace(method, steps=1, trim=0.2).multiview(views, Run(seed=1))
     assert count_topology(trimmed.vertices, trimmed.faces).boundary_edges > 0
     dark = Views(views.images, views.masks, views.extrinsics, views.intrinsics)
