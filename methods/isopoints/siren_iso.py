@@ -52,8 +52,8 @@ class SirenIso(Fitted):
     near: float = 0.0  # share of the space's points that are near the input's (released: 0.5)
     iso: bool = True  # whether there are iso-points
     share: float = 0.3  # iso-points for each point of the input (thesis: 1/8, released: 1/16)
-    warm_up: int = 80  # steps before the first iso-points (thesis: 300 of 30,000)
-    refresh: int = 40  # steps between new iso-points (thesis: 2,000 of 30,000)
+    warm_up: int = 60  # steps before the first iso-points (thesis: 300 of 30,000)
+    refresh: int = 20  # steps between new iso-points (thesis: 2,000 of 30,000)
     per_step: int = 512  # iso-points of a step (released: 5,000)
     pca: int = 8  # neighbours of an iso-point's normal; more make the surface smoother
     hold: float = 1.0  # how much iso-points count beside the input's points
