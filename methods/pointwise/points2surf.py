@@ -25,7 +25,7 @@ LEAST = 16  # nodes along the longest side, however little time there is
 @register("method", cite="after Erler et al. 2020", requires=("torch", "safetensors", "scipy", "skimage", "trimesh"))
 @dataclass(frozen=True)
 class Points2surf:
-    """After Points2Surf (Erler et al. 2020), trained by us at a fortieth of its size, for a quarter of an hour.
+    """After Points2Surf (Erler et al. 2020), trained by us at a hundredth of its size, for a quarter of an hour.
 
     A network is asked at the nodes of a grid near the points: from the nearest points and a random part of all, how far
     the surface is, and on which side. Signs are spread to the other nodes, and marching cubes give the surface. Needs
@@ -45,7 +45,7 @@ class Points2surf:
     resolution: int = 64  # nodes along the longest side (theirs: 256)
     counts: tuple[int, int] = (2000, 12000)  # least and largest number of points of a cloud in training
     noise: tuple[float, float] = (0.001, 0.02)  # least and largest in training, relative to the radius of the shape
-    steps: int = 6000  # of training; 0 for as many as its seconds allow
+    steps: int = 5000  # of training; 0 for as many as its seconds allow
     batch: int = 64  # queries of a step
     learning_rate: float = 2e-3  # of Adam
     decay: float = 0.02  # factor of the learning rate over the last half of training
