@@ -25,7 +25,7 @@ LEAST = 16  # nodes along the longest side, however little time there is
 @register("method", cite="after Erler et al. 2020", requires=("torch", "safetensors", "scipy", "skimage", "trimesh"))
 @dataclass(frozen=True)
 class Points2surf:
-    """After Points2Surf (Erler et al. 2020), trained by us at a hundredth of its size, for a quarter of an hour.
+    """After Points2Surf (Erler et al. 2020), trained at a hundredth of its size, for a quarter of an hour.
 
     A network is asked at the nodes of a grid near the points: from the nearest points and a random part of all, how far
     the surface is, and on which side. Signs are spread to the other nodes, and marching cubes give the surface. Needs

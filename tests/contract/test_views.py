@@ -258,14 +258,14 @@ def sensed(shell) -> int:
 
 
 def test_a_task_over_images_runs_and_its_images_are_made_once(shell):
-    plan = shell.call("plan", "--plugin", TOYS, "--plugin", FILE, *WORDS, "dataset=ball", "method=visual_hull")
+    plan = shell.call("plan", "--plugin", TOYS, "--plugin", FILE, *WORDS, "dataset=ball", "method=cubes_in_masks")
     assert plan.returncode == 0, plan.stderr
-    assert "silhouettes ball logged_rig visual_hull" in plan.stdout
-    done = run(shell, "method=visual_hull", "method.grid=20,28", "outputs=first")
+    assert "silhouettes ball logged_rig cubes_in_masks" in plan.stdout
+    done = run(shell, "method=cubes_in_masks", "method.grid=20,28", "outputs=first")
     assert done.returncode == 0, done.stderr
     assert "the shape covers" in done.stdout and "of its images" in done.stdout
     assert sensed(shell) == 2  # two cells of two cases
-    again = run(shell, "method=visual_hull", "method.grid=24,32", launcher="joblib")
+    again = run(shell, "method=cubes_in_masks", "method.grid=24,32", launcher="joblib")
     assert again.returncode == 0, again.stderr
     assert sensed(shell) == 2
     rows = shell.rows()
@@ -291,7 +291,7 @@ def test_a_task_over_images_runs_and_its_images_are_made_once(shell):
     ],
 )
 def test_a_sensor_that_does_not_fit_is_refused_when_planned(shell, words, said):
-    given = {word.partition("=")[0]: word for word in ("method=visual_hull", "dataset=ball", *WORDS, *words)}
+    given = {word.partition("=")[0]: word for word in ("method=cubes_in_masks", "dataset=ball", *WORDS, *words)}
     done = shell.call("plan", "--plugin", TOYS, "--plugin", FILE, *given.values(), f"results={shell.results}")
     assert done.returncode == 1
     assert re.search(said, done.stdout + done.stderr), done.stdout + done.stderr
@@ -300,7 +300,7 @@ def test_a_sensor_that_does_not_fit_is_refused_when_planned(shell, words, said):
 
 def test_images_may_be_spoiled_in_a_chain(shell):
     steps = "sensor.steps=[logged_rig,{night:{brightness:0.1}}]"
-    done = run(shell, "method=visual_hull", "sensor=chain", steps, "cases=1", "outputs=all", sweep=False)
+    done = run(shell, "method=cubes_in_masks", "sensor=chain", steps, "cases=1", "outputs=all", sweep=False)
     assert done.returncode == 0, done.stderr
     (path,) = shell.results.glob("outputs/*/ball-test-000/first_image.png")
     from PIL import Image
@@ -309,18 +309,18 @@ def test_images_may_be_spoiled_in_a_chain(shell):
 
 
 def test_a_run_leaves_out_what_does_not_fit_and_tells_broken_promises(shell):
-    done = run(shell, "method=visual_hull", "sensor=logged_rig,dots,liar", "cases=1")
+    done = run(shell, "method=cubes_in_masks", "sensor=logged_rig,dots,liar", "cases=1")
     assert done.returncode == 3, done.stderr
     assert "not planned: task silhouettes takes views, but sensor dots gives cloud" in done.stderr
     rows = shell.rows().set_index("sensor")
     assert rows["status"].to_dict() == {"logged_rig": "ok", "liar": "error"}
     assert "expected a Views from sense(), got float" in rows.loc["liar", "message"]
-    alone = run(shell, "method=visual_hull", "sensor=dots", "cases=1", sweep=False)
+    alone = run(shell, "method=cubes_in_masks", "sensor=dots", "cases=1", sweep=False)
     assert alone.returncode == 1 and "not planned: task silhouettes takes views" in alone.stderr
 
 
 def test_check_and_list_know_sensors_and_tasks_of_images(shell):
-    done = shell.call("check", "--plugin", FILE, "silhouettes", "visual_hull", "rig", "night", "liar", "--json")
+    done = shell.call("check", "--plugin", FILE, "silhouettes", "cubes_in_masks", "rig", "night", "liar", "--json")
     verdicts = {(entry["plugin"], entry["check"]): entry for entry in json.loads(done.stdout)}
     assert {key for key, entry in verdicts.items() if entry["verdict"] == "fail"} == {
         ("sensor liar", "sensor on a toy")
@@ -329,12 +329,12 @@ def test_check_and_list_know_sensors_and_tasks_of_images(shell):
     assert "24 images of 256 x 256" in verdicts["sensor rig", "sensor on a toy"]["detail"]
     assert "6 images of 48 x 48" in verdicts["sensor night", "sensor on a toy"]["detail"]
     assert "input views" in verdicts["task silhouettes", "task on a toy"]["detail"]
-    assert verdicts["method visual_hull", "silhouettes: toy case"]["verdict"] == "ok"
+    assert verdicts["method cubes_in_masks", "silhouettes: toy case"]["verdict"] == "ok"
     assert "gives: views" in shell.call("list", "sensor", "rig").stdout
 
 
 def test_a_task_over_images_that_reads_no_files_says_so(shell):
     (shell.work / "images").mkdir()
-    done = shell.call("apply", "--plugin", FILE, "method=visual_hull", "images", "out.ply")
+    done = shell.call("apply", "--plugin", FILE, "method=cubes_in_masks", "images", "out.ply")
     assert done.returncode == 1
     assert "task Silhouettes: cannot be applied to files, because it has no read(paths) for views" in done.stderr

@@ -69,7 +69,7 @@ class Night(Effect):
 
 @register("method", requires=("skimage", "trimesh"))
 @dataclass(frozen=True)
-class VisualHull:
+class CubesInMasks:
     """What lies inside every silhouette."""
 
     grid: int = 20
