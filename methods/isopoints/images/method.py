@@ -34,7 +34,7 @@ class FromImages(Trained):
 
     sine_sphere = True
 
-    steps: int = 3000  # of training, at most
+    steps: int = 1000  # of training, at most
     views: int = 4  # images of a step
     samples: int = 1024  # of a step, on rays through all its images
     space: int = 512  # points of a step anywhere in the ball, for the gradient's length
