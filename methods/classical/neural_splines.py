@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench import PointCloud, Run, register
+from bench import BadInput, InvalidOutput, PointCloud, Run, register
 
 from .inputs import distinct_oriented, note_flat
 from .isolated import without_isolated
@@ -75,14 +75,20 @@ class NeuralSplines:
         reach = self.reach * mean_spacing(points)
         field = fitted(points, normals, chosen, self.regularisation * reach**2, reach, "neural_splines", run)
         corner = (high - low) / 2 / unit + MARGIN
-        mesh = extract(
-            field,
-            resolution=self.resolution,
-            domain=(-corner, corner),
-            align="axes",
-            seconds=0.9 * run.seconds_left(),
-            on_progress=run.progress,
-        )
+        try:
+            mesh = extract(
+                field,
+                resolution=self.resolution,
+                domain=(-corner, corner),
+                align="axes",
+                seconds=0.9 * run.seconds_left(),
+                on_progress=run.progress,
+            )
+        except InvalidOutput as error:
+            raise BadInput(
+                f"neural_splines: {error}; its {len(chosen)} centers do not hold the surface, or its parts are smaller "
+                f"than the lattice's cells: raise method.centers or method.resolution ({self.resolution})"
+            ) from error
         if mesh.metadata["coarser"] > 1:
             run.note(f"neural_splines: the mesh is {mesh.metadata['coarser']} times coarser, for lack of time")
         mesh.vertices = unit * mesh.vertices + (low + high) / 2

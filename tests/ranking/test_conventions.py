@@ -26,6 +26,7 @@ NAMES = (
     "cages",
     "dsr_benchmark",
     "dss",
+    "dtu",
     "idf",
     "iso_points",
     "mpu",

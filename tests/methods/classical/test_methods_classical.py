@@ -260,13 +260,17 @@ QUICK = {
     "ipsr": {"depth": 5, "rounds": 2},
     "apss": {"resolution": 30},
     "rimls": {"resolution": 30},
+    "wnnc": {"rounds": 3, "depth": 5},
+    "neural_splines": {"centers": 60, "resolution": 16},
 }
+OF_CLOUDS = ("reconstruct", "denoise", "upsample")
 TIMEOUT = 300  # seconds
 
 
 def classical(library):
     """The methods of the folder that need a library, or, for None, none of those that are not always there."""
     mine = [p for p in registry().all("method") if p.file.parent.name == "classical"]
+    mine = [p for p in mine if any(map(p.solves, OF_CLOUDS))]
     needs = {p.name: next((r for r in p.requires if r in ("CGAL", "pymeshlab")), None) for p in mine}
     return {name: QUICK.get(name, {}) for name in needs if needs[name] == library}
 
