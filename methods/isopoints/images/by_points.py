@@ -11,7 +11,7 @@ from torch.nn import functional as F
 
 from bench import Run
 
-from ..sampling.extraction import Extraction, IsoPoints, NoLevel, extract
+from ..sampling.extraction import Extraction, IsoPoints, NoLevel, extract, in_ball
 from ..sampling.neighbours import nearest
 from ..sampling.projection import project
 from ..sampling.resampling import Resampling
@@ -19,8 +19,8 @@ from .by_rays import RaySampler
 from .field import ImageField
 from .least import about, least
 from .saliency import averaged, children, curvatures
-from .samples import Samples, Surface, Wanted, in_ball
-from .scene import Pixels, Rays, Scene
+from .samples import Samples, Surface, Wanted
+from .scene import Rays, Scene
 from .tracing import Tracing, ball_span, trace
 from .visibility import Visible, visible
 
@@ -82,7 +82,7 @@ class PointSampler:
     ):
         self._field, self._scene, self._plan, self._run, self._generator = field, scene, plan, run, generator
         self._rays = RaySampler(field.network, scene, views, samples, space, generator)
-        self._pixels = Pixels(scene, generator)
+        self._pixels = self._rays.pixels
         self._samples, self._space = samples, space
         self._step, self._next = 0, plan.warm_up
         self._count = plan.points
@@ -99,7 +99,7 @@ class PointSampler:
             self._next = step + min(plan.refresh, max(SOON, step - plan.warm_up))
         if self.iso is None:
             return self._rays.draw()
-        views = self._rays.chosen()
+        views = self._pixels.views(self._rays.views)
         surface, free = self._moved(self._drawn(views))
         occupied = self._occupied(views, round(OCCUPIED * len(surface) / len(views)))
         left = self._samples - len(surface) - len(free) - len(occupied)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import torch
 
+from ..sampling.extraction import in_ball
 from ..sampling.fields import Differentiable, evaluated
-from .samples import Samples, Surface, Wanted, in_ball
+from .samples import Samples, Surface, Wanted
 from .scene import Pixels, Scene
 from .tracing import Tracing, trace
 
@@ -40,21 +41,16 @@ class RaySampler:
         generator: torch.Generator,
         tracing: Tracing | None = None,
     ):
-        self._network, self._scene, self._pixels = network, scene, Pixels(scene, generator)
+        self._network, self._scene, self.pixels = network, scene, Pixels(scene, generator)
         self.views, self._samples, self._space = min(views, len(scene)), samples, space
         self._generator, self._tracing = generator, tracing or Tracing()
         self.evaluations = 0
 
-    def chosen(self) -> torch.Tensor:
-        """The views of a step."""
-        device = self._generator.device
-        return torch.randperm(len(self._scene), generator=self._generator, device=device)[: self.views]
-
     def draw(self) -> Samples:
         """The next step's points."""
         scene = self._scene
-        views = self.chosen()
-        view, place = self._pixels.any(views, max(1, self._samples // len(views)))
+        views = self.pixels.views(self.views)
+        view, place = self.pixels.any(views, max(1, self._samples // len(views)))
         rays, inside = scene.rays(view, place), scene.inside(view, place)
         traced = trace(self._network, rays, self._tracing, search=inside)  # type: ignore[arg-type]
         self.evaluations += traced.evaluations

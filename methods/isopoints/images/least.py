@@ -8,8 +8,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ..sampling.fields import values_at
 from .scene import Rays
-from .tracing import PART
 
 NEAREST = 16  # iso-points nearest to a ray: they are of all layers that it passes through
 
@@ -50,7 +50,7 @@ def least(values: Callable[[Tensor], Tensor], rays: Rays, t: Tensor, first: bool
     if not len(t):
         return Least(t.new_zeros(0, 3), t.new_zeros(0))
     x = rays.origins[:, None] + t[..., None] * rays.directions[:, None]
-    f = torch.cat([values(part) for part in x.reshape(-1, 3).split(PART)]).reshape(t.shape)
+    f = values_at(values, x.reshape(-1, 3)).reshape(t.shape)
     chosen = f.argmin(1)
     if first:
         inside = f < 0

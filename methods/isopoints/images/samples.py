@@ -76,11 +76,3 @@ class Samples:
         for i in range(parts):
             some = [kind[len(kind) * i // parts : len(kind) * (i + 1) // parts] for kind in kinds]
             yield replace(self, surface=some[0], occupied=some[1], free=some[2], space=some[3])
-
-
-def in_ball(count: int, radius: float, generator: torch.Generator) -> Tensor:
-    """Points (count, 3), uniform in a ball around the origin."""
-    device = generator.device
-    directions = torch.randn(count, 3, generator=generator, device=device)
-    radii = radius * torch.rand(count, 1, generator=generator, device=device) ** (1 / 3)
-    return radii * torch.nn.functional.normalize(directions, dim=1)

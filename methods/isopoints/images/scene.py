@@ -117,6 +117,11 @@ class Pixels:
         self._inside = [torch.nonzero(mask.reshape(-1))[:, 0] for mask in scene.masks]
         self._outside = [torch.nonzero(~mask.reshape(-1))[:, 0] for mask in scene.masks]
 
+    def views(self, count: int) -> Tensor:
+        """So many different views, or all."""
+        device = self._generator.device
+        return torch.randperm(len(self._scene), generator=self._generator, device=device)[:count]
+
     def any(self, views: Tensor, count: int) -> tuple[Tensor, Tensor]:
         """``count`` pixels of each of some views (m,): their views and the places of their middles."""
         total = int(self._scene.size.prod())

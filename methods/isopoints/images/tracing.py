@@ -9,10 +9,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ..sampling.fields import values_at
 from .scene import Rays
 
 Values = Callable[[Tensor], Tensor]  # points (n, 3) to values (n,), negative inside
-PART = 4096  # points that are evaluated at once: their features stay in the cache
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,7 @@ class _Tracer:
     def f(self, t: Tensor, rows: Tensor) -> Tensor:
         """Values (m,) there."""
         self.evaluations += len(rows)
-        if not len(rows):
-            return t
-        return torch.cat([self._values(part) for part in self.at(t, rows).split(_part(t))])
+        return values_at(self._values, self.at(t, rows)) if len(rows) else t
 
     def march(self) -> None:
         """Sphere tracing from both ends."""
@@ -179,7 +177,3 @@ class _Tracer:
             last, f_last = torch.where(better, best, last), torch.where(better, f_best, f_last)
             best, f_best = torch.where(better, t, best), torch.where(better, f, f_best)
         self.t[rows] = best
-
-
-def _part(like: Tensor) -> int:
-    return PART if like.device.type == "cpu" else 1 << 18

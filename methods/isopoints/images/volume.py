@@ -10,9 +10,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from ..sampling.fields import values_at
 from .field import ImageField, Terms
 from .scene import Pixels, Rays, Scene
-from .tracing import PART, ball_span
+from .tracing import ball_span
 
 if TYPE_CHECKING:
     from .appearance import Appearance
@@ -90,12 +91,11 @@ class VolumeSampler:
     ):
         self._values, self._sharpness, self._scene, self._generator = values, sharpness, scene, generator
         self._pixels = Pixels(scene, generator)
-        self._views, self._count, self._coarse, self._fine = min(views, len(scene)), count, coarse, fine
+        self._views, self._count, self._coarse, self._fine = views, count, coarse, fine
 
     def draw(self) -> RayBatch:
         """The next step's rays; those that miss the ball are left out, and count."""
-        device = self._generator.device
-        views = torch.randperm(len(self._scene), generator=self._generator, device=device)[: self._views]
+        views = self._pixels.views(self._views)
         view, place = self._pixels.any(views, max(1, self._count // len(views)))
         rays = self._scene.rays(view, place)
         near, far, reaches = ball_span(rays, 1.0)
@@ -133,7 +133,7 @@ class VolumeSampler:
 
     def _f(self, rays: Rays, t: Tensor) -> Tensor:
         x = rays.origins[:, None] + t[..., None] * rays.directions[:, None]
-        return torch.cat([self._values(part) for part in x.reshape(-1, 3).split(PART)]).reshape(t.shape)
+        return values_at(self._values, x.reshape(-1, 3)).reshape(t.shape)
 
 
 class VolumeField(ImageField):

@@ -84,10 +84,17 @@ def iso_cloud(field: object, count: int, generator: torch.Generator, how: Extrac
     NoLevel
         If the field has none there.
     """
-    directions = torch.randn(MOST * count, 3, generator=generator, device=generator.device)
-    radii = torch.rand(len(directions), 1, generator=generator, device=generator.device) ** (1 / 3)
-    iso = extract(differentiable(field), radii * F.normalize(directions, dim=1), how or Extraction(count, rounds=3))
+    starts = in_ball(MOST * count, 1.0, generator)
+    iso = extract(differentiable(field), starts, how or Extraction(count, rounds=3))
     return PointCloud(*(part.double().cpu().numpy() for part in (iso.points, F.normalize(iso.normals.double(), dim=1))))
+
+
+def in_ball(count: int, radius: float, generator: torch.Generator) -> Tensor:
+    """Points (count, 3), uniform in a ball around the origin."""
+    device = generator.device
+    directions = torch.randn(count, 3, generator=generator, device=device)
+    radii = radius * torch.rand(count, 1, generator=generator, device=device) ** (1 / 3)
+    return radii * F.normalize(directions, dim=1)
 
 
 class _Stages:

@@ -50,7 +50,15 @@ def differentiable(field: object) -> Differentiable:
 
 def evaluated(field: Differentiable, x: Tensor) -> tuple[Tensor, Tensor]:
     """Values and gradients of many points, in parts that fit a processor's cache (whole on a GPU)."""
-    parts = x.split(PART if x.device.type == "cpu" else 1 << 18)
     with torch.no_grad():
-        values, gradients = zip(*(field.value_and_gradient(part) for part in parts), strict=True)
+        values, gradients = zip(*(field.value_and_gradient(part) for part in _parts(x)), strict=True)
     return torch.cat(values), torch.cat(gradients)
+
+
+def values_at(function: Callable[[Tensor], Tensor], x: Tensor) -> Tensor:
+    """Values (n,) of a function of points (n, 3), in the same parts."""
+    return torch.cat([function(part) for part in _parts(x)])
+
+
+def _parts(x: Tensor) -> tuple[Tensor, ...]:
+    return x.split(PART if x.device.type == "cpu" else 1 << 18)
