@@ -50,6 +50,7 @@ def pytest_collection_finish() -> None:
         from compiling import compile_each_function_once
 
         compile_each_function_once()
+    set_one_thread_of_torch()
 
 
 def pytest_report_header() -> str | None:
@@ -192,6 +193,18 @@ def in_a_fork(
     if code is None:
         raise subprocess.TimeoutExpired(words, timeout, out, err)
     return subprocess.CompletedProcess(words, code, out, err)
+
+
+def set_one_thread_of_torch() -> None:
+    """Four processes with two threads each, that wait for each other by spinning, are thirty times as slow as with one."""
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
+
+
+@pytest.fixture(autouse=True)
+def one_thread_of_torch():
+    """A test that sets another number leaves it to itself."""
+    set_one_thread_of_torch()
 
 
 @pytest.fixture
