@@ -71,8 +71,8 @@ class FromImages(Trained):
         return {name: getattr(self, name) for name in FORM}
 
     def training(self) -> dict[str, Any]:
-        """The last state counts: samples follow the surface, so that losses of two states do not compare."""
-        return {"clip": self.clip, "keep": "last"}
+        """The mean of the last states counts: samples follow the surface, so that losses of two do not compare."""
+        return {"clip": self.clip, "keep": "mean"}
 
     # -- what a method adds ----------------------------------------------------------------------------------------
 

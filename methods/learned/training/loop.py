@@ -18,6 +18,7 @@ from .losses import Losses
 from .settings import Training
 
 WHOLE = 1 << 16  # points that go through a network at once on a GPU
+MEAN = 50  # states over which a mean goes, about; of the first ones, over a third of all
 
 
 class Sampling(Protocol):
@@ -87,14 +88,14 @@ def fit(
     training: Training,
     offer: Callable[[], None] = lambda: None,
 ) -> Fit:
-    """Fit a field; afterwards it holds its best state, or its last one (``training.keep``).
+    """Fit a field; afterwards it holds its best state, its last one, or the mean of the last (``training.keep``).
 
     The best state is that with the least loss, as it counts at the end (t = 1), on one batch that is drawn beforehand.
     (Its points of the space are met nowhere else; those of the surface are points of the input, as in all batches.)
 
     Parameters
     ----------
-    offer : called ``training.traces`` times, with the field as it is then
+    offer : called ``training.traces`` times, with the field as it is then, or with the mean where that is kept
 
     Raises
     ------
@@ -115,6 +116,7 @@ def fit(
     losses = Losses(str(device), diverged)
     progress = Progress(training.steps, run.elapsed, training.seconds)
     best = _Best(field, sampler.draw(), training.chunk) if training.keep == "best" else None
+    mean = _Mean(field) if training.keep == "mean" else None
     if best:
         best.look()  # a field that was loaded may be better than what comes
     at_first = best.loss if best else math.inf
@@ -123,16 +125,24 @@ def fit(
         t = training.begin + (1 - training.begin) * progress.t
         losses.add(_step(field, sampler.draw(), optimizer, t, training), steps)
         before, steps = progress.t, steps + 1
+        if mean:
+            mean.add()
         progress.step()
         run.progress(round(1000 * progress.t), 1000)
         if best and _passed(before, progress.t, training.checkpoints):
             losses.read()
             best.look()
         if progress.t < 1 and _passed(before, progress.t, training.traces):
+            if mean:
+                mean.swap()
             offer()
+            if mean:
+                mean.swap()
     losses.read()
     if best:
         best.restore()
+    if mean:
+        mean.swap()
     return Fit(steps, best is None or best.loss < at_first)
 
 
@@ -183,3 +193,26 @@ class _Best:
             self._field.load_state_dict(self._state)
         for parameter in self._field.parameters():
             parameter.requires_grad_(True)
+
+
+class _Mean:
+    """The mean of the last states, of which earlier ones count less and less."""
+
+    def __init__(self, field: Field):
+        self._field, self._states = field, 0
+        self._mean = [parameter.detach().clone() for parameter in field.parameters()]
+
+    @torch.no_grad()
+    def add(self) -> None:
+        """The state of now."""
+        self._states += 1
+        share = 1 / min(MEAN, 1 + self._states / 3)
+        torch._foreach_lerp_(self._mean, list(self._field.parameters()), share)
+
+    @torch.no_grad()
+    def swap(self) -> None:
+        """The field becomes the mean, and the mean what the field was; a second time, back."""
+        for mean, parameter in zip(self._mean, self._field.parameters(), strict=True):
+            now = parameter.clone()
+            parameter.copy_(mean)
+            mean.copy_(now)

@@ -20,6 +20,6 @@ class Training:
     checkpoints: int = 20  # how often the state is compared with the best one, over the whole training
     traces: int = 0  # how often an intermediate result is offered
     begin: float = 0.0  # progress at which a schedule begins: a field that was loaded is beyond its first stages
-    # the state that is left: the one with the least loss on a batch that is drawn beforehand, or the last one, where
-    # what is drawn depends on the field
-    keep: Literal["best", "last"] = "best"
+    # the state that is left: the one with the least loss on a batch that is drawn beforehand; or, where what is drawn
+    # depends on the field, the last one, or the mean of the last ones, which shakes less
+    keep: Literal["best", "last", "mean"] = "best"

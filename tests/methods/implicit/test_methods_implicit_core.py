@@ -362,6 +362,34 @@ def test_the_best_state_is_kept():
     assert field.number.item() == pytest.approx(3, abs=0.2)
 
 
+def test_the_mean_of_the_last_states_is_kept_and_offered():
+    """The mean of a number that jumps to and fro, in closed form; the training goes on from the number itself."""
+
+    class Jumping(Parabola):
+        def loss(self, batch, t):
+            states.append(self.number.item())
+            return super().loss(batch, t) * 0 + self.number.sum() * (1 if len(states) % 2 else -1)
+
+        def optimizer(self, training):
+            return torch.optim.SGD(self.parameters(), lr=training.learning_rate)
+
+    def mean_of(numbers):
+        mean = 0.0  # the state before the training
+        for count, number in enumerate(numbers, 1):
+            share = 1 / min(50, 1 + count / 3)
+            mean = (1 - share) * mean + share * number
+        return mean
+
+    states, offered, field = [], [], Jumping()
+    training = Training(steps=300, learning_rate=0.5, traces=3, keep="mean")
+    fit(field, NOTHING, Run(), training, lambda: offered.append((len(states), field.number.item())))
+    after = [*states[1:], 0.0]  # each step's end is the next one's begin
+    assert set(states) == {0.0, -0.5} and len(offered) == 2
+    for count, value in (*offered, (300, field.number.item())):
+        assert value == pytest.approx(mean_of(after[:count]), abs=1e-6)
+        assert value == pytest.approx(-0.25, abs=0.03)
+
+
 def test_a_loss_that_is_not_finite_is_a_clear_error():
     """It says after how many steps, and what to try."""
     with pytest.raises(Diverged, match=r"diverged: the loss is nan after 50 of 100 steps.*learning_rate"):
