@@ -20,7 +20,7 @@ from .field import ImageField
 from .least import about, least
 from .saliency import averaged, children, curvatures
 from .samples import Samples, Surface, Wanted
-from .scene import Rays, Scene
+from .scene import Pixels, Rays, Scene
 from .tracing import Tracing, ball_span, trace
 from .visibility import Visible, visible
 
@@ -29,7 +29,7 @@ GROWTH = 1.2  # of the number of iso-points, each time they are made anew, up to
 NEWTON = 4  # steps back onto the surface from beside it
 STARTS = 4  # first iso-points begin at so many times as many places of the ball (released)
 MOST_MEASURED = 5000  # iso-points of which the saliency is computed (released)
-OCCUPIED = 0.2  # samples within masks that should be inside, for each sample of the surface (released: at most 0.1)
+OCCUPIED = 0.1  # samples within masks that should be inside, for each sample of the surface (released: at most that)
 STRAYS = 4  # among the starts of new iso-points are a quarter as many random places of the ball
 SOON = 10  # steps after which the first iso-points are made anew; then after as many steps as there were
 SLANTED = 0.1  # cosine of normal and ray below which a point's pixel may show what is beside it: no colour is compared
@@ -53,6 +53,7 @@ class Plan:
     share: float  # of those the share that is salient
     inner: float  # weight of a place within the surface that is to stay inside
     lowest: int  # places on a ray outside of a mask, besides those near iso-points
+    rim: float  # share of the rays that are near the rim of a mask
 
 
 class PointSampler:
@@ -82,7 +83,7 @@ class PointSampler:
     ):
         self._field, self._scene, self._plan, self._run, self._generator = field, scene, plan, run, generator
         self._rays = RaySampler(field.network, scene, views, samples, space, generator)
-        self._pixels = self._rays.pixels
+        self._pixels = Pixels(scene, generator, plan.rim)
         self._samples, self._space = samples, space
         self._step, self._next = 0, plan.warm_up
         self._count = plan.points
@@ -116,7 +117,8 @@ class PointSampler:
             # and some new ones: the surface may have grown where there were none
             strays = in_ball(self._count // STRAYS, 1.0, self._generator)
             starts = torch.cat([self.iso.points, strays])
-            self._count = min(plan.most_points, round(GROWTH * self._count))
+            if self._step > plan.warm_up + plan.refresh:  # at first the surface is coarse, and they are made often
+                self._count = min(plan.most_points, round(GROWTH * self._count))
         how = Extraction(self._count, tolerance=TOLERANCE, reach=1.0, **FAST)
         try:
             self.iso = extract(self._field.network, starts, how)
@@ -188,19 +190,22 @@ class PointSampler:
 
     def _outside(self, views: Tensor, count: int) -> Wanted:
         """Places on rays outside of the masks."""
-        rays = self._scene.rays(*self._pixels.outside(views, max(1, count)))
-        drawn = len(rays.origins)
+        view, place, weight = self._pixels.outside(views, max(2, count))
+        rays = self._scene.rays(view, place)
+        drawn = len(view)
         near, far, reaches = ball_span(rays, 1.0)
         rays, near, far = Rays(rays.origins[reaches], rays.directions[reaches]), near[reaches], far[reaches]
         share = torch.rand(len(near), self._plan.lowest, generator=self._generator, device=near.device)
         anywhere = near[:, None] + share * (far - near)[:, None]
         t = torch.cat([about(rays, self._some(SOME // 4), 2 * self._spacing, OUTER), anywhere], dim=1)
         points = least(self._field, rays, t, first=True).points
-        return Wanted.alike(points, (1 - self._covered(views)) * self._samples / max(1, drawn))
+        weight = (1 - self._covered(views)) * self._samples / max(1, drawn) * weight[reaches]
+        return Wanted(points, weight)
 
     def _occupied(self, views: Tensor, count: int) -> Wanted:
         """Places on rays within the masks."""
-        rays = self._scene.rays(*self._pixels.inside(views, max(1, count)))
+        view, place, weight = self._pixels.inside(views, max(2, count))
+        rays = self._scene.rays(view, place)
         t = about(rays, self._some(SOME), self._spacing, INNER)
         found = least(self._field, rays, t)
         # a ray that seems to miss the surface may meet a part that moved since there were iso-points: it is traced
@@ -208,7 +213,8 @@ class PointSampler:
         traced = trace(self._field, Rays(rays.origins[misses], rays.directions[misses]), SAMPLED)
         found.points[misses] = traced.points
         weights = torch.full_like(found.values, self._plan.inner)
-        weights[misses] = torch.where(traced.hit, 0.0, self._covered(views) * self._samples / max(1, len(weights)))
+        missed = self._covered(views) * self._samples / max(1, len(weights)) * weight[misses]
+        weights[misses] = torch.where(traced.hit, 0.0, missed)
         return Wanted(found.points, weights)
 
     def _some(self, count: int) -> Tensor:

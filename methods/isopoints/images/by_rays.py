@@ -50,7 +50,7 @@ class RaySampler:
         """The next step's points."""
         scene = self._scene
         views = self.pixels.views(self.views)
-        view, place = self.pixels.any(views, max(1, self._samples // len(views)))
+        view, place, _ = self.pixels.any(views, max(1, self._samples // len(views)))
         rays, inside = scene.rays(view, place), scene.inside(view, place)
         traced = trace(self._network, rays, self._tracing, search=inside)  # type: ignore[arg-type]
         self.evaluations += traced.evaluations

@@ -26,10 +26,11 @@ class ByIsoPoints(FromImages):
     most_points: int = 20_000  # and in the end: a fifth more each time (thesis)
     warm_up: int = 0  # steps by ray tracing, before the first iso-points (thesis: 500)
     refresh: int = 100  # steps between new iso-points
-    surface: float = 0.5  # share of the samples that are of the surface
+    surface: float = 0.65  # share of the samples that are of the surface
     share: float = 0.2  # of those the share that is drawn where it matters (released)
     inner: float = 0.1  # weight of places on rays within masks that are inside already, and are to stay it
     lowest: int = 2  # random places on a ray outside of a mask, besides those near iso-points; the least value counts
+    rim: float = 0.5  # share of the rays, inside and outside of masks, that are near a rim; they count less
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -37,6 +38,8 @@ class ByIsoPoints(FromImages):
         for name in ("surface", "share"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"{name}: expected a number between 0 and 1, got {getattr(self, name)}")
+        if not 0 <= self.rim < 1:
+            raise ValueError(f"rim: expected 0 to less than 1, got {self.rim}")
 
     def sampler(self, field: ImageField, scene: Scene, run: Run) -> Sampling:
         """Iso-points."""

@@ -6,10 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 from torch.nn import functional as F
 
 from bench import Views
+
+RIM = 0.03  # of an image's longer side: a pixel so near to the other kind is at the rim of a mask
 
 
 class Rays(NamedTuple):
@@ -109,42 +112,77 @@ class Scene:
         return colors.clamp(max=1)
 
 
-class Pixels:
-    """Draws random pixels of one kind: of a mask, outside of it, or any."""
+class Drawn(NamedTuple):
+    """Pixels of views."""
 
-    def __init__(self, scene: Scene, generator: torch.Generator):
-        self._scene, self._generator = scene, generator
-        self._inside = [torch.nonzero(mask.reshape(-1))[:, 0] for mask in scene.masks]
-        self._outside = [torch.nonzero(~mask.reshape(-1))[:, 0] for mask in scene.masks]
+    view: Tensor  # (n,)
+    place: Tensor  # (n, 2), of their middles
+    weight: Tensor  # (n,), how many pixels one stands for, over the mean
+
+
+class Pixels:
+    """Draws random pixels of one kind: of a mask, outside of it, or any.
+
+    Of one kind, a share of ``rim`` is drawn near the rim of the mask, and these count accordingly less: pixels farther
+    away say little, for nobody doubts that they are inside, or outside.
+    """
+
+    def __init__(self, scene: Scene, generator: torch.Generator, rim: float = 0.0):
+        self._scene, self._generator, self._rim = scene, generator, rim
+        self._kinds = [_kinds(mask) for mask in scene.masks]
 
     def views(self, count: int) -> Tensor:
         """So many different views, or all."""
         device = self._generator.device
         return torch.randperm(len(self._scene), generator=self._generator, device=device)[:count]
 
-    def any(self, views: Tensor, count: int) -> tuple[Tensor, Tensor]:
-        """``count`` pixels of each of some views (m,): their views and the places of their middles."""
+    def any(self, views: Tensor, count: int) -> Drawn:
+        """``count`` pixels of each of some views (m,)."""
         total = int(self._scene.size.prod())
-        return self._placed(views, [self._rows(total, count) for _ in range(len(views))])
+        rows = [self._rows(total, count) for _ in range(len(views))]
+        return self._placed(views, rows, torch.ones(count * len(views), device=views.device))
 
-    def inside(self, views: Tensor, count: int) -> tuple[Tensor, Tensor]:
-        """The same, of the masks; nothing of a view whose mask is empty."""
-        return self._of(self._inside, views, count)
+    def inside(self, views: Tensor, count: int) -> Drawn:
+        """The same, of the masks (at least two); nothing of a view whose mask is empty."""
+        return self._of(0, views, count)
 
-    def outside(self, views: Tensor, count: int) -> tuple[Tensor, Tensor]:
-        """The same, outside of the masks."""
-        return self._of(self._outside, views, count)
+    def outside(self, views: Tensor, count: int) -> Drawn:
+        """The same, outside of the masks (at least two)."""
+        return self._of(1, views, count)
 
-    def _of(self, kinds: list[Tensor], views: Tensor, count: int) -> tuple[Tensor, Tensor]:
-        chosen = [kinds[view] for view in views.tolist()]
-        return self._placed(views, [kind[self._rows(len(kind), count if len(kind) else 0)] for kind in chosen])
+    def _of(self, kind: int, views: Tensor, count: int) -> Drawn:
+        rows, weights = [], []
+        for view in views.tolist():
+            near, far = self._kinds[view][kind]
+            share = len(near) / max(1, len(near) + len(far))
+            some = round(count * (self._rim + (1 - self._rim) * share))
+            # of a part with pixels at least one, however few are drawn
+            some = count if not len(far) else 0 if not len(near) else min(max(1, some), count - 1)
+            for pixels, drawn, part in ((near, some, share), (far, count - some, 1 - share)):
+                number = drawn if len(pixels) else 0
+                rows.append(pixels[self._rows(len(pixels), number)])
+                weights.append(torch.full((number,), part * count / max(1, drawn), device=pixels.device))
+        return self._placed(views.repeat_interleave(2), rows, torch.cat(weights))
 
     def _rows(self, below: int, count: int) -> Tensor:
         return torch.randint(max(1, below), (count,), generator=self._generator, device=self._generator.device)
 
-    def _placed(self, views: Tensor, numbers: list[Tensor]) -> tuple[Tensor, Tensor]:
+    def _placed(self, views: Tensor, numbers: list[Tensor], weight: Tensor) -> Drawn:
         width = int(self._scene.size[0])
         number = torch.cat(numbers)
         counts = torch.tensor([len(some) for some in numbers], device=number.device)
         row = torch.div(number, width, rounding_mode="floor")
-        return views.repeat_interleave(counts), torch.stack([number - row * width, row], dim=1) + 0.5
+        view = views.repeat_interleave(counts)
+        return Drawn(view, torch.stack([number - row * width, row], dim=1) + 0.5, weight)
+
+
+def _kinds(mask: Tensor) -> list[tuple[Tensor, Tensor]]:
+    """The numbers of a mask's pixels, of those near its rim and of the others; and of the pixels outside."""
+    held = mask.cpu().numpy()
+    kinds = []
+    for kind in (held, ~held):
+        # an image that is all of one kind has no rim; the function would measure to a place that it makes up
+        distance = distance_transform_edt(kind) if not kind.all() else np.full(kind.shape, np.inf)
+        near, far = kind & (distance <= RIM * max(kind.shape)), kind & (distance > RIM * max(kind.shape))
+        kinds.append(tuple(torch.as_tensor(np.flatnonzero(some), device=mask.device) for some in (near, far)))
+    return kinds

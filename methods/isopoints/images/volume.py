@@ -96,7 +96,7 @@ class VolumeSampler:
     def draw(self) -> RayBatch:
         """The next step's rays; those that miss the ball are left out, and count."""
         views = self._pixels.views(self._views)
-        view, place = self._pixels.any(views, max(1, self._count // len(views)))
+        view, place, _ = self._pixels.any(views, max(1, self._count // len(views)))
         rays = self._scene.rays(view, place)
         near, far, reaches = ball_span(rays, 1.0)
         total = len(view)

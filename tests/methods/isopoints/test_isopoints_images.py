@@ -1,6 +1,7 @@
 """What steps of a fit to images see, against closed forms and naive loops."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from bench.methods.isopoints.images.saliency import averaged, children, curvatur
 from bench.methods.isopoints.images.scene import Rays, Scene
 from bench.methods.isopoints.images.visibility import visible
 from bench.methods.isopoints.images.volume import VolumeSampler, opacities, weights_of
+from bench.methods.learned.networks.sine_network import SineNetwork
 from bench.methods.learned.networks.sphere import begin_as_sphere
 
 TERMS = Terms(color=1.0, mask=30.0, eikonal=0.1, steepness=50.0, motion="normal", most=0.1)
@@ -128,14 +130,21 @@ def test_children_stand_between_salient_points_and_their_neighbours():
     assert len(new) == 8 * fathers
 
 
+@cache
+def sphere_weights():
+    network = SineNetwork(5.0, hidden_layers=3, width=96, generator=torch.Generator().manual_seed(0))
+    begin_as_sphere(network, 0.5)
+    return network.state_dict()
+
+
 def toy_field(scene, kind=ImageField):
-    field = kind(scene, TERMS, None, 5.0, hidden_layers=3, width=96, generator=torch.Generator().manual_seed(0))
-    begin_as_sphere(field.network, 0.5)
+    field = kind(scene, TERMS, None, 5.0, hidden_layers=3, width=96, generator=torch.Generator())
+    field.network.load_state_dict(sphere_weights())
     return field
 
 
 def point_sampler(scene, field, importance="uniform"):
-    plan = Plan(importance, 800, 1600, warm_up=0, refresh=4, surface=0.5, share=0.2, inner=0.1, lowest=4)
+    plan = Plan(importance, 800, 1600, warm_up=0, refresh=4, surface=0.5, share=0.2, inner=0.1, lowest=4, rim=0.5)
     return PointSampler(field, scene, 3, 300, 60, plan, Run(), torch.Generator().manual_seed(1))
 
 

@@ -1,6 +1,7 @@
 """Rays against closed forms, and derivatives of intersections against finite differences."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -192,16 +193,45 @@ def test_the_loss_of_colours_has_the_derivative_of_traced_images():
         assert float(parameter.grad[place]) == pytest.approx((losses[0] - losses[1]) / (2 * step), rel=2e-3, abs=1e-6)
 
 
-def test_pixels_are_drawn_from_their_kind():
+@pytest.mark.parametrize("rim", [0.0, 0.5])
+def test_pixels_are_drawn_from_their_kind(rim):
     scene, generator = Scene(views_of_a_ball(4, 24), "cpu"), torch.Generator().manual_seed(0)
-    pixels, views = Pixels(scene, generator), torch.tensor([2, 0])
+    pixels, views = Pixels(scene, generator, rim), torch.tensor([2, 0])
     for draw, wanted in ((pixels.inside, True), (pixels.outside, False)):
-        view, place = draw(views, 50)
+        view, place, weight = draw(views, 50)
         assert view.tolist() == [2] * 50 + [0] * 50
         assert (scene.inside(view, place) == wanted).all()
         assert torch.equal(place % 1, torch.full_like(place, 0.5))
-    view, place = pixels.any(views, 500)
+        assert weight[:50].sum() == pytest.approx(50, rel=1e-5) == weight[50:].sum()
+    view, place, weight = pixels.any(views, 500)
     assert float(scene.inside(view, place).float().mean()) == pytest.approx(float(scene.masks.float().mean()), abs=0.06)
+    assert (weight == 1).all()
+
+
+@pytest.mark.parametrize("rim", [0.0, 0.3, 0.8])
+@pytest.mark.parametrize("count", [2, 7, 4000])
+def test_pixels_near_the_rim_are_more_and_count_less(rim, count):
+    """The weighted mean of anything is that of all pixels of the kind."""
+    scene = Scene(views_of_a_ball(1, 64), "cpu")
+    pixels, view = Pixels(scene, torch.Generator().manual_seed(0), rim), torch.zeros(1, dtype=torch.long)
+    drawn = [pixels.inside(view, count) for _ in range(max(1, 1000 // count))]
+    place, weight = torch.cat([one.place for one in drawn]), torch.cat([one.weight for one in drawn])
+    distances = (place - 32).norm(dim=1)  # from the middle of the ball's image
+    rows, columns = np.nonzero(scene.masks[0].numpy())
+    truth = np.hypot(columns - 31.5, rows - 31.5)
+    assert float((weight * distances).sum() / weight.sum()) == pytest.approx(truth.mean(), rel=0.05)
+    if rim and count == 4000:
+        assert float((distances > truth.max() - 2).float().mean()) > rim > (truth > truth.max() - 2).mean()
+
+
+def test_masks_without_a_rim_are_drawn_from_too():
+    """All inside, and nothing inside."""
+    views = views_of_a_ball(2, 16)
+    scene = Scene(replace(views, masks=np.stack([np.ones_like(views.masks[0]), np.zeros_like(views.masks[0])])), "cpu")
+    pixels, both = Pixels(scene, torch.Generator().manual_seed(0), 0.5), torch.tensor([0, 1])
+    view, _, weight = pixels.inside(both, 10)
+    assert view.tolist() == [0] * 10 and weight.tolist() == [1] * 10
+    assert pixels.outside(both, 10).view.tolist() == [1] * 10
 
 
 def test_the_scene_projects_and_casts_as_the_views_do():
@@ -233,7 +263,7 @@ def test_colours_at_the_middles_of_pixels_are_theirs_and_nothing_of_the_backgrou
 def test_shading_of_the_true_normals_is_the_image():
     views = views_of_a_ball(3, 48)
     scene = Scene(views, "cpu")
-    view, place = Pixels(scene, torch.Generator().manual_seed(0)).inside(torch.arange(3), 200)
+    view, place, _ = Pixels(scene, torch.Generator().manual_seed(0)).inside(torch.arange(3), 200)
     traced = trace(lambda x: torch.linalg.vector_norm(x, dim=1) - 1, scene.rays(view, place), Tracing(radius=1.1))
     assert traced.hit.float().mean() > 0.99
     shaded = scene.shaded(view, torch.nn.functional.normalize(traced.points, dim=1))
