@@ -196,7 +196,7 @@ def in_a_fork(
 
 
 def set_one_thread_of_torch() -> None:
-    """Four processes with two threads each, that wait for each other by spinning, are thirty times as slow as with one."""
+    """Four processes with two threads each, that spin while they wait, are thirty times as slow as with one each."""
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)
 
