@@ -5,6 +5,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from bench import PointCloud
 from bench.errors import UsageError
 from bench.plugins.presets import names
 from bench.ranking import published
@@ -27,6 +28,31 @@ def test_every_table_names_columns_of_its_convention_and_methods_that_exist(name
     for line in table.lines:
         assert set(line.values) <= titles
         assert set(line.parameters) <= set(defaults(registry().find("method", line.method)))
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_every_table_computes_the_scores_that_it_prints(name):
+    """Otherwise a run ends after hours with results that its own table cannot show."""
+    from omegaconf import OmegaConf
+
+    from bench.authoring.conformance import toy_case
+    from bench.plan.cell import Choice
+    from bench.plugins.registry import registry
+    from bench.ranking.conventions import load_convention
+    from bench.sweep.composition import compose
+
+    table = load_published(name)
+    config = OmegaConf.to_container(compose([f"experiment={name}"]), resolve=True)
+    task = registry().find("task", config["task"]["_name_"]).cls()
+    case, scores = toy_case(task, "cloud"), {}
+    output = case.input["source"] if task.output == "mesh" and "source" in case.input else case.reference.mesh
+    if task.output == "cloud":
+        output = PointCloud(case.reference.mesh.vertices, case.reference.mesh.vertex_normals)
+    for metric, node in config["metric"].items():
+        scores |= Choice.of("metric", node, metric).build().score(output, case)
+    convention = load_convention(table.convention).of(scores)
+    printed = {column.title for column in convention.columns if column.score in scores}
+    assert {title for line in table.lines for title in line.values} <= printed
 
 
 def test_a_line_is_found_by_its_parameters_given_or_default():
