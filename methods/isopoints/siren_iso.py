@@ -35,13 +35,17 @@ class SirenIso(Fitted):
     thesis does not have). From time to time they are extracted anew. ``iso=false`` is the baseline.
     """
 
-    learning_rate: float = 1e-4  # of Adam
+    steps: int = 1000  # of training, at most
+    batch: int = 512  # points of the input in a step; as many of the space are added
+    learning_rate: float = 5e-4  # of Adam (thesis: 1e-4)
     omega: float = 30.0  # frequency of the sine layers
     hidden_layers: int = 3  # sine layers behind the first
-    width: int = 256  # of each layer
+    width: int = 128  # of each layer (thesis: 256)
     sphere: float = 0.5  # radius of the sphere that the network begins as; 0 to begin at random
     clip: float = 1.0  # largest norm of the gradient; 0 for none
-    keep: Literal["last", "best"] = "last"  # which state is kept: the last, or the one nearest to the (noisy) points
+    keep: Literal["last", "best", "mean"] = (
+        "last"  # which state is kept: the last, or the one nearest to the (noisy) points
+    )
     surface: float = 1000.0  # weight of |f| on points and iso-points
     normal: float = 100.0  # weight of their normals
     space: float = 50.0  # weight of exp(-steepness |f|) elsewhere (released: 100)
@@ -64,20 +68,22 @@ class SirenIso(Fitted):
     bandwidth: Literal["noise", "spacing"] = "noise"
     # iso-points count as much as the input's points, or by their number (released)
     mixing: Literal["equal", "by_count"] = "equal"
+    facing: float = 50.0  # weight of gradients in space that point against the nearest point's normal (released: 2)
+    facing_until: float = 1.0  # until this share of the training is done (released: 1/30)
 
     free_on_load = (
         *("sphere", "clip", "keep", "surface", "normal", "space", "eikonal", "steepness", "steepening", "squared"),
         *("near", "iso", "share", "warm_up", "refresh", "per_step", "pca", "hold", "outliers", "sheets", "sigma"),
-        *("bandwidth", "mixing"),
+        *("bandwidth", "mixing", "facing", "facing_until"),
     )
     sine_sphere = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         at_least(self, hidden_layers=1, width=1, sphere=0, clip=0, surface=0, normal=0, space=0, eikonal=0)
-        at_least(self, steepening=0, hold=0, warm_up=0, refresh=1, per_step=1, pca=3)
+        at_least(self, steepening=0, hold=0, facing=0, warm_up=0, refresh=1, per_step=1, pca=3)
         positive(self, "omega", "steepness", "share", "sigma")
-        for name, most in (("near", 1), ("sigma", 180)):
+        for name, most in (("near", 1), ("sigma", 180), ("facing_until", 1)):
             if not 0 <= getattr(self, name) <= most:
                 raise ValueError(f"{name}: expected 0 to {most}, got {getattr(self, name)}")
 
@@ -105,5 +111,5 @@ class SirenIso(Fitted):
         return GuidedSampler(field.network, points, normals, plan, run, run.torch_generator())
 
     def training(self) -> dict[str, Any]:
-        """Gradients are clipped; the last state counts, since a batch of noisy points favours what overfits to them."""
+        """Gradients are clipped; and which state counts: a batch of noisy points favours what overfits to them."""
         return {"clip": self.clip, "keep": self.keep}

@@ -26,6 +26,9 @@ class RegularisedBatch(Batch):
         Points of the four kinds in the whole step.
     bounds : (m,) tensor
         For points of sheets that the cloud does not confirm: what the field is at least (at most, where negative).
+    facing : (s, 3) tensor
+        For points of the space: the normals of the points of the cloud nearest to them, times exp(-2 d^2), d the
+        distance in between.
     """
 
     weights: Tensor
@@ -33,6 +36,7 @@ class RegularisedBatch(Batch):
     iso_normals: Tensor
     counts: tuple[int, int, int, int]
     bounds: Tensor
+    facing: Tensor
 
     def chunks(self, size: int) -> Iterator[RegularisedBatch]:
         """Parts of about ``size`` points, each with its share of the four kinds."""
@@ -42,6 +46,7 @@ class RegularisedBatch(Batch):
         on, iso, space, off = (torch.tensor_split(kind, parts) for kind in kinds)
         normals, weights = torch.tensor_split(self.normals, parts), torch.tensor_split(self.weights, parts)
         iso_normals, bounds = torch.tensor_split(self.iso_normals, parts), torch.tensor_split(self.bounds, parts)
+        facing = torch.tensor_split(self.facing, parts)
         for i in range(parts):
             yield replace(
                 self,
@@ -52,4 +57,5 @@ class RegularisedBatch(Batch):
                 iso=len(iso[i]),
                 iso_normals=iso_normals[i],
                 bounds=bounds[i],
+                facing=facing[i],
             )

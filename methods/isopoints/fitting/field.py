@@ -30,6 +30,8 @@ class Weights:
     hold: float = 1.0  # how much the terms of the iso-points count
     # iso-points count as much as the cloud, or by how many there are
     mixing: Literal["equal", "by_count"] = "equal"
+    facing: float = 50.0  # in space the gradient is not to point against the nearest point's normal (released: 2)
+    facing_until: float = 1.0  # until this share of the training is done (released: 1/30)
 
 
 class RegularisedField(Field):
@@ -68,6 +70,9 @@ class RegularisedField(Field):
         steepness = weights.steepness * (1 + weights.steepening * t)
         off = torch.exp(-steepness * f[end:last].abs()).sum() / space
         loss = weights.eikonal * eikonal + weights.space * off
+        if weights.facing and t < weights.facing_until:
+            unit = F.normalize(gradient[end:last], dim=1)
+            loss = loss + weights.facing * F.relu(-(unit * batch.facing).sum(1)).sum() / space
         if not batch.counts[1]:
             return loss + data
         short = F.relu(batch.bounds.abs() - batch.bounds.sign() * f[last:])

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 import torch
+from scipy.spatial import cKDTree
 from torch import Tensor
 
 from bench import Run
@@ -79,6 +80,7 @@ class GuidedSampler:
         unit = torch.as_tensor(np.asarray(normals, dtype=np.float32), device=device)
         self._normals = torch.nn.functional.normalize(unit, dim=1)
         self._weights = torch.ones(len(points), device=device)
+        self._tree = cKDTree(np.asarray(points, dtype=float))
         self._iso_normals = torch.zeros(0, 3, device=device)
         self._extraction = Extraction(plan.count, reach=CORNER) if plan.sheets else Extraction(plan.count)
         self._step = -1  # the first batch may be held out
@@ -112,6 +114,7 @@ class GuidedSampler:
             iso_normals=iso_normals,
             counts=counts,
             bounds=self._false.bounds[false],
+            facing=self._facing(x[2]),
         )
 
     def _rows(self, below: int, count: int) -> Tensor:
@@ -123,6 +126,13 @@ class GuidedSampler:
         uniform = torch.rand(plan.batch - near, 3, generator=self._generator, device=device) * 2 - 1
         noise = SPREAD * torch.randn(near, 3, generator=self._generator, device=device)
         return torch.cat([uniform, self._points[self._rows(len(self._points), near)] + noise])
+
+    def _facing(self, space: Tensor) -> Tensor:
+        """The normals of the nearest points; they count less where those are far."""
+        distances, rows = self._tree.query(space.double().cpu().numpy())
+        device = space.device
+        shares = torch.exp(-2 * torch.from_numpy(distances).to(device, space.dtype).square())
+        return shares[:, None] * self._normals[torch.from_numpy(rows).to(device)]
 
     def _renew(self) -> None:
         """New iso-points, from the last ones or from the cloud."""

@@ -64,6 +64,7 @@ def some_batch(iso=7, false=0):
         iso_normals=unit[10:],
         counts=(10, iso, 12, false),
         bounds=torch.rand(false, generator=g) - 0.5,
+        facing=torch.rand(12, 3, generator=g) - 0.5,
     )
 
 
@@ -90,16 +91,26 @@ def written_out(field, batch, weights, t):
     else:
         eikonal = (sum(stretch[i] for i in on) + sum(stretch[i] for i in space)) / 22
     steep = weights.steepness * (1 + weights.steepening * t)
+    against = 0.0
+    if t < weights.facing_until:
+        turned = [-g[i] @ n / np.linalg.norm(g[i]) for i, n in zip(space, batch.facing.numpy(), strict=True)]
+        against = weights.facing * sum(max(0.0, value) for value in turned) / 12
     return (
         data
         + regular
+        + against
         + weights.eikonal * eikonal
         + weights.space * sum(math.exp(-steep * abs(f[i])) for i in space) / 12
     )
 
 
+FACING = {"facing": 20.0, "facing_until": 0.5}
+
+
 @pytest.mark.parametrize(("iso", "false"), [(0, 0), (7, 0), (7, 5)])
-@pytest.mark.parametrize("own", [{}, {"hold": 0.3}, {"squared": True, "steepening": 1.0, "mixing": "by_count"}])
+@pytest.mark.parametrize(
+    "own", [{}, {"hold": 0.3}, {"squared": True, "steepening": 1.0, "mixing": "by_count"}, FACING, {"facing": 0.0}]
+)
 def test_the_loss_is_the_objective(iso, false, own):
     weights = Weights(**own)
     field = RegularisedField(weights, 15.0, hidden_layers=1, width=16, generator=torch.Generator().manual_seed(1))
@@ -109,6 +120,24 @@ def test_the_loss_is_the_objective(iso, false, own):
     parts = list(batch.chunks(8))
     assert len(parts) > 2 and sum(len(part.x) for part in parts) == len(batch.x)
     assert sum(field.loss(part, 0.4) for part in parts).item() == pytest.approx(wanted, rel=1e-5)
+
+
+def test_gradients_in_space_may_face_either_way_later():
+    batch, fields = some_batch(), []
+    for own in ({"facing": 0.0}, FACING):
+        form = {"hidden_layers": 1, "width": 16, "generator": torch.Generator().manual_seed(1)}
+        fields.append(RegularisedField(Weights(**own), 15.0, **form))
+    early, late = ([field.loss(batch, t).item() for field in fields] for t in (0.49, 0.5))
+    assert early[1] > early[0] and late[1] == late[0]
+
+
+def test_points_of_the_space_know_the_normal_of_the_nearest_point():
+    points, normals = even(400)
+    batch = sampler(points, normals).draw()
+    space = batch.x[batch.on + batch.iso :].double().numpy()
+    away = np.linalg.norm(space[:, None] - points, axis=2)
+    wanted = np.exp(-2 * away.min(1) ** 2)[:, None] * normals[away.argmin(1)]
+    np.testing.assert_allclose(batch.facing.numpy(), wanted, atol=1e-5)
 
 
 def test_iso_points_come_after_the_warm_up_and_again():
@@ -211,6 +240,7 @@ def test_false_sheets_are_in_the_steps():
 def test_presets_keep_the_published_sizes(name, steps):
     values = presets("method")[f"siren_iso_{name}"].values
     assert (values["warm_up"], values["refresh"], values["share"]) == steps
+    assert values["learning_rate"] == 1e-4 and values["width"] == 256 and values["facing"] in (0, 2)
     assert values["bandwidth"] == "spacing" and values["sheets"] is False and values["per_step"] == 5000
 
 
@@ -235,6 +265,7 @@ def test_a_fit_makes_iso_points_and_is_repeatable():
         ({"share": 0}, "share: expected more than 0"),
         ({"near": 1.5}, "near: expected 0 to 1, got 1.5"),
         ({"sigma": 200}, "sigma: expected 0 to 180, got 200"),
+        ({"facing_until": 2}, "facing_until: expected 0 to 1, got 2"),
         ({"refresh": 0}, "refresh: expected at least 1"),
         ({"pca": 2}, "pca: expected at least 3"),
     ],
