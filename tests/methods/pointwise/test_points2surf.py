@@ -1,4 +1,4 @@
-"""Points2Surf: the network's layers, its inputs, the grid, and the training."""
+"""Points2Surf: the network's layers, its inputs, the grid, the training, and that the weights that come with it do."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ import pytest
 import torch
 from scipy.spatial import cKDTree
 from trainings import killed_and_resumed
+from trimesh.creation import icosphere
 
 from bench import BadInput, InvalidOutput, PointCloud, Run
 from bench.methods.pointwise.networks.surface_network import SurfaceNetwork
@@ -16,6 +17,9 @@ from bench.methods.pointwise.queries.grid import Grid, spread_signs
 from bench.methods.pointwise.queries.inputs import patches_of, wholes_of
 from bench.methods.pointwise.training.surface_training import surface_loss
 from bench.methods.pointwise.training.surfaces import Surfaces, radius_of
+from bench.plugins.registry import registry
+from bench.plugins.schema import parameters
+from bench.plugins.weights import load, shipped
 
 METHODS = Path(__file__).resolve().parents[3] / "methods"
 SMALL = Points2surf(width=16, points=16, subsample=16, counts=(100, 200), steps=6, batch=20, resolution=16)
@@ -173,6 +177,30 @@ def test_a_training_that_was_killed_ends_with_the_same_weights():
     whole = SMALL.fit(data, Run(seed=3))
     again = killed_and_resumed(SMALL, data, 3)
     assert whole.keys() == again.keys() and all((whole[name] == again[name]).all() for name in whole)
+
+
+@pytest.fixture(scope="module")
+def shipped_weights():
+    plugin = registry().find("method", "points2surf")
+    file = shipped(plugin, parameters(plugin, plugin.cls()))
+    assert file == METHODS / "pointwise" / "weights" / "points2surf.safetensors" and file.stat().st_size < 350_000
+    return load(file)
+
+
+@pytest.mark.parametrize("scale", [1.0, 7.0])
+def test_the_weights_that_come_with_it_make_a_ball_of_a_noisy_one(scale, shipped_weights):
+    noisy = ball(3000) + np.random.default_rng(1).normal(scale=0.005, size=(3000, 3))
+    run = Run(weights=shipped_weights, threads=1, seed=0)
+    mesh = Points2surf(resolution=24).reconstruct(PointCloud(scale * noisy + scale), run)
+    assert mesh.volume / scale**3 == pytest.approx(icosphere(4).volume, rel=0.1)
+    away = np.linalg.norm(mesh.vertices / scale - 1, axis=1) - 1
+    assert np.abs(away).mean() < 0.03
+
+
+def test_little_time_makes_the_grid_coarser_and_says_so(shipped_weights):
+    run = Run(weights=shipped_weights, threads=1, seed=0, seconds=1e-3)
+    mesh = Points2surf(resolution=40).reconstruct(PointCloud(ball(1000)), run)
+    assert len(mesh.faces) and "a resolution of 16 instead of 40" in run.notes[0]
 
 
 def test_bad_parameters_and_inputs_are_refused():
