@@ -21,7 +21,7 @@ POINTS = 30_000  # of the cloud: an eighth as many iso-points
 
 def test_new_iso_points(benchmark, capsys):
     """With the sizes of the thesis: 3 x 256, 5,000 points of the cloud and 5,000 of the space a step."""
-    torch.set_num_threads(2)
+    torch.set_num_threads(1)
     thesis = SirenIso(**presets("method")["siren_iso_thesis"].values)
     field = thesis.field(torch.Generator().manual_seed(0))
     unit = golden_spiral(POINTS)

@@ -15,6 +15,7 @@ from ..sampling.extraction import Extraction, IsoPoints, NoLevel, extract, in_ba
 from ..sampling.neighbours import nearest
 from ..sampling.projection import project
 from ..sampling.resampling import Resampling
+from .buried import buried
 from .by_rays import RaySampler
 from .field import ImageField
 from .least import about, least
@@ -54,6 +55,7 @@ class Plan:
     inner: float  # weight of a place within the surface that is to stay inside
     lowest: int  # places on a ray outside of a mask, besides those near iso-points
     rim: float  # share of the rays that are near the rim of a mask
+    fill: bool  # sheets within the shape that no view sees are to be inside
 
 
 class PointSampler:
@@ -103,6 +105,7 @@ class PointSampler:
         views = self._pixels.views(self._rays.views)
         surface, free = self._moved(self._drawn(views))
         occupied = self._occupied(views, round(OCCUPIED * len(surface) / len(views)))
+        occupied = occupied.and_also(self._filled(round(OCCUPIED * len(surface))))
         left = self._samples - len(surface) - len(free) - len(occupied)
         free = free.and_also(self._outside(views, left // len(views)))
         space = in_ball(self._space, 1.0, self._generator)
@@ -131,6 +134,9 @@ class PointSampler:
         all_views = torch.arange(len(self._scene), device=self._generator.device)
         seen = visible(self._scene, all_views, self.iso.points, self.iso.normals, 1.5 * self._spacing)
         self._base = _ByView(seen, self.iso.points, self.iso.normals, len(self._scene))
+        self._buried = self.iso.points[:0]
+        if plan.fill:
+            self._buried = self.iso.points[buried(self._scene, self.iso.points, self.iso.normals, seen)]
         self._more = None if plan.importance == "uniform" else self._salient(seen)
 
     def _salient(self, seen: Visible) -> _ByView | None:
@@ -216,6 +222,13 @@ class PointSampler:
         missed = self._covered(views) * self._samples / max(1, len(weights)) * weight[misses]
         weights[misses] = torch.where(traced.hit, 0.0, missed)
         return Wanted(found.points, weights)
+
+    def _filled(self, count: int) -> Wanted:
+        """Iso-points of voids."""
+        count = min(count, len(self._buried))
+        device = self._generator.device
+        rows = torch.randint(max(1, len(self._buried)), (count,), generator=self._generator, device=device)
+        return Wanted.alike(self._buried[rows])
 
     def _some(self, count: int) -> Tensor:
         """Some of the iso-points: enough to find the part of a ray that is near the surface."""

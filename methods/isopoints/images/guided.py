@@ -31,6 +31,7 @@ class ByIsoPoints(FromImages):
     inner: float = 0.1  # weight of places on rays within masks that are inside already, and are to stay it
     lowest: int = 2  # random places on a ray outside of a mask, besides those near iso-points; the least value counts
     rim: float = 0.5  # share of the rays, inside and outside of masks, that are near a rim; they count less
+    fill: bool = True  # voids within the shape, which no view sees, are to be inside
 
     def __post_init__(self) -> None:
         super().__post_init__()

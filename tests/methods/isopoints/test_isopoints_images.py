@@ -10,6 +10,7 @@ import torch
 from bench import Frame, Run
 from bench.contract.ball_views import views_of_a_ball
 from bench.geometry.spiral import golden_spiral
+from bench.methods.isopoints.images.buried import buried
 from bench.methods.isopoints.images.by_points import Plan, PointSampler
 from bench.methods.isopoints.images.by_rays import RaySampler
 from bench.methods.isopoints.images.field import ImageField, Terms
@@ -143,8 +144,9 @@ def toy_field(scene, kind=ImageField):
     return field
 
 
-def point_sampler(scene, field, importance="uniform"):
-    plan = Plan(importance, 800, 1600, warm_up=0, refresh=4, surface=0.5, share=0.2, inner=0.1, lowest=4, rim=0.5)
+def point_sampler(scene, field, importance="uniform", fill=True):
+    rest = {"surface": 0.5, "share": 0.2, "inner": 0.1, "lowest": 4, "rim": 0.5}
+    plan = Plan(importance, 800, 1600, warm_up=0, refresh=4, fill=fill, **rest)
     return PointSampler(field, scene, 3, 300, 60, plan, Run(), torch.Generator().manual_seed(1))
 
 
@@ -197,6 +199,40 @@ def test_iso_points_outside_of_a_mask_are_to_go():
     covered = (math.tan(math.asin(0.5 / 3)) / math.tan(math.asin(1 / 3))) ** 2 / 2
     disc = float(torch.tensor(views.masks).float().mean())
     assert float(samples.free.weights[on].sum()) == pytest.approx(covered * disc * 300, rel=0.5)
+
+
+def test_sheets_that_no_view_sees_are_to_be_inside():
+    """A ball that the views see, with a void in it; beside them one ball outside of the masks, and one in no image."""
+    scene = Scene(views_of_a_ball(8, 128), "cpu")
+    unit = spiral(2000)
+    centers = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 1.3], [0.0, 0.0, 40.0]])
+    void, outside, away = 0.4 * unit[::8], centers[1] + 0.1 * unit[::20], centers[2] + 0.1 * unit[::20]
+    points = torch.cat([0.95 * unit, void, outside, away])
+    normals = torch.cat([unit, -unit[::8], unit[::20], unit[::20]])
+    seen = visible(scene, torch.arange(8), points, normals, 0.12)
+    found = buried(scene, points, normals, seen)
+    assert found[2000:2250].all() and found.sum() == 250
+
+
+@pytest.mark.parametrize("fill", [True, False])
+def test_a_void_is_to_be_inside(fill):
+    """A field with a void of radius 0.2 in a ball of 0.6, which is what the masks show."""
+
+    class Hollow:
+        def value_and_gradient(self, x):
+            length = x.norm(dim=1, keepdim=True)
+            value = torch.where(length > 0.4, length - 0.6, 0.2 - length)
+            return value[:, 0], torch.where(length > 0.4, x, -x) / length
+
+        def __call__(self, x):
+            return self.value_and_gradient(x)[0]
+
+    scene = Scene(views_of_a_ball(6, 48).in_frame(Frame(radius=1 / 0.6)), "cpu")
+    field = Hollow()
+    field.network = field
+    occupied = point_sampler(scene, field, fill=fill).draw().occupied
+    on_void = (occupied.points.norm(dim=1) - 0.2).abs() < 1e-3
+    assert bool(on_void.any()) == fill and (occupied.weights[on_void] == 1).all()
 
 
 def test_a_step_in_parts_has_the_loss_of_the_whole():
