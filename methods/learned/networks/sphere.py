@@ -23,7 +23,7 @@ from .sine_network import SineNetwork
 BATCH = 2048
 STEPS_PER_OMEGA, RATE_TIMES_OMEGA = 50, 3e-3  # the higher the frequency, the smaller the weights, and so the steps
 # omega, layers behind the first, width: IDF's base and SIREN-3, and the base of a transfer; not SIREN-7, of 0.9 MB each
-FORMS = ((15.0, 3, 256), (30.0, 3, 256), (40.0, 3, 256), (60.0, 3, 256), (5.0, 3, 96))
+FORMS = ((15.0, 3, 256), (30.0, 3, 256), (40.0, 3, 256), (60.0, 3, 256), (5.0, 3, 96), (30.0, 3, 128))
 RADIUS = 0.5
 
 _of_this_process: dict[tuple[float, int, int, float], dict[str, torch.Tensor]] = {}
