@@ -43,9 +43,8 @@ class SirenIso(Fitted):
     width: int = 128  # of each layer (thesis: 256)
     sphere: float = 0.5  # radius of the sphere that the network begins as; 0 to begin at random
     clip: float = 1.0  # largest norm of the gradient; 0 for none
-    keep: Literal["last", "best", "mean"] = (
-        "last"  # which state is kept: the last, or the one nearest to the (noisy) points
-    )
+    # which state is kept: the last, the mean of the last ones, or the one nearest to the (noisy) points
+    keep: Literal["last", "mean", "best"] = "last"
     surface: float = 1000.0  # weight of |f| on points and iso-points
     normal: float = 100.0  # weight of their normals
     space: float = 50.0  # weight of exp(-steepness |f|) elsewhere (released: 100)
