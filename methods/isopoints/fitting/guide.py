@@ -47,6 +47,7 @@ class Plan:
     bandwidth: Bandwidth  # what sigma_p of Eq. 4.15 is taken from
     sheets: bool  # iso-points of sheets that the cloud does not confirm are pushed away from the level
     near: float  # share of the points of space that are near the cloud
+    facing: float  # weight of the normals of the points nearest to those of space; 0: they are not looked for
 
 
 class GuidedSampler:
@@ -129,6 +130,8 @@ class GuidedSampler:
 
     def _facing(self, space: Tensor) -> Tensor:
         """The normals of the nearest points; they count less where those are far."""
+        if not self._plan.facing:
+            return torch.zeros_like(space)
         distances, rows = self._tree.query(space.double().cpu().numpy())
         device = space.device
         shares = torch.exp(-2 * torch.from_numpy(distances).to(device, space.dtype).square())

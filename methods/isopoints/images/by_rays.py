@@ -41,7 +41,7 @@ class RaySampler:
         generator: torch.Generator,
         tracing: Tracing | None = None,
     ):
-        self._network, self._scene, self.pixels = network, scene, Pixels(scene, generator)
+        self._network, self._scene, self._pixels = network, scene, Pixels(scene, generator)
         self.views, self._samples, self._space = min(views, len(scene)), samples, space
         self._generator, self._tracing = generator, tracing or Tracing()
         self.evaluations = 0
@@ -49,8 +49,8 @@ class RaySampler:
     def draw(self) -> Samples:
         """The next step's points."""
         scene = self._scene
-        views = self.pixels.views(self.views)
-        view, place, _ = self.pixels.any(views, max(1, self._samples // len(views)))
+        views = self._pixels.views(self.views)
+        view, place, _ = self._pixels.any(views, max(1, self._samples // len(views)))
         rays, inside = scene.rays(view, place), scene.inside(view, place)
         traced = trace(self._network, rays, self._tracing, search=inside)  # type: ignore[arg-type]
         self.evaluations += traced.evaluations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -129,7 +130,11 @@ class Pixels:
 
     def __init__(self, scene: Scene, generator: torch.Generator, rim: float = 0.0):
         self._scene, self._generator, self._rim = scene, generator, rim
-        self._kinds = [_kinds(mask) for mask in scene.masks]
+
+    @cached_property
+    def _kinds(self) -> list[list[tuple[Tensor, Tensor]]]:
+        """Of each view; who draws any pixels alone does not wait for the distances to the rims."""
+        return [_kinds(mask) for mask in self._scene.masks]
 
     def views(self, count: int) -> Tensor:
         """So many different views, or all."""

@@ -42,7 +42,7 @@ class Ball:
 
 def plan(**own):
     usual = {"batch": 50, "iso": True, "count": 300, "warm_up": 3, "refresh": 4, "per_step": 40, "pca": 8}
-    usual |= {"outliers": True, "sigma": 60.0, "bandwidth": "noise", "sheets": True, "near": 0.0}
+    usual |= {"outliers": True, "sigma": 60.0, "bandwidth": "noise", "sheets": True, "near": 0.0, "facing": 1.0}
     return Plan(**(usual | own))
 
 
