@@ -62,6 +62,8 @@ class SirenIso(Fitted):
     hold: float = 1.0  # how much iso-points count beside the input's points
     outliers: bool = True  # points that iso-points do not confirm count less (Eq. 4.15)
     sheets: bool = True  # where the field vanishes far from the points it is pushed away from 0 instead of held
+    # steps before parts that hang on the surface like bags and have no points are pushed away as well; 0: never
+    lobes_after: int = 300
     sigma: float = 60.0  # degrees by which a normal may differ, sigma_n of Eq. 4.16
     # width of the outlier weight: by the noise of the points, or by the spacing of iso-points (thesis)
     bandwidth: Literal["noise", "spacing"] = "noise"
@@ -73,14 +75,14 @@ class SirenIso(Fitted):
     free_on_load = (
         *("sphere", "clip", "keep", "surface", "normal", "space", "eikonal", "steepness", "steepening", "squared"),
         *("near", "iso", "share", "warm_up", "refresh", "per_step", "pca", "hold", "outliers", "sheets", "sigma"),
-        *("bandwidth", "mixing", "facing", "facing_until"),
+        *("lobes_after", "bandwidth", "mixing", "facing", "facing_until"),
     )
     sine_sphere = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         at_least(self, hidden_layers=1, width=1, sphere=0, clip=0, surface=0, normal=0, space=0, eikonal=0)
-        at_least(self, steepening=0, hold=0, facing=0, warm_up=0, refresh=1, per_step=1, pca=3)
+        at_least(self, steepening=0, hold=0, facing=0, warm_up=0, lobes_after=0, refresh=1, per_step=1, pca=3)
         positive(self, "omega", "steepness", "share", "sigma")
         for name, most in (("near", 1), ("sigma", 180), ("facing_until", 1)):
             if not 0 <= getattr(self, name) <= most:

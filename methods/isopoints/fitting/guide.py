@@ -46,6 +46,7 @@ class Plan:
     sigma: float  # degrees: sigma_n of Eq. 4.16
     bandwidth: Bandwidth  # what sigma_p of Eq. 4.15 is taken from
     sheets: bool  # iso-points of sheets that the cloud does not confirm are pushed away from the level
+    lobes_after: int  # steps before lobes are pushed away as well; 0: never
     near: float  # share of the points of space that are near the cloud
     facing: float  # weight of the normals of the points nearest to those of space; 0: they are not looked for
 
@@ -157,7 +158,7 @@ class GuidedSampler:
         self.refreshed += 1
         self.iso = found
         if self._plan.sheets:
-            self.iso, self._false = split(found, self._points)
+            self.iso, self._false = split(found, self._points, with_lobes=0 < self._plan.lobes_after <= self._step)
         self._iso_normals = pca_normals(self.iso.points, self._plan.pca)
         if self._plan.outliers:
             plan = self._plan

@@ -1,4 +1,4 @@
-"""Which sheets of a level the cloud confirms, and how far the others must go."""
+"""Which sheets of a level the cloud confirms, which lobes hang on them, and how far all others must go."""
 
 from __future__ import annotations
 
@@ -9,33 +9,72 @@ from torch import Tensor
 
 from ..sampling.extraction import IsoPoints
 from ..sampling.neighbours import nearest
-from ..sampling.sheets import sheets_of
+from ..sampling.sheets import connected, sheets_of
 
 LEAST = 0.02  # of the cloud's points: a sheet that is nearest to fewer is not of the surface
 PART = 0.5  # of the distance to the surface: the bound
+AROUND = 8  # neighbours of an iso-point whose points of the cloud hold it, too
+HELD = 0.2  # of the points around the iso-points that the cloud is nearest to (median): with fewer it is bare
+SHUT = 0.5  # of the area of a bare patch: with less vector area it is a lobe
+SMALLEST = 8  # iso-points of a patch that has a form
 
 
 class Sheets(NamedTuple):
     """Iso-points where there should be none."""
 
     points: Tensor  # (m, 3)
-    bounds: Tensor  # (m,) half the distance to the confirmed sheets, negative inside of them
+    bounds: Tensor  # (m,) half the distance to the confirmed parts, negative where the field is to be
 
 
-def split(iso: IsoPoints, cloud: Tensor) -> tuple[IsoPoints, Sheets]:
+def split(iso: IsoPoints, cloud: Tensor, *, with_lobes: bool = False) -> tuple[IsoPoints, Sheets]:
     """Iso-points of the sheets to which enough points (n, 3) of a cloud are nearest, and the others.
 
     A network that is fitted to points also vanishes elsewhere: at clumps of outliers, and far from all points, where
-    little says that it should not. Held there, such sheets would stay. A hole does not cut a sheet off.
+    little says that it should not. Held there, such sheets would stay. A hole does not cut a sheet off. With lobes,
+    the bags that hang on a sheet are among the others (:func:`lobes`).
     """
     sheet = sheets_of(iso.points)
-    votes = torch.bincount(sheet[nearest(cloud, 1, iso.points).rows[:, 0]], minlength=int(sheet.max()) + 1)
+    voted = nearest(cloud, 1, iso.points).rows[:, 0]
+    votes = torch.bincount(sheet[voted], minlength=int(sheet.max()) + 1)
     true = (votes >= min(LEAST * len(cloud), int(votes.max())))[sheet]
+    inside_is = lobes(iso, voted) if with_lobes else torch.zeros_like(iso.points[:, 0])
+    true &= inside_is == 0
     kept = IsoPoints(iso.points[true], iso.normals[true], iso.evaluations)
     false = iso.points[~true]
-    if not len(false):
-        return kept, Sheets(false, false.new_zeros(0))
+    if not len(false) or not len(kept.points):
+        return (kept if len(kept.points) else iso), Sheets(false[:0], false.new_zeros(0))
     at = nearest(false, 1, kept.points)
     rows = at.rows[:, 0]
     outside = ((false - kept.points[rows]) * kept.normals[rows]).sum(1) >= 0
-    return kept, Sheets(false, torch.where(outside, PART, -PART) * at.distances[:, 0])
+    side = torch.where(outside, 1.0, -1.0)
+    side = torch.where(inside_is[~true] == 0, side, inside_is[~true])
+    return kept, Sheets(false, PART * side * at.distances[:, 0])
+
+
+def lobes(iso: IsoPoints, voted: Tensor) -> Tensor:
+    """The lobes among iso-points: 1 where one encloses the inside, -1 where it encloses the outside, else 0; (n,).
+
+    A patch of the surface without points of the cloud either spans a hole or is a bag that hangs on its rim, say
+    around a clump of outliers. Its vector area, the sum of its normals, depends on the rim alone: it is nearly the area
+    where the patch spans the rim, and little of it where it is a bag with a narrow neck. Normals that point away from
+    the middle say that the inside is in the bag; the field there is to be positive.
+
+    Parameters
+    ----------
+    iso : IsoPoints
+        Evenly spaced, so that their number stands for the area.
+    voted : (m,) tensor
+        For each point of the cloud, the iso-point nearest to it.
+    """
+    near = nearest(iso.points, AROUND).rows
+    votes = torch.bincount(voted, minlength=len(iso.points))
+    around = votes + votes[near].sum(1)
+    bare = around < HELD * around[voted].double().median()
+    patch = connected(near, bare[:, None] & bare[near])
+    count = torch.bincount(patch)
+    zeros = iso.points.new_zeros(len(count), 3)
+    vector = zeros.index_add(0, patch, iso.normals)
+    middle = zeros.index_add(0, patch, iso.points) / count[:, None]
+    shut = (torch.linalg.vector_norm(vector, dim=1) < SHUT * count) & (count >= SMALLEST)
+    away = zeros[:, 0].index_add(0, patch, ((iso.points - middle[patch]) * iso.normals).sum(1))
+    return torch.where(bare & shut[patch], away.sign()[patch], 0.0)

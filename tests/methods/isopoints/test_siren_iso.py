@@ -10,7 +10,7 @@ from bench import PointCloud, Run
 from bench.methods.isopoints.fitting.batch import RegularisedBatch
 from bench.methods.isopoints.fitting.field import RegularisedField, Weights
 from bench.methods.isopoints.fitting.guide import GuidedSampler, Plan, outlier_weights, pca_normals
-from bench.methods.isopoints.fitting.sheets import split
+from bench.methods.isopoints.fitting.sheets import lobes, split
 from bench.methods.isopoints.sampling.extraction import IsoPoints
 from bench.methods.isopoints.siren_iso import SirenIso
 from bench.plugins.presets import presets
@@ -43,6 +43,7 @@ class Ball:
 def plan(**own):
     usual = {"batch": 50, "iso": True, "count": 300, "warm_up": 3, "refresh": 4, "per_step": 40, "pca": 8}
     usual |= {"outliers": True, "sigma": 60.0, "bandwidth": "noise", "sheets": True, "near": 0.0, "facing": 1.0}
+    usual["lobes_after"] = 0
     return Plan(**(usual | own))
 
 
@@ -212,6 +213,43 @@ def test_sheets_without_points_are_found():
     distance = (torch.linalg.vector_norm(false.points, dim=1) - 0.8).numpy()
     assert false.bounds.numpy() == pytest.approx(distance / 2, abs=0.01)
     assert len(split(kept, cloud)[1].points) == 0
+
+
+def bag_on_a_ball(turned=1.0):
+    """A ball of radius 0.8 and one of radius 0.3 that hangs on it by a neck: iso-points, which are the bag's."""
+    large, unit = even(2000)
+    small, small_unit = even(281, radius=0.3)
+    small = small + [1.05, 0, 0]
+    outer = np.linalg.norm(small, axis=1) > 0.8
+    own = np.linalg.norm(large - [1.05, 0, 0], axis=1) > 0.3
+    points, normals = np.concatenate([large[own], small[outer]]), np.concatenate([unit[own], small_unit[outer]])
+    iso = IsoPoints(torch.from_numpy(points).float(), torch.from_numpy(turned * normals).float(), 0)
+    return iso, torch.arange(len(points)) >= own.sum()
+
+
+@pytest.mark.parametrize("turned", [1.0, -1.0])
+def test_a_bag_that_hangs_on_the_surface_is_a_lobe(turned):
+    """Solid or void: the rim of its neck is small for its area. Points of the cloud go round the neck."""
+    iso, bag = bag_on_a_ball(turned)
+    cloud = ball(6000, seed=3)[0]
+    cloud = torch.from_numpy(cloud[np.linalg.norm(cloud - [1.05, 0, 0], axis=1) > 0.35]).float()
+    kept, false = split(iso, cloud, with_lobes=True)
+    missed = bag & (iso.points[:, :1] == false.points[:, 0]).any(1).logical_not()
+    assert len(false.points) >= 0.9 * bag.sum() and missed.sum() <= 0.15 * bag.sum()
+    assert (false.bounds.sign() == turned).all()
+    assert torch.linalg.vector_norm(false.points, dim=1).min() > 0.79
+    assert len(split(iso, cloud)[1].points) == 0
+
+
+@pytest.mark.parametrize("degrees", [20, 40, 60, 75])
+def test_a_patch_that_spans_a_hole_is_no_lobe(degrees):
+    """A cap of a ball has (1 + cos) / 2 of its area as vector area: more than half of it up to a half ball."""
+    points, normals = even(2000)
+    cloud, _ = ball(6000, seed=4)
+    cloud = cloud[cloud[:, 2] < 0.8 * math.cos(math.radians(degrees))]
+    iso = IsoPoints(torch.from_numpy(points).float(), torch.from_numpy(normals).float(), 0)
+    voted = torch.from_numpy(((cloud[:, None] - points[None]) ** 2).sum(2).argmin(1))
+    assert (lobes(iso, voted) == 0).all()
 
 
 def test_false_sheets_are_in_the_steps():
