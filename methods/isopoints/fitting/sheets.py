@@ -17,6 +17,7 @@ AROUND = 8  # neighbours of an iso-point whose points of the cloud hold it, too
 HELD = 0.2  # of the points around the iso-points that the cloud is nearest to (median): with fewer it is bare
 SHUT = 0.5  # of the area of a bare patch: with less vector area it is a lobe
 SMALLEST = 8  # iso-points of a patch that has a form
+FEWEST = 4  # iso-points of a rim
 
 
 class Sheets(NamedTuple):
@@ -56,8 +57,9 @@ def lobes(iso: IsoPoints, voted: Tensor) -> Tensor:
 
     A patch of the surface without points of the cloud either spans a hole or is a bag that hangs on its rim, say
     around a clump of outliers. Its vector area, the sum of its normals, depends on the rim alone: it is nearly the area
-    where the patch spans the rim, and little of it where it is a bag with a narrow neck. Normals that point away from
-    the middle say that the inside is in the bag; the field there is to be positive.
+    where the patch spans the rim, and little of it where it is a bag with a narrow neck. A tube between two parts that
+    have points has no vector area either, but two rims. Normals that point away from the middle say that the inside is
+    in the bag; the field there is to be positive.
 
     Parameters
     ----------
@@ -77,4 +79,22 @@ def lobes(iso: IsoPoints, voted: Tensor) -> Tensor:
     middle = zeros.index_add(0, patch, iso.points) / count[:, None]
     shut = (torch.linalg.vector_norm(vector, dim=1) < SHUT * count) & (count >= SMALLEST)
     away = zeros[:, 0].index_add(0, patch, ((iso.points - middle[patch]) * iso.normals).sum(1))
-    return torch.where(bare & shut[patch], away.sign()[patch], 0.0)
+    side = torch.zeros_like(away)
+    held = connected(near, ~bare[:, None] & ~bare[near])
+    enough = torch.bincount(held[voted], minlength=int(held.max()) + 1) >= LEAST * len(voted)
+    for one in torch.nonzero(shut)[:, 0]:
+        if bare[patch == one].all() and rims(patch == one, ~bare & enough[held], near) < 2:
+            side[one] = away[one].sign()
+    return side[patch]
+
+
+def rims(patch: Tensor, around: Tensor, near: Tensor) -> int:
+    """How many rims a patch of points (n,) bool has among other points (n,) bool: parts that their neighbours link."""
+    rim = patch
+    for _ in range(2):  # as wide as that: a ring of single points may have gaps
+        reached = rim[near].any(1)
+        reached[near[rim].flatten()] = True
+        rim = rim | (reached & around)
+    rim = rim & ~patch
+    parts = connected(near, rim[:, None] & rim[near])[rim]
+    return int((torch.bincount(parts) >= FEWEST).sum()) if len(parts) else 0

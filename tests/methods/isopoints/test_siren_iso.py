@@ -252,6 +252,21 @@ def test_a_patch_that_spans_a_hole_is_no_lobe(degrees):
     assert (lobes(iso, voted) == 0).all()
 
 
+@pytest.mark.parametrize("bare", [0.2, 0.5])
+def test_a_tube_between_two_parts_is_no_lobe(bare):
+    """A stalk whose middle no sensor sees: two balls and a tube around the x axis, of which a part has no points."""
+    angle = np.pi * (1 + math.sqrt(5)) * np.arange(400)
+    tube = np.stack([np.linspace(-0.5, 0.5, 400), 0.1 * np.cos(angle), 0.1 * np.sin(angle)], axis=1)
+    sphere, unit = even(600, radius=0.3)
+    own = np.linalg.norm(sphere[:, 1:], axis=1) > 0.1
+    points = np.concatenate([tube, sphere[own | (sphere[:, 0] < 0)] + [0.7, 0, 0]])
+    points = np.concatenate([points, sphere[own | (sphere[:, 0] > 0)] - [0.7, 0, 0]])
+    normals = np.concatenate([tube * [0, 10, 10], unit[own | (sphere[:, 0] < 0)], unit[own | (sphere[:, 0] > 0)]])
+    iso = IsoPoints(torch.from_numpy(points).float(), torch.from_numpy(normals).float(), 0)
+    seen = torch.nonzero(torch.from_numpy(np.abs(points[:, 0]) > bare))[:, 0]
+    assert (lobes(iso, seen.repeat(3)) == 0).all()
+
+
 def test_false_sheets_are_in_the_steps():
     """A field with a second ball, which no point of the cloud is near: its points come with positive bounds."""
 
