@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 MARGIN = 0.1  # around the box of the points, in half its longest side: a surface that leaves them is cut off there
+THINNEST = 0.4  # of the box, halved: the samples along its shortest side give the number along the others
 
 
 @register("method", cite="after Williams et al. 2021", requires=("numba", "scipy", "skimage", "trimesh"))
@@ -74,7 +75,7 @@ class NeuralSplines:
         chosen = farthest_points(points, min(self.centers, len(points)))
         reach = self.reach * mean_spacing(points)
         field = fitted(points, normals, chosen, self.regularisation * reach**2, reach, "neural_splines", run)
-        corner = (high - low) / 2 / unit + MARGIN
+        corner = np.maximum((high - low) / 2 / unit + MARGIN, THINNEST)
         try:
             mesh = extract(
                 field,

@@ -55,6 +55,15 @@ def test_unit_and_place_do_not_matter_and_runs_are_equal():
     assert off(trimesh.Trimesh((away.vertices - [5, 6, 7]) / 100, away.faces, process=False), "box") < 0.01
 
 
+def test_a_flat_cloud_takes_no_finer_lattice():
+    """A sheet of sides 2, on a lattice of at least 16 cells across 0.8: edges of half a cell, not of an eighth."""
+    x, y = np.random.default_rng(2).uniform(-1, 1, (2, 500))
+    sheet = PointCloud(np.stack([x, y, 0 * x], axis=1), np.tile([[0.0, 0.0, 1.0]], (500, 1)))
+    mesh = NeuralSplines(centers=60, resolution=16).reconstruct(sheet, Run())
+    assert np.median(mesh.edges_unique_length) > 0.025
+    assert np.abs(mesh.vertices[:, 2]).max() < 0.02
+
+
 def test_normals_are_estimated_where_there_are_none():
     mesh = NeuralSplines(**SMALL).reconstruct(PointCloud(cloud_of("sphere").points), Run())
     assert off(mesh, "sphere") < 0.01 and mesh.volume > 0
