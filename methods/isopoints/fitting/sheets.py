@@ -18,6 +18,8 @@ HELD = 0.2  # of the points around the iso-points that the cloud is nearest to (
 SHUT = 0.5  # of the area of a bare patch: with less vector area it is a lobe
 SMALLEST = 8  # iso-points of a patch that has a form
 FEWEST = 4  # iso-points of a rim
+MARGIN = 2.0  # spacings beyond the hull of the rims
+TUBE = 0.1  # of a patch with several rims: with more beyond their hull it is a lobe
 
 
 class Sheets(NamedTuple):
@@ -58,8 +60,8 @@ def lobes(iso: IsoPoints, voted: Tensor) -> Tensor:
     A patch of the surface without points of the cloud either spans a hole or is a bag that hangs on its rim, say
     around a clump of outliers. Its vector area, the sum of its normals, depends on the rim alone: it is nearly the area
     where the patch spans the rim, and little of it where it is a bag with a narrow neck. A tube between two parts that
-    have points has no vector area either, but two rims. Normals that point away from the middle say that the inside is
-    in the bag; the field there is to be positive.
+    have points has no vector area either, but two rims, and it lies within their convex hull. Normals that point
+    away from the middle say that the inside is in the bag; the field there is to be positive.
 
     Parameters
     ----------
@@ -79,17 +81,20 @@ def lobes(iso: IsoPoints, voted: Tensor) -> Tensor:
     middle = zeros.index_add(0, patch, iso.points) / count[:, None]
     shut = (torch.linalg.vector_norm(vector, dim=1) < SHUT * count) & (count >= SMALLEST)
     away = zeros[:, 0].index_add(0, patch, ((iso.points - middle[patch]) * iso.normals).sum(1))
-    side = torch.zeros_like(away)
     held = connected(near, ~bare[:, None] & ~bare[near])
     enough = torch.bincount(held[voted], minlength=int(held.max()) + 1) >= LEAST * len(voted)
+    side = torch.zeros_like(iso.points[:, 0])
     for one in torch.nonzero(shut)[:, 0]:
-        if bare[patch == one].all() and rims(patch == one, ~bare & enough[held], near) < 2:
-            side[one] = away[one].sign()
-    return side[patch]
+        own = patch == one
+        if bare[own].all():
+            rim, parts = rims(own, ~bare & enough[held], near)
+            if parts < 2 or beyond(iso.points[own], iso.points[rim]).double().mean() > TUBE:
+                side[own] = away[one].sign()
+    return side
 
 
-def rims(patch: Tensor, around: Tensor, near: Tensor) -> int:
-    """How many rims a patch of points (n,) bool has among other points (n,) bool: parts that their neighbours link."""
+def rims(patch: Tensor, around: Tensor, near: Tensor) -> tuple[Tensor, int]:
+    """The rim (n,) bool of a patch of points (n,) bool among others (n,) bool, and how many parts of it are linked."""
     rim = patch
     for _ in range(2):  # as wide as that: a ring of single points may have gaps
         reached = rim[near].any(1)
@@ -97,4 +102,13 @@ def rims(patch: Tensor, around: Tensor, near: Tensor) -> int:
         rim = rim | (reached & around)
     rim = rim & ~patch
     parts = connected(near, rim[:, None] & rim[near])[rim]
-    return int((torch.bincount(parts) >= FEWEST).sum()) if len(parts) else 0
+    return rim, int((torch.bincount(parts) >= FEWEST).sum()) if len(parts) else 0
+
+
+def beyond(points: Tensor, rim: Tensor) -> Tensor:
+    """Which points (n, 3) are outside the convex hull of a rim (m, 3), by more than the spacing of that: (n,) bool."""
+    from scipy.spatial import ConvexHull
+
+    spacing = float(nearest(rim, 1).distances.median())
+    facets = torch.from_numpy(ConvexHull(rim.double().cpu().numpy(), qhull_options="QJ").equations).to(points)
+    return (points @ facets[:, :3].T + facets[:, 3]).amax(1) > MARGIN * spacing

@@ -252,19 +252,37 @@ def test_a_patch_that_spans_a_hole_is_no_lobe(degrees):
     assert (lobes(iso, voted) == 0).all()
 
 
-@pytest.mark.parametrize("bare", [0.2, 0.5])
-def test_a_tube_between_two_parts_is_no_lobe(bare):
-    """A stalk whose middle no sensor sees: two balls and a tube around the x axis, of which a part has no points."""
+def stalk():
+    """Two balls on the x axis and a tube between them."""
     angle = np.pi * (1 + math.sqrt(5)) * np.arange(400)
     tube = np.stack([np.linspace(-0.5, 0.5, 400), 0.1 * np.cos(angle), 0.1 * np.sin(angle)], axis=1)
     sphere, unit = even(600, radius=0.3)
     own = np.linalg.norm(sphere[:, 1:], axis=1) > 0.1
-    points = np.concatenate([tube, sphere[own | (sphere[:, 0] < 0)] + [0.7, 0, 0]])
-    points = np.concatenate([points, sphere[own | (sphere[:, 0] > 0)] - [0.7, 0, 0]])
-    normals = np.concatenate([tube * [0, 10, 10], unit[own | (sphere[:, 0] < 0)], unit[own | (sphere[:, 0] > 0)]])
+    left, right = own | (sphere[:, 0] < 0), own | (sphere[:, 0] > 0)
+    points = np.concatenate([tube, sphere[right] + [0.7, 0, 0], sphere[left] - [0.7, 0, 0]])
+    return points, np.concatenate([tube * [0, 10, 10], unit[right], unit[left]])
+
+
+def lobes_where_bare(points, normals, bare):
+    """Where the cloud has points at all iso-points but those in the middle."""
     iso = IsoPoints(torch.from_numpy(points).float(), torch.from_numpy(normals).float(), 0)
-    seen = torch.nonzero(torch.from_numpy(np.abs(points[:, 0]) > bare))[:, 0]
-    assert (lobes(iso, seen.repeat(3)) == 0).all()
+    return lobes(iso, torch.nonzero(torch.from_numpy(np.abs(points[:, 0]) > bare))[:, 0].repeat(3))
+
+
+@pytest.mark.parametrize("bare", [0.2, 0.4, 0.5])
+def test_a_tube_between_two_parts_is_no_lobe(bare):
+    """A stalk whose middle no sensor sees."""
+    assert (lobes_where_bare(*stalk(), bare) == 0).all()
+
+
+def test_a_tube_that_bulges_is_a_lobe():
+    """A ball of radius 0.35 in the middle of the tube."""
+    points, normals = stalk()
+    bulge, unit = (part[np.linalg.norm(even(900)[1][:, 1:], axis=1) > 0.1 / 0.35] for part in even(900, radius=0.35))
+    tube = np.linalg.norm(points, axis=1) > 0.35
+    found = lobes_where_bare(np.concatenate([points[tube], bulge]), np.concatenate([normals[tube], unit]), 0.4)
+    assert (found[tube.sum() :] == 1).float().mean() > 0.95
+    assert (found[: tube.sum()][np.abs(points[tube, 0]) > 0.45] == 0).all()
 
 
 def test_false_sheets_are_in_the_steps():
