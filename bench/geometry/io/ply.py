@@ -6,6 +6,8 @@ writers round coordinates to float32, which at a distance of 1e6 from the origin
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from ...errors import BadInput
@@ -21,6 +23,7 @@ TYPES = {
     "double": "f8", "float64": "f8",
 }
 # fmt: on
+WHOLE = {word for word, kind in TYPES.items() if kind[0] in "iu"}
 EXPECTED = "expected a PLY file (ascii or binary, version 1.0)"
 
 
@@ -47,7 +50,7 @@ def read_ply(data: bytes, name: str) -> RawGeometry:
     polygons = face.get("vertex_indices", face.get("vertex_index"))
     if polygons is not None and not isinstance(polygons, Ragged):
         raise BadInput(f"{name}: the vertex indices of its faces are no list; {EXPECTED}")
-    faces = triangulate(polygons.sizes, polygons.values.astype(np.int64), vertices, name) if polygons else NO_FACES
+    faces = triangulate(*polygons, vertices, name) if polygons else NO_FACES
     return RawGeometry(vertices, faces, _stack(vertex, "nx", "ny", "nz"), _colors(vertex))
 
 
@@ -90,9 +93,9 @@ def _header(data: bytes, name: str) -> tuple[str, list[Element], bytes]:
         match line.split():
             case ["format", ("ascii" | "binary_little_endian" | "binary_big_endian") as form, *_]:
                 pass
-            case ["element", title, count] if count.isdigit():
+            case ["element", title, count] if re.fullmatch("[0-9]{1,18}", count):
                 elements.append(Element(title, int(count), []))
-            case ["property", "list", length, kind, title] if length in TYPES and kind in TYPES and elements:
+            case ["property", "list", length, kind, title] if length in WHOLE and kind in TYPES and elements:
                 elements[-1].properties.append(Property(title, TYPES[kind], TYPES[length]))
             case ["property", kind, title] if kind in TYPES and elements:
                 elements[-1].properties.append(Property(title, TYPES[kind]))
@@ -102,7 +105,16 @@ def _header(data: bytes, name: str) -> tuple[str, list[Element], bytes]:
                 raise BadInput(f"{name}: cannot read the line {line.strip()[:60]!r} of its header; {EXPECTED}")
     if not form or any(not element.properties for element in elements):
         raise BadInput(f"{name}: its header names no format, or an element without properties; {EXPECTED}")
+    _check_names([element.name for element in elements], "elements", name)
+    for element in elements:
+        _check_names([prop.name for prop in element.properties], f"properties of {element.name!r}", name)
     return form, elements, body
+
+
+def _check_names(names: list[str], what: str, name: str) -> None:
+    if len(set(names)) < len(names):
+        twice = next(one for one in names if names.count(one) > 1)
+        raise BadInput(f"{name}: its header has two {what} called {twice!r}; expected different names. It is damaged")
 
 
 # -- columns ----------------------------------------------------------------------------------------------------------

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import struct
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +29,7 @@ class Element(NamedTuple):
 
 
 class Ragged(NamedTuple):
-    """A column of lists: their sizes (n,), and all values one after the other."""
+    """A column of lists of whole numbers: their sizes (n,), and all values one after the other, int64."""
 
     sizes: np.ndarray
     values: np.ndarray
@@ -36,21 +39,25 @@ Columns = dict[str, "np.ndarray | Ragged"]
 
 
 class Source:
-    """Reads one table after the other; the two formats differ in how a run of equal rows is read."""
+    """Reads one table after the other.
 
-    def __init__(self, name: str):
-        self.name, self.at = name, 0
+    The body of a file is a sequence of cells, ``cells``, of which a number takes one or several: the bytes of a binary
+    file, or the numbers of an ASCII file.
+    """
 
-    def run(self, element: Element, sizes: list[int], count: int) -> np.ndarray | None:
-        """Up to ``count`` rows whose lists have these sizes, as a structured array; None where the file ends."""
+    def __init__(self, name: str, cells: np.ndarray):
+        self.name, self.cells, self.at = name, cells, 0
+
+    def width(self, kind: str) -> int:
+        """How many cells a number of a type takes."""
         raise NotImplementedError
 
-    def skip(self, element: Element, sizes: list[int], rows: int) -> None:
-        """Move past ``rows`` such rows."""
+    def reader(self, kind: str) -> Callable[[int], int]:
+        """A function that reads the size of a list at a cell: quicker, for one number, than an array."""
         raise NotImplementedError
 
-    def sizes_of_row(self, element: Element) -> list[int] | None:
-        """The sizes of the lists in the row that comes next."""
+    def decoded(self, cells: np.ndarray, kind: str) -> np.ndarray:
+        """The numbers (n,) of a type in cells (n, width)."""
         raise NotImplementedError
 
     def left_over(self) -> bool:
@@ -58,62 +65,146 @@ class Source:
         raise NotImplementedError
 
     def table(self, element: Element) -> Columns:
-        """One table, read in runs of rows that are laid out alike (mostly the whole table is one)."""
-        parts: list[np.ndarray] = []
-        done, guess = 0, element.count
-        while done < element.count:
-            sizes = self.sizes_of_row(element)
-            rows = None if sizes is None else self.run(element, sizes, min(guess, element.count - done))
-            if rows is None or not len(rows):
-                raise BadInput(
-                    f"{self.name}: ends early: its header promises {element.count} of {element.name!r}, "
-                    f"{done} are there. The file is cut off; copy or export it again"
-                )
-            same = np.ones(len(rows), dtype=bool)
-            for title, size in zip(_lists(element), sizes or (), strict=True):
-                same &= rows[f"size of {title}"] == size
-            length = len(rows) if same.all() else int(same.argmin())
-            # After a short run the next is probably short too; reading far ahead each time would cost a square.
-            guess = 4 * length if length < len(rows) else element.count
-            parts.append(rows[:length])
-            self.skip(element, sizes or [], length)
-            done += length
-        return _columns(element, parts)
+        """The table that comes next.
+
+        Raises
+        ------
+        BadInput
+            If the file ends before all its rows, or the size of a list cannot be one.
+        """
+        if not element.count:
+            no_list = Ragged(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
+            return {p.name: no_list if p.length else np.empty(0, dtype=p.type) for p in element.properties}
+        sizes = self._sizes(element, 1)
+        columns = self._alike(element, sizes[:, 0].tolist())
+        return columns or self._unlike(element, self._sizes(element, element.count))
+
+    def _sizes(self, element: Element, rows: int) -> np.ndarray:
+        """The sizes of the lists in the rows that come next, (lists, rows): each says where the next one begins."""
+        lists = [prop for prop in element.properties if prop.length]
+        gaps, leading = [], 0  # cells from the size of a list to that of the next one, besides the list's values
+        for prop in element.properties:
+            if prop.length:
+                gaps.append(self.width(prop.length))
+            elif gaps:
+                gaps[-1] += self.width(prop.type)
+            else:
+                leading += self.width(prop.type)
+        if not lists:
+            return np.empty((0, rows), dtype=np.int64)
+        gaps[-1] += leading
+        steps = [(self.reader(p.length), gap, self.width(p.type)) for p, gap in zip(lists, gaps, strict=True)]
+        sizes: list[int] = []
+        at, append = self.at + leading, sizes.append
+        try:
+            for _ in range(rows):
+                for read, gap, width in steps:  # as little as can be: there may be millions of rows
+                    size = read(at)
+                    append(size)
+                    at += gap + width * size
+        except (IndexError, struct.error):  # the file ends
+            rows = len(sizes) // len(lists)
+            del sizes[rows * len(lists) :]
+            at = len(self.cells) + leading + 1
+        found = np.array(sizes, dtype=np.int64).reshape(rows, len(lists)).T
+        if (wrong := (found < 0).any(axis=0)).any():
+            raise BadInput(
+                f"{self.name}: row {wrong.argmax() + 1} of {element.name!r} has a list whose size is none; expected a "
+                "whole number, 0 or more. The file is damaged, export it again"
+            )
+        if at - leading > len(self.cells):
+            ends = self.at + np.cumsum(self._lengths(element, found))
+            raise self._ends_early(element, int((ends <= len(self.cells)).sum()))
+        return found
+
+    def _lengths(self, element: Element, sizes: np.ndarray) -> np.ndarray:
+        """The cells of each row, (rows,), from the sizes of its lists, (lists, rows)."""
+        lengths = np.full(sizes.shape[1], sum(self.width(prop.length or prop.type) for prop in element.properties))
+        for prop, own in zip((p for p in element.properties if p.length), sizes, strict=True):
+            lengths += own * self.width(prop.type)
+        return lengths
+
+    def _ends_early(self, element: Element, there: int) -> BadInput:
+        return BadInput(
+            f"{self.name}: ends early: its header promises {element.count} of {element.name!r}, {there} are there. "
+            "The file is cut off; copy or export it again"
+        )
+
+    def _alike(self, element: Element, sizes: list[int]) -> Columns | None:
+        """A table whose rows all have lists of these sizes, by one view of the file; None where they have not."""
+        remaining = iter(sizes)
+        fields, row = [], 0  # a property, how many values it has, and where its cells are in a row
+        for prop in element.properties:
+            if prop.length:
+                fields.append((prop, None, slice(row, row := row + self.width(prop.length))))
+            count = next(remaining) if prop.length else 1
+            fields.append((prop, count, slice(row, row := row + count * self.width(prop.type))))
+        there = (len(self.cells) - self.at) // row
+        if there < element.count:
+            if not sizes:
+                raise self._ends_early(element, there)
+            return None
+        block = self.cells[self.at : self.at + element.count * row].reshape(element.count, row)
+        columns: Columns = {}
+        for prop, count, place in fields:
+            kind = prop.length if count is None else prop.type
+            numbers = self.decoded(block[:, place].reshape(-1, self.width(kind)), kind)
+            if count is None:
+                alike = np.full(element.count, numbers[0].astype(np.int64))
+                if not (numbers == alike).all():
+                    return None
+            else:
+                columns[prop.name] = Ragged(alike, _as_list(numbers)) if prop.length else _as_column(numbers, kind)
+        self.at += element.count * row
+        return columns
+
+    def _unlike(self, element: Element, sizes: np.ndarray) -> Columns:
+        """A table whose lists have these sizes, gathered column by column."""
+        remaining = iter(sizes)
+        lengths = self._lengths(element, sizes)
+        at = self.at + np.cumsum(lengths) - lengths  # where the next property of each row begins
+        columns: Columns = {}
+        for prop in element.properties:
+            width = self.width(prop.type)
+            if prop.length:
+                own = next(remaining)
+                at += self.width(prop.length)
+                within = np.arange(own.sum()) - np.repeat(np.cumsum(own) - own, own)
+                values = self._numbers(np.repeat(at, own) + width * within, prop.type)
+                columns[prop.name] = Ragged(own, _as_list(values))
+                at += width * own
+            else:
+                columns[prop.name] = _as_column(self._numbers(at, prop.type), prop.type)
+                at += width
+        self.at += int(lengths.sum())
+        return columns
+
+    def _numbers(self, at: np.ndarray, kind: str) -> np.ndarray:
+        """The numbers of a type that begin at cells (n,)."""
+        return self.decoded(np.stack([self.cells[at + cell] for cell in range(self.width(kind))], axis=1), kind)
 
 
 class BinarySource(Source):
     """A binary body; ``order`` is ``<`` or ``>``."""
 
     def __init__(self, body: bytes, name: str, order: str):
-        super().__init__(name)
+        super().__init__(name, np.frombuffer(body, dtype=np.uint8))
         self.body, self.order = body, order
 
-    def sizes_of_row(self, element: Element) -> list[int] | None:
-        """The sizes of the lists in the row that comes next; None where the file ends."""
-        sizes, at = [], self.at
-        for prop in element.properties:
-            if prop.length:
-                kind = np.dtype(self.order + prop.length)
-                if at + kind.itemsize > len(self.body):
-                    return None
-                size = int(np.frombuffer(self.body, kind, 1, at)[0])
-                if size < 0:
-                    return None
-                sizes.append(size)
-                at += kind.itemsize + size * np.dtype(prop.type).itemsize
-            else:
-                at += np.dtype(prop.type).itemsize
-        return sizes if at <= len(self.body) else None
+    def width(self, kind: str) -> int:
+        """How many bytes a number of a type takes."""
+        return int(kind[1])
 
-    def run(self, element: Element, sizes: list[int], count: int) -> np.ndarray | None:
-        """Up to ``count`` rows whose lists have these sizes; None where the file ends."""
-        kind = _row_type(element, sizes, self.order)
-        there = (len(self.body) - self.at) // kind.itemsize
-        return np.frombuffer(self.body, kind, min(count, there), self.at) if there > 0 else None
+    def reader(self, kind: str) -> Callable[[int], int]:
+        """A function that reads the size of a list at a byte."""
+        if kind == "u1":
+            return self.body.__getitem__
+        form = struct.Struct(self.order + np.dtype(kind).char)
+        return lambda at: form.unpack_from(self.body, at)[0]
 
-    def skip(self, element: Element, sizes: list[int], rows: int) -> None:
-        """Move past ``rows`` such rows."""
-        self.at += rows * _row_type(element, sizes, self.order).itemsize
+    def decoded(self, cells: np.ndarray, kind: str) -> np.ndarray:
+        """The numbers (n,) of a type in bytes (n, width)."""
+        return np.ascontiguousarray(cells).view(self.order + kind)[:, 0]
 
     def left_over(self) -> bool:
         """Whether anything but white space follows the last table."""
@@ -124,74 +215,41 @@ class AsciiSource(Source):
     """An ASCII body: every number as float64, whatever lines they stand in."""
 
     def __init__(self, body: bytes, name: str):
-        super().__init__(name)
         try:
-            self.values = np.array(body.split(), dtype=np.float64)
+            super().__init__(name, np.array(body.split(), dtype=np.float64))
         except ValueError as error:
             raise BadInput(
                 f"{name}: {error}; expected the numbers of a PLY file. The file is cut off or damaged"
             ) from None
 
-    def sizes_of_row(self, element: Element) -> list[int] | None:
-        """The sizes of the lists in the row that comes next; None where the file ends."""
-        sizes, at = [], self.at
-        for prop in element.properties:
-            if prop.length:
-                if at >= len(self.values) or not 0 <= self.values[at] < 2**31:
-                    return None
-                sizes.append(int(self.values[at]))
-                at += sizes[-1]
-            at += 1
-        return sizes if at <= len(self.values) else None
+    def width(self, kind: str) -> int:
+        """A number is a cell."""
+        return 1
 
-    def run(self, element: Element, sizes: list[int], count: int) -> np.ndarray | None:
-        """Up to ``count`` rows whose lists have these sizes; None where the file ends."""
-        width = len(element.properties) + sum(sizes)
-        rows = min(count, (len(self.values) - self.at) // width)
-        block = self.values[self.at : self.at + rows * width].reshape(rows, width)
-        # Every number of the row as float64: the same fields as in a binary file.
-        kind = _row_type(element, sizes, "=", everything="f8")
-        return np.ascontiguousarray(block).view(kind)[:, 0] if rows else None
+    def reader(self, kind: str) -> Callable[[int], int]:
+        """A function that reads the size of a list; what cannot be one is -1."""
+        return memoryview(self._whole).__getitem__
 
-    def skip(self, element: Element, sizes: list[int], rows: int) -> None:
-        """Move past ``rows`` such rows."""
-        self.at += rows * (len(element.properties) + sum(sizes))
+    @functools.cached_property
+    def _whole(self) -> np.ndarray:
+        return _as_list(self.cells)
+
+    def decoded(self, cells: np.ndarray, kind: str) -> np.ndarray:
+        """The numbers as they are: the file may hold more digits than the type that it names."""
+        return cells[:, 0]
 
     def left_over(self) -> bool:
         """Whether anything but white space follows the last table."""
-        return self.at < len(self.values)
+        return self.at < len(self.cells)
 
 
-def _lists(element: Element) -> list[str]:
-    return [prop.name for prop in element.properties if prop.length]
+def _as_column(numbers: np.ndarray, kind: str) -> np.ndarray:
+    with np.errstate(invalid="ignore"):  # of NaN among whole numbers
+        return numbers.astype("f8" if kind in ("f4", "f8") else kind)
 
 
-def _row_type(element: Element, sizes: list[int], order: str, everything: str = "") -> np.dtype:
-    fields: list[tuple] = []
-    remaining = iter(sizes)
-    for prop in element.properties:
-        kind = order + (everything or prop.type)
-        if prop.length:
-            fields.append((f"size of {prop.name}", order + (everything or prop.length)))
-            fields.append((prop.name, kind, (next(remaining),)))
-        else:
-            fields.append((prop.name, kind))
-    return np.dtype(fields)
-
-
-def _columns(element: Element, parts: list[np.ndarray]) -> Columns:
-    columns: Columns = {}
-    for prop in element.properties:
-        if prop.length:
-            sizes = [np.full(len(rows), rows[prop.name].shape[1], dtype=np.int64) for rows in parts]
-            values = [rows[prop.name].ravel() for rows in parts]
-            columns[prop.name] = Ragged(_join(sizes, "i8"), _join(values, prop.type))
-        else:
-            columns[prop.name] = _join([rows[prop.name] for rows in parts], prop.type)
-    return columns
-
-
-def _join(parts: list[np.ndarray], kind: str) -> np.ndarray:
-    kind = "f8" if kind in ("f4", "f8") else kind  # an ASCII file may hold more digits than the type that it names
-    with np.errstate(invalid="ignore"):  # NaN as an index becomes one that names no vertex
-        return np.concatenate(parts).astype(kind) if parts else np.empty(0, dtype=kind)
+def _as_list(numbers: np.ndarray) -> np.ndarray:
+    """Whole numbers, as indices are; what is none becomes -1, which names no vertex."""
+    if numbers.dtype.kind == "f":
+        numbers = np.where((numbers == np.rint(numbers)) & (np.abs(numbers) < 2**53), numbers, -1)
+    return numbers.astype(np.int64)
