@@ -12,6 +12,8 @@ from .used import used_vertices
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
+FARTHEST = 1e60  # of a coordinate: squares of areas, and sums of them, are finite; and above 0 for its inverse
+
 
 def check_mesh(mesh: Trimesh, name: str) -> None:
     """Raise :class:`BadInput` unless ``mesh`` has faces, finite vertices and an area."""
@@ -26,11 +28,17 @@ def check_mesh(mesh: Trimesh, name: str) -> None:
 
 
 def check_points(points: np.ndarray, name: str, *, what: str = "points", at_least: int = 1) -> None:
-    """Raise :class:`BadInput` unless ``points`` (n, 3) are finite, at least so many, and not all equal."""
+    """Raise :class:`BadInput` unless ``points`` (n, 3) are finite, at least so many, not all equal, and not too far."""
     if len(points) < at_least:
         raise BadInput(f"{name}: has {len(points)} {what}; expected at least {at_least}")
     bad = int((~np.isfinite(points)).any(axis=1).sum())
     if bad:
         raise BadInput(f"{name}: {bad} of {len(points)} {what} are NaN or infinite; remove them first")
-    if not np.ptp(points, axis=0).max() > 0:
+    farthest = float(np.abs(points).max(initial=0))
+    if farthest > FARTHEST:
+        raise BadInput(
+            f"{name}: has coordinates up to {farthest:.3g}; expected at most {FARTHEST:g}, so that areas and "
+            "their squares are finite. The file is damaged, or has to be scaled"
+        )
+    if not np.ptp(points, axis=0).max() > 1 / FARTHEST:
         raise BadInput(f"{name}: all {len(points)} {what} coincide; there is no surface in them")
