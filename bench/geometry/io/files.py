@@ -20,6 +20,7 @@ import numpy as np
 
 from ...errors import BadInput, UsageError
 from ...notices import notice
+from ...text import shortened
 from ..check import check_mesh, check_points
 from ..cloud import PointCloud
 from ..normals import completed
@@ -30,6 +31,8 @@ from .stl import read_stl
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
+
+MOST_MESSAGE = 400  # letters of a message besides the name of the file: a damaged word may be millions of letters long
 
 
 def load_mesh(path: str | Path) -> Trimesh:
@@ -142,6 +145,8 @@ def _read(path: str | Path, readers: dict[str, Callable[[bytes, str], RawGeometr
     if path.suffix.lower() not in readers:
         raise BadInput(f"{name}: unknown suffix {path.suffix!r}; expected {what} ({suffixes})")
     try:
+        if path.exists() and not path.is_file():
+            raise BadInput(f"{name}: is a pipe or a device; expected {what} ({suffixes}). Copy it to a file first")
         data = path.read_bytes()
     except FileNotFoundError:
         raise BadInput(f"{name}: no such file; expected {what} ({suffixes})") from None
@@ -152,10 +157,10 @@ def _read(path: str | Path, readers: dict[str, Callable[[bytes, str], RawGeometr
     try:
         return readers[path.suffix.lower()](data, name)
     except BadInput as error:
-        actual = _suffix_of_content(data)
+        message, actual = shortened(str(error), len(name) + MOST_MESSAGE), _suffix_of_content(data)
         if actual and actual != path.suffix.lower():
-            raise BadInput(f"{error}\nBy its content it is {actual[1:].upper()}: rename it to {actual}") from None
-        raise
+            message += f"\nBy its content it is {actual[1:].upper()}: rename it to {actual}"
+        raise BadInput(message) from None
 
 
 def _suffix_of_content(data: bytes) -> str:
@@ -174,6 +179,8 @@ def _suffix_of_content(data: bytes) -> str:
 
 def _read_xyz(data: bytes, name: str) -> RawGeometry:
     text = data.decode("utf-8", errors="replace").replace(",", " ").replace(";", " ")
+    if not re.search(r"^[ \t]*[^\s#/]", text, re.MULTILINE):
+        raise BadInput(f"{name}: holds no numbers; expected lines of 3 or 6: x y z, or x y z nx ny nz")
     try:
         table = np.loadtxt(io.StringIO(text), dtype=np.float64, comments=("#", "//"), ndmin=2)
     except ValueError as error:

@@ -100,12 +100,12 @@ def read_off(data: bytes, name: str) -> RawGeometry:
             )
         points = np.array([_floats(words[:3], at_least=3) for words in lines[:vertices]]).reshape(-1, 3)
         rows = [_polygon(words) for words in lines[vertices : vertices + polygons]]
+        corners = np.array([corner for row in rows for corner in row], dtype=np.int64)
     except (ValueError, IndexError, OverflowError) as error:
         if isinstance(error, BadInput):
             raise
         raise BadInput(f"{name}: {error}; {expected}") from None
     sizes = np.array([len(row) for row in rows], dtype=np.int64)
-    corners = np.array([corner for row in rows for corner in row], dtype=np.int64)
     return RawGeometry(points, triangulate(sizes, corners, points, name))
 
 

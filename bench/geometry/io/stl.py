@@ -32,7 +32,8 @@ def read_stl(data: bytes, name: str) -> RawGeometry:
         there = (len(data) - HEADER) // FACET
         raise BadInput(f"{name}: ends early: it promises {promised} triangles, {there} are there. {CUT_OFF}")
     kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    return merge_equal(np.frombuffer(data, kind, promised, HEADER)["corners"].astype(np.float64))
+    with np.errstate(invalid="ignore"):  # of NaN, which is refused later
+        return merge_equal(np.frombuffer(data, kind, promised, HEADER)["corners"].astype(np.float64))
 
 
 def _ascii(data: bytes, name: str) -> np.ndarray:
@@ -43,7 +44,7 @@ def _ascii(data: bytes, name: str) -> np.ndarray:
     if len(corners) != 3 * facets:
         raise BadInput(f"{name}: {len(corners)} corners for {facets} facets; expected three each. The file is damaged")
     try:
-        return np.array(corners, dtype="S").astype(np.float64).reshape(-1, 3, 3)
+        return np.array(corners, dtype=np.float64).reshape(-1, 3, 3)
     except ValueError as error:
         raise BadInput(f"{name}: {error}; expected an STL file with three numbers for each vertex") from None
 
