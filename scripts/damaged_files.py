@@ -1,0 +1,141 @@
+"""Sound geometry files, and mutations that damage them; see fuzz_files.py."""
+
+import random
+import re
+import struct
+
+import numpy as np
+
+SOLID = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (0, 0, 1), (2, 0, 1), (2, 1, 1), (0, 1, 1), (1, 0.5, 2)]
+POLYGONS = [(0, 3, 2, 1), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 8), (5, 6, 8), (6, 7, 8, 4)]
+TRIANGLES = [(p[0], p[i], p[i + 1]) for p in POLYGONS for i in range(1, len(p) - 1)]
+NUMBERS = [
+    *b"nan inf -inf 1e80 1e155 1e200 1e308 -1e308 1e-320 -1 0 255 256 65536 4294967295 1000000000000".split(),
+    *"0x10 1_0 ² 3.5 1,5 NaN(1)".encode().split(),
+    *(b"7" * 4400, b"9" * 30, b"x" * 5000, b"", b"\xff\xfe", b"\x1b[2J"),
+]
+LINES = b"""
+ply|format ascii 1.0|format binary_little_endian 1.0|format binary_big_endian 1.0|comment z|end_header
+element vertex 9|element vertex 0|element face 8|element face 3000000|element x 1|property float x|property double y
+property list uchar int vertex_indices|property list float int vertex_indices|property list uchar float x|property char
+property uchar red|OFF|COFF|9 8 0|solid a|endsolid a|facet normal 0 0 1|v 1 2 3|f 1 2 3 4"""
+LINES = re.split(rb"[\n|]", LINES)
+COLUMNS = {"f": "float", "d": "double", "B": "uchar"}
+
+
+def _ply(form: str, polygons: list[tuple[int, ...]], extras: str = "", kind: str = "f") -> bytes:
+    """A PLY file; ``extras`` may name normals and colours."""
+    name, order = {"a": ("ascii", ""), "<": ("binary_little_endian", "<"), ">": ("binary_big_endian", ">")}[form]
+    columns = [(axis, kind) for axis in ("x", "y", "z", *(("nx", "ny", "nz") if "n" in extras else ()))]
+    columns += [(color, "B") for color in ("red", "green", "blue")] if "c" in extras else []
+    head = ["ply", f"format {name} 1.0", "comment sound", f"element vertex {len(SOLID)}"]
+    head += [f"property {COLUMNS[k]} {column}" for column, k in columns]
+    head += [f"element face {len(polygons)}", "property list uchar int vertex_indices"] if polygons else []
+    rows = [(*p, *((0.0, 0.6, 0.8) if "n" in extras else ()), *((9, 99, 255) if "c" in extras else ())) for p in SOLID]
+    if form == "a":
+        body = "".join(f"{' '.join(map(str, row))}\n" for row in (*rows, *((len(p), *p) for p in polygons))).encode()
+    else:
+        body = b"".join(struct.pack(order + "".join(k for _, k in columns), *row) for row in rows)
+        body += b"".join(struct.pack(f"{order}B{len(p)}i", len(p), *p) for p in polygons)
+    return "\n".join([*head, "end_header", ""]).encode() + body
+
+
+def _lines(rows: list, before: str = "") -> str:
+    return "".join(f"{before}{' '.join(map(str, row))}\n" for row in rows)
+
+
+def corpus() -> list[tuple[str, bytes]]:
+    """Sound files, each with its suffix."""
+    found = [(".ply", _ply(f, p, e, k)) for f in "a<>" for p, e, k in ((POLYGONS, "nc", "f"), (TRIANGLES, "", "d"))]
+    found += [(".ply", _ply("<", [], "c")), (".ply", _ply("a", [], "n"))]
+    obj = "mtllib a.mtl\n" + _lines(SOLID, "v ") + "vn 0 0 1\nvt 0 0\ng sides # all\n"
+    found.append((".obj", (obj + _lines([[f"{c + 1}/1/1" for c in p] for p in POLYGONS], "f ")).encode()))
+    found.append((".obj", (_lines(SOLID, "v ") + _lines([[c - 9 for c in t] for t in TRIANGLES], "f ")).encode()))
+    polygons = _lines([(len(p), *p) for p in POLYGONS])
+    found.append((".off", f"OFF\n{len(SOLID)} {len(POLYGONS)} 0\n{_lines(SOLID)}{polygons}".encode()))
+    corners = [[SOLID[c] for c in t] for t in TRIANGLES]
+    facets = [f"facet normal 0 0 1\nouter loop\n{_lines(t, 'vertex ')}endloop\nendfacet\n" for t in corners]
+    found.append((".stl", f"solid a\n{''.join(facets)}endsolid a\n".encode()))
+    binary = [struct.pack("<12fH", 0, 0, 1, *(x for p in t for x in p), 0) for t in corners]
+    found.append((".stl", b"\0" * 80 + struct.pack("<I", len(corners)) + b"".join(binary)))
+    table = [(*p, 0, 0, 1) for p in SOLID]
+    found += [(s, t.encode()) for s, t in ((".xyz", _lines(table)), (".txt", _lines(SOLID)), (".csv", _lines(SOLID)))]
+    pcd = f"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nPOINTS {len(SOLID)}\nDATA ascii\n{_lines(SOLID)}"
+    npy = b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (9, 3), }" + b" " * 60 + b"\n"
+    return [*found, (".pcd", pcd.encode()), (".npy", npy + np.array(SOLID, dtype="<f8").tobytes())]
+
+
+# -- mutations: each takes the content and a random.Random, and returns another content --------------------------------
+
+
+def flip_bits(data: bytes, rng: random.Random) -> bytes:
+    """One to eight bits are inverted."""
+    changed = bytearray(data)
+    for _ in range(rng.randint(1, 8) if data else 0):
+        changed[rng.randrange(len(changed))] ^= 1 << rng.randrange(8)
+    return bytes(changed)
+
+
+def truncate(data: bytes, rng: random.Random) -> bytes:
+    """The end is missing."""
+    return data[: rng.randint(0, len(data))]
+
+
+def repeat_or_drop(data: bytes, rng: random.Random) -> bytes:
+    """A piece is there several times, or is gone."""
+    begin = rng.randint(0, len(data))
+    end = min(begin + rng.randint(1, 200), len(data))
+    return data[:begin] + data[begin:end] * rng.choice((0, 0, 2, 3, 50)) + data[end:]
+
+
+def _at_token(data: bytes, rng: random.Random, pattern: bytes, new: bytes) -> bytes:
+    places = list(re.finditer(pattern, data))
+    if not places:
+        return data
+    place = rng.choice(places)
+    return data[: place.start()] + new + data[place.end() :]
+
+
+def replace_number(data: bytes, rng: random.Random) -> bytes:
+    """A number becomes an odd one."""
+    return _at_token(data, rng, rb"[-+.\de]*\d[-+.\de]*", rng.choice(NUMBERS))
+
+
+def drop_token(data: bytes, rng: random.Random) -> bytes:
+    """A word is gone, or stands there twice."""
+    return _at_token(data, rng, rb"\S+", rng.choice((b"", b"vertex", b"list uchar", b"3 0 1 2", b"#", b"/", b"//0")))
+
+
+def edit_lines(data: bytes, rng: random.Random) -> bytes:
+    """A line, mostly of the header, is gone, is there twice, has another place, or is another one."""
+    lines = data.split(b"\n")
+    place = rng.randrange(min(len(lines), rng.choice((14, 14, len(lines)))))
+    line = lines.pop(place)
+    kind = rng.randrange(4)
+    new = ((), (line, line), (), (rng.choice(LINES),))[kind]
+    lines[place:place] = new
+    if kind == 2:
+        lines.insert(rng.randint(0, min(len(lines), 14)), line)
+    return (b"\r\n" if rng.random() < 0.02 else b"\n").join(lines)
+
+
+def overwrite(data: bytes, rng: random.Random) -> bytes:
+    """Four or eight bytes become those of an odd binary number."""
+    new = struct.pack(rng.choice("<>") + rng.choice("fd"), rng.choice((np.nan, np.inf, 1e38, -1e38, 1e-38, 0.5)))
+    new = rng.choice((new, b"\xff" * 4, b"\0" * 4, b"\x7f\xff\xff\xff"))
+    begin = rng.randint(0, len(data))
+    return data[:begin] + new + data[begin + len(new) :]
+
+
+MUTATIONS = (flip_bits, truncate, repeat_or_drop, replace_number, replace_number, drop_token, edit_lines, overwrite)
+
+
+def mutated(count: int, seed: int, only: str = ""):
+    """So many damaged files, as pairs of suffix and content."""
+    rng = random.Random(seed)
+    sound = [pair for pair in corpus() if only in pair[0]]
+    for _ in range(count):
+        suffix, data = rng.choice(sound)
+        for _ in range(rng.choice((1, 1, 1, 2, 3, 4))):
+            data = rng.choice(MUTATIONS)(data, rng)
+        yield (rng.choice(sound)[0] if rng.random() < 0.02 else suffix), data
