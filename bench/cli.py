@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 
 from .errors import DetailbenchError, did_you_mean
 from .safe_path import isolate_imports
+from .text import shown_streams
 
 # Name -> one line. The module is imported when its command is called: help and listings stay quick.
 COMMANDS = {
@@ -75,6 +76,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # what the terminal's encoding lacks is shown as \\udcff, not as a traceback
             stream.reconfigure(errors="backslashreplace")
+    with shown_streams():
+        return _ended(arguments)
+
+
+def _ended(arguments: list[str]) -> int:
+    """Run one command to its end, whatever that is; the exit code."""
     try:
         return _main(arguments)
     except DetailbenchError as error:

@@ -2,8 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import contextlib
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any, TextIO
+
+# What a terminal obeys instead of showing it: control characters (C0, DEL, C1), separators of lines and paragraphs, and
+# those that turn the direction of what is written.
+OBEYED = "\x00-\x1f\x7f-\x9f\u2028\u2029\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"
+_LINES = re.compile(rf"(?![\n\t])[{OBEYED}]")
+_CELL = re.compile(rf"[{OBEYED}]")
+
+
+def shown(text: str) -> str:
+    """A text whose control characters are shown, as ``\\x1b``, except for line ends and tabs."""
+    return _LINES.sub(_escaped, text)
+
+
+def one_line(text: str) -> str:
+    """The same for a cell of a table, or a name: ends of lines and tabs are shown, too."""
+    return _CELL.sub(_escaped, text)
+
+
+def _escaped(match: re.Match[str]) -> str:
+    return match[0].encode("unicode_escape").decode("ascii")
+
+
+class Shown:
+    """A stream that shows the control characters of all text, instead of having a terminal obey them.
+
+    What is printed may come from anywhere: a file's name, an exception of a method, a table of somebody's results. Who
+    has escapes of their own to print (rich, for colours and bars) shows the text first, and writes to ``stream``.
+    """
+
+    def __init__(self, stream: TextIO):
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write the text, shown."""
+        self.stream.write(shown(text))
+        return len(text)
+
+    def writelines(self, lines: Iterator[str]) -> None:
+        """Write several texts, shown."""
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
+def below(stream: TextIO) -> TextIO:
+    """The stream under a :class:`Shown` one, which takes escapes as they are."""
+    return stream.stream if isinstance(stream, Shown) else stream
+
+
+@contextlib.contextmanager
+def shown_streams() -> Iterator[None]:
+    """Inside, both output streams are :class:`Shown`."""
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (stream and (stream if isinstance(stream, Shown) else Shown(stream)) for stream in before)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
 
 
 def encodable(value: Any) -> Any:

@@ -32,6 +32,7 @@ from ..cli import add_plugin_argument
 from ..errors import UsageError
 from ..plugins.registry import load_plugins
 from ..ranking.report import FORMATS
+from ..text import below
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -219,4 +220,5 @@ def _print(board: pd.DataFrame, format: str, **options: Any) -> None:
     from ..ranking.report import render
 
     color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
-    print(render(board, format, width=_width(), color=color, **options).rstrip("\n"))
+    text = render(board, format, width=_width(), color=color, **options).rstrip("\n")
+    print(text, file=below(sys.stdout) if color else sys.stdout)  # the escapes of colours are ours

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
 import threading
@@ -9,7 +10,7 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from ..text import duration
+from ..text import below, duration, shown, shown_streams
 from .forecast import Forecast
 
 if TYPE_CHECKING:
@@ -99,23 +100,25 @@ class Bars(Lines):
             BarColumn(bar_width=24),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
-            console=Console(stderr=True),
+            console=Console(file=below(sys.stderr), emoji=False),
             transient=True,
         )
+        self._live = contextlib.ExitStack()
         self._cells = self._progress.add_task("cells", total=total)
         self._cases = self._progress.add_task("", total=None, visible=False)
         self._steps = self._progress.add_task("", total=None, visible=False)
 
     def __enter__(self) -> Bars:
-        self._progress.start()
+        self._live.enter_context(self._progress)
+        self._live.enter_context(shown_streams())  # rich puts what others print above the bars, escapes and all
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._progress.stop()
+        self._live.close()
 
     def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
         """Show the cell's cases."""
-        self._progress.reset(self._cases, total=planned, completed=done, visible=True, description=cell.title)
+        self._progress.reset(self._cases, total=planned, completed=done, visible=True, description=shown(cell.title))
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Move the bars."""
@@ -140,7 +143,7 @@ class Bars(Lines):
 
     def show(self, text: str) -> None:
         """The line stays above the bars."""
-        self._progress.console.print(text, markup=False, highlight=False)
+        self._progress.console.print(shown(text), markup=False, highlight=False)
 
 
 Progress = Lines | Bars
@@ -187,6 +190,7 @@ class Steps:
     def __init__(self, title: str):
         self._title = title
         self._progress: Any = None
+        self._live = contextlib.ExitStack()
 
     def __enter__(self) -> Steps:
         if sys.stderr.isatty():
@@ -195,14 +199,14 @@ class Steps:
 
             title = TextColumn("{task.description}", markup=False)
             columns = (SpinnerColumn(), title, BarColumn(), TimeElapsedColumn())
-            self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
-            self._progress.start()
-            self._bar = self._progress.add_task(self._title, total=None)
+            self._progress = Progress(*columns, console=Console(file=below(sys.stderr)), transient=True)
+            self._live.enter_context(self._progress)
+            self._live.enter_context(shown_streams())
+            self._bar = self._progress.add_task(shown(self._title), total=None)
         return self
 
     def __exit__(self, *exception: object) -> None:
-        if self._progress:
-            self._progress.stop()
+        self._live.close()
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Move the bar."""

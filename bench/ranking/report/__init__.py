@@ -68,9 +68,13 @@ def render(
     check_format(format)
     if convention is not None:
         board, metrics = convention.view(board), list(convention.digits)
+    from .cells import csv, plain_texts
+
     if format == "csv":
-        return board.to_csv(index=False, lineterminator="\n")
+        return csv(board)
     from .tables import tables
+
+    board, rows = plain_texts(board), None if rows is None else plain_texts(rows)
 
     if format == "terminal":
         from .terminal import remarks, terminal

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from ...text import one_line
 from ..agreement import Agreement, Tau, as_records
 from . import check_format, latex, markdown
+from .cells import csv
 from .labels import label, setup, shown_setup
 from .numbers import unit_exponent, with_interval
 from .tables import title_of
@@ -18,12 +20,18 @@ from .terminal import ARROWS, wrapped
 
 @dataclass(frozen=True)
 class Grid:
-    """A plain table."""
+    """A plain table, whose control characters are shown."""
 
     title: str
     head: tuple[str, ...]
     lines: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "title", one_line(self.title))
+        object.__setattr__(self, "head", tuple(map(one_line, self.head)))
+        object.__setattr__(self, "lines", tuple(tuple(map(one_line, line)) for line in self.lines))
+        object.__setattr__(self, "notes", tuple(map(one_line, self.notes)))
 
 
 def render_agreement(
@@ -48,7 +56,7 @@ def render_agreement(
     """
     check_format(format)
     if format == "csv":
-        return pd.DataFrame(as_records(list(found))).to_csv(index=False, lineterminator="\n")
+        return csv(pd.DataFrame(as_records(list(found))))
     grids = [grid for one in found for grid in grids_of(one, level)]
     if format == "markdown":
         return "\n".join(map(_markdown, grids))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import io
 import math
-import sys
 from collections.abc import Mapping
 from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple
 
+from ...text import one_line
 from .terminal import NOTES
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ def score_table(
     from rich import box
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     digits = convention.digits if convention else {}
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
@@ -61,9 +62,9 @@ def score_table(
     table.add_column("better")
     for key, (value, floor, better) in scores.items():
         shown = "" if floor is None else _number(floor, digits.get(key))
-        table.add_row(key, _number(value, digits.get(key)), shown, BETTER[better])
+        table.add_row(Text(one_line(key)), _number(value, digits.get(key)), shown, BETTER[better])
     text = io.StringIO()
-    Console(file=text, width=160, force_terminal=sys.stdout.isatty(), highlight=False).print(table)
+    Console(file=text, width=160, highlight=False).print(table)
     lines = [line.rstrip() for line in text.getvalue().splitlines()]
     lines += ["", f"Lengths are in radii of the reference: 1 is {case.frame.radius:.6g} in the files' coordinates."]
     lines += [f"Where a metric does not say how many, {samples:,} points are drawn from a surface; seed {case.seed}."]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+from ...text import one_line
 from .labels import label, setup, shown_setup
 from .tables import CONTENDER, GROUP, Metric, Table, any_best, shared_notes, title_of
 
@@ -136,7 +137,7 @@ def _remark(told: dict[str, Any], shown: tuple[str, ...]) -> Text:
     """One line of what failed or was noted."""
     from rich.text import Text
 
-    message = " ".join(str(told["message"] or "").split())
+    message = one_line(" ".join(str(told["message"] or "").split()))
     message = message if len(message) <= MOST_MESSAGE else message[: MOST_MESSAGE - 1] + "…"
     where = title_of(*(told[name] for name in GROUP))
     what = "" if told["status"] == "ok" else f" {told['status']}"
@@ -149,7 +150,8 @@ def _print(parts: list, color: bool) -> str:
 
     out = io.StringIO()
     # Wider than anything: the blocks were made to fit, and what does not fit must wrap rather than vanish.
-    console = Console(file=out, width=10_000, force_terminal=color, no_color=not color, highlight=False, markup=False)
+    how = {"force_terminal": color, "no_color": not color, "highlight": False, "markup": False, "emoji": False}
+    console = Console(file=out, width=10_000, **how)
     for part in parts:
         console.print(part, soft_wrap=True)
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())
