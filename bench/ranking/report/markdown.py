@@ -17,8 +17,8 @@ def markdown(tables: list[Table]) -> str:
 
 
 def escape(text: str) -> str:
-    """Letters that would be markup in a cell."""
-    return re.sub(r"([\\|*<`~])", r"\\\1", text)
+    """Letters that would be markup in a cell, and the bracket before a link or an image."""
+    return re.sub(r"([\\|*<`~]|\[(?=.*\][(\[]))", r"\\\1", text)
 
 
 def _one(table: Table, notes: tuple[str, ...]) -> str:
