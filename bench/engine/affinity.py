@@ -9,10 +9,11 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
-import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+
+from ..own_folder import open_own, own_folder
 
 
 def available() -> list[int]:
@@ -51,8 +52,7 @@ def hold(name: str, *, if_none: bool = True) -> Iterator[bool]:
     try:
         if folder is None:
             raise PermissionError
-        # Not through a link, and nothing is cut off: whoever may write there must not reach other files of this user.
-        lock = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+        lock = open_own(folder / name, os.O_RDWR)
     except OSError:
         yield if_none
         return
@@ -71,14 +71,4 @@ def hold(name: str, *, if_none: bool = True) -> Iterator[bool]:
 
 def _folder() -> Path | None:
     """The folder of this user's locks, None where it is not this user's alone."""
-    folder = Path(tempfile.gettempdir()) / f"detailbench-cpus-{os.getuid()}"
-    try:
-        folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
-            return None
-        if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-            folder.chmod(0o700)
-    except OSError:
-        return None
-    return folder
+    return own_folder(Path(tempfile.gettempdir()) / f"detailbench-cpus-{os.getuid()}")

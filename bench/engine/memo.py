@@ -5,17 +5,20 @@ make the same mesh, scan it the same way and draw the same samples again, which 
 
 ::
 
-    DIR/.cache/ab/ab12....npz     named arrays under the digest of all that they depend on
+    DIR/.cache/ab/ab12....npz     named arrays under the digest of all that they depend on, sealed
 
 Nothing depends on the memory but time: an entry holds the very bytes that would be computed, its name tells all that
-it was computed from (parameters, sources, versions, seed), and a damaged or missing one is made again. It keeps below
+it was computed from (parameters, sources, versions, seed), and a damaged or missing one is made again. So is one that
+somebody else made: what came with a folder that was copied or downloaded has not this user's seal. It keeps below
 ``limit.cache_gb`` by forgetting what was not used for longest; 0 switches it off.
 """
 
 from __future__ import annotations
 
 import contextlib
+import io
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -31,6 +34,7 @@ from ..contract.identity import shape_digest
 from ..contract.shape import Shape
 from ..errors import UsageError
 from ..geometry.cloud import PointCloud
+from ..own_folder import read_regular, seal, unsealed
 from ..plan.choice import digest
 from ..text import encodable
 
@@ -41,6 +45,7 @@ if TYPE_CHECKING:
 Arrays = Mapping[str, np.ndarray]
 SPARE_BYTES = 1 << 30  # on a disk with less than this left, nothing is remembered: results go first
 PRUNE_EVERY = 50  # writes of one process between two looks at the size of the whole
+OURS = re.compile(r"([0-9a-f]{2})/(\1[0-9a-f]{62}\.npz|.+\.tmp)")
 
 
 @dataclass(frozen=True)
@@ -70,14 +75,14 @@ class Memo:
             return make()
         entry = digest([self.key, name])
         path = self.folder / entry[:2] / f"{entry}.npz"
-        known = _read(path)
+        known = _read(path, entry)
         if known is not None:
             return known
         made = make()
-        self._write(path, made)
+        self._write(path, entry, made)
         return made
 
-    def _write(self, path: Path, arrays: Arrays) -> None:
+    def _write(self, path: Path, entry: str, arrays: Arrays) -> None:
         """Write an entry, if there is room; a memory that cannot be written is no error."""
         with contextlib.suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -85,8 +90,11 @@ class Memo:
                 return
             handle, temporary = tempfile.mkstemp(suffix=".tmp", dir=path.parent)
             try:
+                sink = io.BytesIO()
+                np.savez(sink, **arrays)
                 with os.fdopen(handle, "wb") as file:
-                    np.savez(file, **arrays)
+                    file.write(sink.getbuffer())
+                    file.write(seal(entry, sink.getbuffer()))
                 os.replace(temporary, path)
             except OSError:
                 os.unlink(temporary)
@@ -100,9 +108,12 @@ class _Writes:
     count = 0
 
 
-def _read(path: Path) -> Arrays | None:
+def _read(path: Path, entry: str) -> Arrays | None:
     try:
-        with np.load(path, allow_pickle=False) as file:
+        content = unsealed(entry, read_regular(path))
+        if content is None:
+            return None
+        with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         os.utime(path)
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
@@ -114,8 +125,11 @@ def prune(folder: Path, limit_gb: float) -> None:
     """Forget what was not used for longest, until ``folder`` holds less than ``limit_gb``."""
     entries = []
     for path in folder.glob("*/*"):
+        # Nothing else is removed, wherever the links of a folder that somebody else made may lead.
+        if path.parent.is_symlink() or not OURS.fullmatch(f"{path.parent.name}/{path.name}"):
+            continue
         with contextlib.suppress(OSError):
-            stat = path.stat()
+            stat = path.lstat()
             torn = path.suffix == ".tmp" and time.time() - stat.st_mtime > 3600
             entries.append((0.0 if torn else stat.st_mtime, stat.st_size, path))
     total = sum(size for _, size, _ in entries)

@@ -18,6 +18,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from ..own_folder import cache_folder
+
 ENTRY_POINTS = "detailbench.plugins"
 
 
@@ -38,23 +40,24 @@ def kept_modules() -> dict[str, dict[str, tuple[str, str]]] | None:
 def kept_listing(stamp: str) -> dict[str, Any] | None:
     """The listing that was kept under this stamp, None where there is none."""
     with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
-        kept = json.loads(_path().read_text(encoding="utf-8"))
+        kept = json.loads(path.read_text(encoding="utf-8")) if (path := _path()) else {}
         if kept["stamp"] == stamp:
             return kept["listing"]
     return None
 
 
-def _path() -> Path:
-    """One file for each environment."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "detailbench" / f"listing-{_digest([sys.prefix])}.json"
+def _path() -> Path | None:
+    """One file for each environment, in a folder of this user's own: the modules that it names are imported."""
+    folder = cache_folder()
+    return folder and folder / f"listing-{_digest([sys.prefix])}.json"
 
 
 def keep(stamp: str, listing: dict[str, Any]) -> None:
     """Write the listing; where that is not possible the next start takes longer, no more."""
     path, content = _path(), json.dumps({"stamp": stamp, "listing": listing})
+    if path is None:
+        return
     with contextlib.suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent)
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(content)

@@ -94,8 +94,8 @@ def test_what_was_not_used_for_longest_is_forgotten_first(memo):
         memo.at(name).arrays("x", lambda: {"x": np.zeros(100_000)})
         (path,) = [p for p in memo.folder.glob("*/*") if time.time() - p.stat().st_mtime < 1]
         os.utime(path, (1000 + number, 1000 + number))
-    torn = memo.folder / "torn.d" / "x.tmp"
-    torn.parent.mkdir()
+    torn = memo.folder / "ab" / "x.tmp"
+    torn.parent.mkdir(exist_ok=True)
     torn.write_bytes(bytes(10))
     os.utime(torn, (1, 1))
     memo.at("a").arrays("x", lambda: pytest.fail("was remembered"))  # used now
