@@ -9,6 +9,7 @@ where nothing like a cell was timed, from its method's parameter `seconds`.
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Any
 
 from ..cli import add_plugin_argument
@@ -63,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
         if cell.training and there < cell.cases and (line := line_of_training(results, cell.training)):
             trainings[cell.training.id] = line
         unknown += cell.cases - there if rest is None else 0
+    for note in results.damaged:
+        print(f"warning: {note}", file=sys.stderr)
     width = max([len(line[1]) for line in lines], default=0)
     for cell_id, title, count, state, guess in lines:
         print(f"{cell_id}  {title:<{width}}  {count:>7}  {state:<10} {guess}".rstrip())

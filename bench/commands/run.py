@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     check_overrides(overrides, multirun=multirun)
     requests = by_experiment(overrides)
     sweeps = [jobs_of(request, multirun) for request in requests]
-    results = Results(folder)
+    results = Results(folder, mends=True)
     check_devices(requests, sweeps, results)
     results.prepare()
     codes = []

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from ..errors import UsageError
 from ..plan.cell import Cell, Settings
+from ..results.checks import NoRecord, lacks, of_the_cell
 from ..results.earlier import Standing, standing
 from ..results.files import COLUMNS, SCHEMA_VERSION
 from ..results.imputation import lacks_worst
@@ -82,7 +83,7 @@ def run_cell(
     UsageError
         If the dataset has no case in the split, or if something is to be run on a device that is not here.
     """
-    results = Results(settings.results)
+    results = Results(settings.results, mends=True)
     parts = ingredients(cell)
     with results.lock(cell.id):
         stands = standing(results, cell, parts)
@@ -132,10 +133,14 @@ def finished_rows(
 ) -> tuple[dict[int, dict[str, Any]], Record | None]:
     """The cases that need not be run again, by index, and the stored record they come from."""
     stored = results.read(cell.id, mark)
+    if stored and (missing := lacks(stored.meta)):
+        results.leave_out(results.path(cell.id, mark), NoRecord(f"its metadata lack {', '.join(missing)}"))
+        stored = None
     if settings.rerun == "always":
         return {}, stored
+    same = of_the_cell(cell.to_json()).items()
     rows = stored.rows if stored else []
-    rows = rows + results.partial_rows(cell.id, mark)
+    rows = rows + [row for row in results.partial_rows(cell.id, mark) if same <= ({"split": cell.split} | row).items()]
     before = stored.meta["settings"]["limit"] if stored else {}
     kept = {row["case_index"]: row for row in rows if not _must_rerun(row, settings, before)}
     return {index: row for index, row in kept.items() if not lacks_output(results, row, settings)}, stored

@@ -134,6 +134,8 @@ def known_weights(results: Results, training: Training) -> Weights | None:
     try:
         return Weights.of(path, training.weights)
     except BadInput as error:  # damaged: it is trained again, as a damaged record is computed again
+        if not results.mends:
+            return None
         with contextlib.suppress(OSError):
             path.replace(path.with_suffix(".damaged"))
         results.damaged.append(f"{error}; set aside, it will be trained again")
@@ -165,7 +167,7 @@ def weights_for(
     StoreError
         If it cannot be stored.
     """
-    results = Results(settings.results)
+    results = Results(settings.results, mends=True)
     if not extra.only_examples and (known := known_weights(results, training)):
         return known
     waiting = {"event": "waits", "title": training.title}

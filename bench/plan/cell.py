@@ -14,7 +14,7 @@ from .choice import NO_SENSOR, Choice, NotSolved, Resolved, digest
 from .devices import check_name
 from .keys import Base
 from .limits import Limits
-from .training import TRAINED, Training
+from .training import TRAINED, Training, identity_of
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,7 @@ class Cell(Resolved):
     @functools.cached_property
     def id(self) -> str:
         """Twelve hexadecimal digits: equal wherever the same cell is planned."""
-        values = self.to_json()
-        if self.training:
-            values["training"] = self.training.identity()
-        return digest(values)[:12]
+        return id_of(self.to_json())
 
     @property
     def variant(self) -> str:
@@ -124,6 +121,14 @@ class Cell(Resolved):
         )
         check_dataset(cell.dataset.build(), cell.split)
         return cell
+
+
+def id_of(values: Mapping[str, Any]) -> str:
+    """The id of the cell with these plain values, as :meth:`Cell.to_json` gives them; no plugin is looked at."""
+    training = values.get("training")
+    if isinstance(training, Mapping):
+        values = {**values, "training": identity_of(training)}
+    return digest(values)[:12]
 
 
 def check_dataset(dataset: Any, split: str) -> None:

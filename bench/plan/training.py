@@ -119,10 +119,6 @@ class Training(Resolved):
         usual = {f.name: f.default for f in fields(self)}
         return {k: v for k, v in asdict(self).items() if k in ("weights", "method") or v != usual[k]}
 
-    def identity(self) -> dict[str, Any]:
-        """What a cell's id depends on: the content of a file and not its name."""
-        return {key: value for key, value in self.to_json().items() if key not in ("path", "method")}
-
     @functools.cached_property
     def id(self) -> str:
         """Twelve hexadecimal digits: equal wherever the same training is planned."""
@@ -166,6 +162,11 @@ class Training(Resolved):
         ]
         parts += [f"training.seed={self.seed}"] if self.seed not in (0, seed) else []
         return ",".join(parts)
+
+
+def identity_of(training: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a training's plain values, what a cell's id depends on: the content of a file and not its name."""
+    return {key: value for key, value in training.items() if key not in ("path", "method")}
 
 
 def learner_of(method: Choice) -> Choice | None:

@@ -107,6 +107,8 @@ def translated(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any
 
 def _same(key: str, before: Any, after: Any) -> bool:
     plugin = key.removeprefix(SOURCE)
+    if not isinstance(before, str):
+        return False
     if plugin in table():
         return table()[plugin].get(before) == after
     kind, _, name = plugin.partition(" ")

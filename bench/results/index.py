@@ -2,7 +2,7 @@
 
 ``.index/rows.parquet`` holds the rows of every record, each with the name of its file; its metadata holds the size
 and modification time of every file when it was read. Rows of files that changed or went are read again; a missing or
-damaged index is made anew.
+damaged index is made anew, and one that lies behind a link is left alone.
 """
 
 from __future__ import annotations
@@ -18,18 +18,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import StoreError
-from .files import (
-    COLUMNS,
-    IDENTITY,
-    META_KEY,
-    NOT_INDEXED,
-    ORDER,
-    SCHEMA_VERSION,
-    WRITTEN,
-    newest,
-    split_of,
-    write_atomically,
-)
+from ..own_folder import read_regular
+from .checks import NoRecord, check_values, checked_types, read_record
+from .files import COLUMNS, IDENTITY, NOT_INDEXED, ORDER, SCHEMA_VERSION, WRITTEN, newest, write_atomically
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,21 +60,22 @@ def _gathered(results: Results, use_index: bool) -> pd.DataFrame:
     folder = results.folder / ".index"
     known, table = _load(folder) if use_index else ({}, None)
     seen = {name: [mtime, size] for name, (_, mtime, size) in files.items()}
-    fresh = [name for name in files if known.get(name) != seen[name]]
-    gone = [name for name in known if name not in files or name in set(fresh)]
+    named = set(table[FILE].unique().to_pylist()) if table is not None else set()
+    kept = {name for name in named if name in files and known.get(name) == seen[name]}
 
     tables = []
     if table is not None:
-        if gone:
+        if named - kept:
             import pyarrow.compute as pc
 
-            table = table.filter(pc.invert(pc.is_in(table[FILE], value_set=pa.array(gone))))
+            table = table.filter(pc.is_in(table[FILE], value_set=pa.array(sorted(kept), pa.string())))
         tables.append(table)
-    tables.extend(_read_all(results, [files[name][0] for name in sorted(fresh)]))
+    read = _read_all(results, [files[name][0] for name in sorted(files.keys() - kept)])
+    tables.extend(read)
     if not tables:
         return _empty()
     merged = pa.concat_tables(tables, promote_options="permissive") if len(tables) > 1 else tables[0]
-    if use_index and (fresh or gone):
+    if use_index and (read or named - kept):
         _save(folder, seen, merged)
     frame = merged.to_pandas()
     return frame.assign(**{WRITTEN: frame[FILE].map({name: mtime / 1e9 for name, (_, mtime, _) in files.items()})})
@@ -129,19 +121,13 @@ def _warn_of_the_future(rivals: pd.DataFrame, folders: Sequence[Results], now: f
 
 
 def _read_all(results: Results, paths: list[Path]) -> list[pa.Table]:
-    """The tables of some record files; a damaged one is set aside and reported."""
+    """The tables of some record files; what is no record is left out and reported."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     def read(path: Path) -> pa.Table | Exception:
         try:
-            table = pq.ParquetFile(path, page_checksum_verification=True).read()
-            if "fingerprint" not in table.column_names or not table.num_rows:
-                raise ValueError("it is no record of detailbench")
-            if "split" not in table.column_names:
-                split = split_of(json.loads((table.schema.metadata or {}).get(META_KEY, b"{}")))
-                table = table.append_column("split", pa.array([split] * table.num_rows, pa.string()))
-        except (pa.ArrowException, OSError, ValueError) as error:
+            table, _ = read_record(path)
+        except (NoRecord, FileNotFoundError) as error:
             return error
         table = table.drop_columns([c for c in NOT_INDEXED if c in table.column_names]).replace_schema_metadata(None)
         return table.append_column(FILE, pa.array([path.name] * table.num_rows, pa.string()))
@@ -151,11 +137,9 @@ def _read_all(results: Results, paths: list[Path]) -> list[pa.Table]:
         for begin in range(0, len(paths), BATCH):
             batch, good = paths[begin : begin + BATCH], []
             for path, table in zip(batch, pool.map(read, batch), strict=True):
-                if isinstance(table, FileNotFoundError):
-                    continue
-                if isinstance(table, Exception):
-                    results._set_aside(path, table)
-                else:
+                if isinstance(table, NoRecord):
+                    results.leave_out(path, table)
+                elif not isinstance(table, Exception):
                     good.append(table)
             if good:
                 merged.append(pa.concat_tables(good, promote_options="permissive").combine_chunks())
@@ -168,13 +152,16 @@ def _load(folder: Path) -> tuple[dict[str, Any], pa.Table | None]:
     import pyarrow.parquet as pq
 
     try:
-        table = pq.ParquetFile(folder / "rows.parquet").read()
-        known = json.loads(table.schema.metadata[b"files"])
-        if known.pop("schema_version") != SCHEMA_VERSION:
+        table = pq.ParquetFile(pa.BufferReader(read_regular(folder / "rows.parquet"))).read()
+        known = dict(json.loads(table.schema.metadata[b"files"]))
+        names = table[FILE].cast(pa.string())
+        table = checked_types(table, [name for name in COLUMNS if name not in NOT_INDEXED])
+        check_values(table)
+        if known.pop("schema_version") != SCHEMA_VERSION or names.null_count:
             return {}, None
-    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException):
+    except (NoRecord, OSError, ValueError, KeyError, TypeError, RecursionError, pa.ArrowException):
         return {}, None
-    return known, table.replace_schema_metadata(None)
+    return known, table.replace_schema_metadata(None).append_column(FILE, names)
 
 
 def _save(folder: Path, seen: dict[str, Any], table: pa.Table) -> None:
@@ -184,6 +171,8 @@ def _save(folder: Path, seen: dict[str, Any], table: pa.Table) -> None:
     sink = pa.BufferOutputStream()
     named = set(table[FILE].unique().to_pylist())
     files = {name: stamp for name, stamp in seen.items() if name in named}
+    if folder.is_symlink():
+        return
     meta = {b"files": json.dumps({"schema_version": SCHEMA_VERSION, **files}).encode()}
     pq.write_table(table.replace_schema_metadata(meta), sink, compression="zstd")
     with contextlib.suppress(StoreError):  # results that can only be read still make a leaderboard

@@ -7,7 +7,7 @@
     DIR/.locks/ab12cd34ef56                              held by the process that runs the cell
     DIR/.index/                                          all rows in one file, made again when stale
     DIR/.sweeps/SESSION/                                 what a running sweep has done; removed when it ends
-    DIR/damaged/                                         files that could not be read, set aside
+    DIR/damaged/                                         files that were read and are wrong, set aside by a run
     DIR/outputs/CELL-FINGERPRINT/CASE.ply                outputs that were kept (outputs=first|all)
     DIR/trainings/...                                    weights of learned methods (bench/engine/training.py)
     DIR/outputs/CELL-FINGERPRINT/CASE/NAME.*             and what their methods stored beside them (run.keep)
@@ -22,6 +22,7 @@ import contextlib
 import fcntl
 import json
 import os
+import stat
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -29,8 +30,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import StoreError, UsageError, did_you_mean
+from ..own_folder import open_own, read_regular
 from ..text import encodable
-from .files import COLUMNS, MEASURED, META_KEY, STATUSES, split_of, write_atomically
+from .checks import NAME, NEEDED, NoRecord, read_meta, read_record
+from .files import COLUMNS, MEASURED, META_KEY, STATUSES, write_atomically
 from .kept_outputs import found, found_reference
 
 if TYPE_CHECKING:
@@ -54,11 +57,20 @@ class Record:
 
 
 class Results:
-    """A folder of results."""
+    """A folder of results.
 
-    def __init__(self, folder: str | Path):
+    Parameters
+    ----------
+    folder : path
+    mends : bool
+        Whether files that were read and are wrong are set aside, as a run does; whoever only reads moves nothing.
+    """
+
+    def __init__(self, folder: str | Path, *, mends: bool = False):
         self.folder = Path(folder).expanduser().absolute()
-        self.damaged: list[str] = []  # what was found damaged, for the report
+        self.mends = mends
+        self.damaged: list[str] = []  # which files were left out, and why, for the report
+        self._noted: set[Path] = set()
 
     def prepare(self) -> None:
         """Make the folder and see that it can be written.
@@ -81,36 +93,49 @@ class Results:
         return self.folder / "cells" / cell[:2] / f"{cell}-{fingerprint}.parquet"
 
     def read(self, cell: str, fingerprint: str) -> Record | None:
-        """The record, or None when there is none; a damaged file is set aside and reported in ``damaged``."""
-        path = self.path(cell, fingerprint)
-        return self._read(path) if path.exists() else None
+        """The record, or None when there is none; a file that is none is left out and reported in ``damaged``."""
+        return self._read(self.path(cell, fingerprint))
 
     def _read(self, path: Path) -> Record | None:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
         try:
-            table = pq.ParquetFile(path, page_checksum_verification=True).read()
-            meta = json.loads(table.schema.metadata[META_KEY])
-            rows = table.to_pylist()
-            if not rows or rows[0]["fingerprint"] not in path.name or meta["planned"] != len(rows):
-                raise ValueError("its rows are not those that its metadata announces")
+            table, meta = read_record(path)
         except FileNotFoundError:
             return None
-        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
-            self._set_aside(path, error)
+        except NoRecord as error:
+            self.leave_out(path, error)
             return None
-        return Record(meta["cell_id"], meta["fingerprint"], meta, [{"split": split_of(meta)} | row for row in rows])
+        return Record(
+            meta["cell_id"], meta["fingerprint"], meta, [dict.fromkeys(COLUMNS) | row for row in table.to_pylist()]
+        )
 
-    def _set_aside(self, path: Path, error: Exception) -> None:
-        target = self.folder / "damaged" / path.name
-        reason = str(error).splitlines()[0]
+    def leave_out(self, path: Path, why: NoRecord) -> None:
+        """Report, once, that a file is left out; a run sets it aside where it was read and is wrong."""
+        if path in self._noted:
+            return
+        self._noted.add(path)
+        if not why.damaged:
+            self.damaged.append(f"{path}: left out: {why}")
+        elif not self.mends:
+            self.damaged.append(f"{path}: damaged ({why}); left out")
+        elif target := self._set_aside(path):
+            self.damaged.append(f"{path}: damaged ({why}); set aside as {target}, its cell will be computed again")
+        else:
+            self.damaged.append(f"{path}: damaged ({why}) and could not be set aside; left out")
+
+    def _set_aside(self, path: Path) -> Path | None:
+        """Move a file to ``damaged``, where it replaces nothing; None where it cannot be moved."""
+        folder = self.folder / "damaged"
         try:
-            target.parent.mkdir(exist_ok=True)
+            folder.mkdir(exist_ok=True)
+            if folder.is_symlink():
+                return None
+            target, number = folder / path.name, 1
+            while os.path.lexists(target):
+                target, number = folder / f"{path.stem}.{number}{path.suffix}", number + 1
             os.replace(path, target)
-            self.damaged.append(f"{path}: damaged ({reason}); set aside as {target}, its cell will be computed again")
         except OSError:
-            self.damaged.append(f"{path}: damaged ({reason}) and could not be set aside")
+            return None
+        return target
 
     def write(self, record: Record) -> None:
         """Write a finished cell and forget its partial file."""
@@ -150,7 +175,7 @@ class Results:
         UsageError
             If there is none, or several.
         """
-        ids = sorted({path.name.partition("-")[0] for path, _ in self._files()})
+        ids = sorted({path.stem.partition("-")[0] for path, _ in self._files() if NAME.fullmatch(path.stem)})
         found = [i for i in ids if i.startswith(prefix.lower())] if prefix else []
         if len(found) == 1:
             return found[0]
@@ -171,18 +196,19 @@ class Results:
         The last one may be torn, and any may be damaged: its case is run again.
         """
         rows = []
-        with contextlib.suppress(FileNotFoundError):
-            for line in self._partial(cell, fingerprint).read_bytes().split(b"\n"):
-                with contextlib.suppress(ValueError):  # no JSON, or no UTF-8
+        with contextlib.suppress(OSError):
+            for line in read_regular(self._partial(cell, fingerprint)).split(b"\n"):
+                with contextlib.suppress(ValueError, RecursionError):  # no JSON, or no UTF-8
                     rows.append(json.loads(line))
-        return [encodable(row) for row in rows if _is_row(row)]
+        names = {"cell": cell, "fingerprint": fingerprint}
+        return [_plain(row) for row in rows if _is_row(row) and names.items() <= row.items()]
 
     def add_partial(self, cell: str, fingerprint: str, row: Mapping[str, Any]) -> None:
         """Keep one finished case, whatever happens to this process next."""
         path = self._partial(cell, fingerprint)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("ab") as file:
+            with os.fdopen(open_own(path, os.O_WRONLY | os.O_APPEND), "ab") as file:
                 # A line that an earlier death tore is closed first; empty lines are no rows.
                 file.write(b"\n" + json.dumps(row).encode() + b"\n")
                 file.flush()
@@ -214,7 +240,7 @@ class Results:
         path = self.folder / ".locks" / cell
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            file = path.open("w")
+            file = os.fdopen(open_own(path, os.O_RDWR), "r+")
         except OSError as error:
             raise StoreError(f"cannot write {path}: {error.strerror or error}; choose results=DIR") from error
         with file:
@@ -228,15 +254,30 @@ class Results:
 
     def _files(self) -> Iterator[tuple[Path, os.stat_result]]:
         """Every record file, and its stat, in no order."""
-        root = self.folder / "cells"
-        if not root.is_dir():
-            return
-        for shelf in os.scandir(root):
-            if not shelf.is_dir():
-                continue
-            for entry in os.scandir(shelf.path):
-                if entry.name.endswith(".parquet") and not entry.name.startswith("."):
-                    yield Path(entry.path), entry.stat()
+        for shelf in self._listed(self.folder / "cells"):
+            for path in self._listed(shelf) if os.path.isdir(shelf) else ():
+                if path.suffix != ".parquet" or path.name.startswith("."):
+                    continue
+                try:
+                    found = path.stat()
+                except OSError as error:  # a link to nothing, say
+                    self.leave_out(path, NoRecord(f"cannot be read: {error.strerror}", damaged=False))
+                    continue
+                if stat.S_ISREG(found.st_mode):
+                    yield path, found
+                else:
+                    self.leave_out(path, NoRecord("is no regular file", damaged=False))
+
+    def _listed(self, folder: Path) -> list[Path]:
+        """What is in a folder; one that cannot be read is left out and reported."""
+        try:
+            with os.scandir(folder) as entries:
+                return [Path(entry.path) for entry in entries]
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            self.leave_out(folder, NoRecord(f"cannot be read: {error.strerror}", damaged=False))
+            return []
 
     def rows(self, *, use_index: bool = True, of: Collection[tuple[str, str]] | None = None) -> pd.DataFrame:
         """One row per planned case of every cell: the record that counts where there are several.
@@ -256,12 +297,9 @@ class Results:
 
     def meta(self, cell: str, fingerprint: str) -> dict[str, Any]:
         """The metadata of a record, empty where it cannot be read; its rows are not."""
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
         try:
-            return json.loads(pq.read_metadata(self.path(cell, fingerprint)).metadata[META_KEY])
-        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError):
+            return read_meta(self.path(cell, fingerprint))
+        except (NoRecord, FileNotFoundError):
             return {}
 
     def output_of(self, row: Mapping[str, Any]) -> Path | None:
@@ -293,13 +331,30 @@ def _wait(file: IO[str], alive: Callable[[], None], waits: Callable[[], None]) -
 
 def _is_row(value: Any) -> bool:
     """Whether a value from a partial file can become a row of a record."""
-    if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("case", "status")):
+    if not isinstance(value, dict) or any(value.get(key) is None for key in NEEDED):
         return False
-    kinds = {"string": str, "int64": int, "float64": (int, float)}
-    measured = [key for key in value if key.startswith(MEASURED)]
-    types = {**COLUMNS, **dict.fromkeys(measured, "float64")}
-    fits = all(value.get(key) is None or isinstance(value[key], kinds[kind]) for key, kind in types.items())
-    return fits and value.get("case_index") is not None and value["status"] in STATUSES
+    types = {**COLUMNS, **{key: "float64" for key in value if key.startswith(MEASURED)}}
+    fits = all(value.get(key) is None or _fits(value[key], kind) for key, kind in types.items())
+    return fits and value["case_index"] >= 0 and value["status"] in STATUSES
+
+
+def _fits(value: Any, kind: str) -> bool:
+    """Whether a value can stand in a column of this type."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return kind != "string" and -(2**63) <= value < 2**63
+    return isinstance(value, {"string": str, "float64": float}.get(kind, ()))
+
+
+def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row with the columns of a record, and the reference that its output is compared with, which is none."""
+    plain = {}
+    for key, value in row.items():
+        if key in COLUMNS or key.startswith(MEASURED):
+            is_float = COLUMNS.get(key, "float64") == "float64" and value is not None
+            plain[key] = float(value) if is_float else encodable(value)
+        elif key == "reference" and isinstance(value, str):
+            plain[key] = encodable(value)
+    return plain
 
 
 def _table(record: Record) -> pa.Table:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import resource
 import shutil
 import subprocess
 import sys
 from collections import Counter
 
+import pandas as pd
 import pytest
 from conftest import TOYS
 
@@ -57,16 +59,31 @@ def test_one_flipped_byte_is_noticed(shell):
     assert Counter(shell.calls()) == {"fine 0 0": 2, "fine 0 1": 2}
 
 
-def test_the_leaderboard_sets_a_damaged_file_aside_and_ranks_the_rest(shell):
-    shell.run("method=fine", "method.salt=1,2")
-    damaged = shell.files()[0]
+def test_what_only_reads_leaves_odd_files_where_they_are_and_says_each_once(shell):
+    """Of what was read and is wrong, a run sets aside; a foreign table, a folder and a FIFO stay where they are."""
+    shell.run("method=fine", "method.salt=1,2,3")
+    damaged, other, good = shell.files()
     damaged.write_bytes(damaged.read_bytes()[:100])
-    done = shell.call("leaderboard", shell.results, "--format", "csv")
-    assert done.returncode == 0, done.stderr
-    assert damaged.name in done.stderr
-    assert "damaged" in done.stderr
-    assert len(done.stdout.strip().splitlines()) == 2  # the header and the one that is left
-    assert (shell.results / "damaged" / damaged.name).exists()
+    pd.DataFrame({"fingerprint": ["x"]}).to_parquet(other.with_name("mine.parquet"))
+    os.mkfifo(other.with_name("pipe.parquet"))
+    other.with_name("folder.parquet").mkdir()
+    before = set(shell.results.glob("cells/*/*"))
+    board = shell.call("leaderboard", shell.results, "--format", "csv")
+    assert len(board.stdout.strip().splitlines()) == 3  # the header and the two that are left
+    plan = shell.run("method=fine", "method.salt=1,2,3", act=lambda _, *words: shell.call("plan", *words))
+    assert "6 cases, 4 finished, 2 to do" in plan.stdout
+    why = shell.call("why", good.name[:12], f"results={shell.results}", "--plugin", TOYS)
+    assert "it would not be run again" in why.stdout
+    assert set(shell.results.glob("cells/*/*")) == before and not (shell.results / "damaged").exists()
+    again = shell.run("method=fine", "method.salt=1,2,3", launcher="joblib")
+    assert "2 run now, 4 there already" in again.stderr
+    assert [path.name for path in (shell.results / "damaged").iterdir()] == [damaged.name]
+    assert good.exists() and other.with_name("mine.parquet").exists()
+    for done in (board, plan, why, again):
+        assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
+        warned = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        for name in ("mine.parquet", "pipe.parquet", "folder.parquet", damaged.name):
+            assert sum(name in line for line in warned) == 1, done.stderr
 
 
 def test_a_torn_line_of_an_unfinished_cell_costs_that_case_alone(shell):

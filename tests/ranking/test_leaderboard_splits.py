@@ -9,6 +9,7 @@ from records import record
 
 from bench.commands.leaderboard import read_rows
 from bench.errors import UsageError
+from bench.plan.cell import id_of
 from bench.ranking.leaderboard import failures, leaderboard
 from bench.ranking.overview import overview
 from bench.ranking.report import FORMATS, render
@@ -73,10 +74,11 @@ def test_rows_without_the_column_are_of_the_test_split(tuned):
     assert leaderboard(bare)["split"].tolist() == ["test"]
 
 
-def earlier(split, cell, **values):
+def earlier(split, **values):
     """A record as version 3 wrote it: the split is in the metadata alone."""
-    made = record(cell, schema_version=3, **values)
-    made.meta["cell"] = {"split": split}
+    cell = {"split": split}
+    made = record(id_of(cell), schema_version=3, split=split, **values)
+    made.meta["cell"] = cell
     return made
 
 
@@ -93,18 +95,18 @@ def write_earlier(results, made):
 @pytest.mark.parametrize("use_index", [False, True])
 def test_files_of_earlier_versions_say_their_split_in_the_metadata(tmp_path, use_index):
     results = Results(tmp_path)
-    write_earlier(results, earlier("train", "ab0000000001"))
-    write_earlier(results, earlier("test", "ab0000000002"))
+    write_earlier(results, earlier("train"))
+    write_earlier(results, earlier("test"))
     results.write(record("ab0000000003", split="train", seed=1))
     for _ in range(2):  # from the files, and from the index
         found = results.rows(use_index=use_index)
         assert found.groupby(["split", "seed"]).size().to_dict() == {("test", 0): 3, ("train", 0): 3, ("train", 1): 3}
-    assert {r["split"] for r in results.read("ab0000000001", "f" * 16).rows} == {"train"}
+    assert {r["split"] for r in results.read(id_of({"split": "train"}), "f" * 16).rows} == {"train"}
 
 
 def test_an_index_of_an_earlier_version_is_made_again(tmp_path):
     results = Results(tmp_path)
-    write_earlier(results, earlier("train", "ab0000000001"))
+    write_earlier(results, earlier("train"))
     results.rows()
     index = tmp_path / ".index" / "rows.parquet"
     import pyarrow.parquet as pq
@@ -118,7 +120,7 @@ def test_an_index_of_an_earlier_version_is_made_again(tmp_path):
 def test_two_folders_with_equal_cases_of_two_splits_replace_nothing(tmp_path):
     """`leaderboard paper tune`: the tuned variant was run on train shapes with the same ids."""
     for name, split, finished in (("paper", "test", "2026-01-01T00:00:00"), ("tune", "train", "2026-02-01T00:00:00")):
-        write_earlier(Results(tmp_path / name), earlier(split, "ab0000000001", finished=finished))
+        write_earlier(Results(tmp_path / name), earlier(split, finished=finished))
     found = read_rows([str(tmp_path / "paper"), str(tmp_path / "tune")])
     assert found["split"].value_counts().to_dict() == {"test": 3, "train": 3}
     assert isinstance(found, pd.DataFrame)

@@ -46,7 +46,7 @@ def cell(seed: int = 0) -> Cell:
 
 def stored(one: Cell, parts: dict, finished: str, score: float) -> Record:
     mark = fingerprint(parts)
-    made = record(one.id, mark, finished, seed=one.seed, **{"score.p2f_mean": score})
+    made = record(one.id, mark, finished, seed=one.seed, method=one.method.name, **{"score.p2f_mean": score})
     return Record(one.id, mark, made.meta | {"cell": one.to_json(), "ingredients": parts}, made.rows)
 
 

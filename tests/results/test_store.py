@@ -18,7 +18,7 @@ from bench.results.store import Results
 
 @pytest.fixture
 def results(tmp_path):
-    return Results(tmp_path / "results")
+    return Results(tmp_path / "results", mends=True)
 
 
 def test_a_record_comes_back_as_it_was(results):
@@ -75,11 +75,11 @@ def test_nothing_is_there_before_it_is_written(results):
 
 
 def test_partial_rows_survive_a_torn_line(results):
-    results.add_partial("ab", "ff", row(0))
-    results.add_partial("ab", "ff", row(1))
+    results.add_partial("ab", "ff", row(0, "ab", "ff"))
+    results.add_partial("ab", "ff", row(1, "ab", "ff"))
     with results._partial("ab", "ff").open("a") as file:
         file.write('{"case_index": 2, "sta')
-    results.add_partial("ab", "ff", row(3))
+    results.add_partial("ab", "ff", row(3, "ab", "ff"))
     assert [r["case_index"] for r in results.partial_rows("ab", "ff")] == [0, 1, 3]
     results.write(record("ab0000000001"))
     assert results.partial_rows("ab", "ff")

@@ -1,0 +1,307 @@
+"""Whether a file is a record: its metadata, columns and types, before anything else looks at them.
+
+A results folder may come from anywhere and hold anything. What is no record is left out, with the reason; what was
+read and is wrong (not: what cannot be opened, or is a table of somebody else) counts as damaged, and a run sets it
+aside.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ..own_folder import read_regular
+from ..plan.cell import id_of
+from .files import COLUMNS, MEASURED, META_KEY, SCHEMA_VERSION, STATUSES, split_of
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+T = TypeVar("T")
+MOST_ROWS = 1_000_000  # of a record: a few bytes of a file can stand for any number of them
+MOST_BYTES = 1 << 30  # of a record in memory
+NAME = re.compile(r"[0-9a-f]{12}-[0-9a-f]{16}")
+DIRECTIONS = ("lower", "higher", "reference")
+# Columns that every version wrote, in every row.
+NEEDED = (
+    *("cell", "fingerprint", "task", "dataset", "sensor", "method", "variant", "seed", "threads", "device", "host"),
+    *("case", "case_index", "status", "finished"),
+)
+OF_THE_CELL = ("split", "method", "seed", "threads", "device")  # columns that are in a cell's plain values
+# What metadata hold, by the path to it; all may be missing but the first three.
+META_TYPES: dict[str, type | tuple[type, ...]] = {
+    "cell_id": str,
+    "fingerprint": str,
+    "planned": int,
+    "schema_version": int,
+    "finished": str,
+    "cell": dict,
+    **{f"cell.{kind}": dict for kind in ("task", "dataset", "sensor", "method")},
+    "cell.method.name": str,
+    "cell.metrics": list,
+    "cell.metrics.*": dict,
+    **{f"cell.{key}": int for key in ("seed", "cases", "threads")},
+    **{f"cell.{key}": str for key in ("split", "device")},
+    "ingredients": dict,
+    "settings": dict,
+    "settings.limit": dict,
+    "settings.limit.*": (int, float),
+    "settings.plugins": list,
+    "settings.plugins.*": str,
+    "settings.outputs": str,
+    "settings.profile": str,
+    "provenance": dict,
+    "provenance.host": str,
+    "provenance.plugins": dict,
+    "provenance.plugins.*": dict,
+    "provenance.plugins.*.file": str,
+    "references": dict,
+    "references.*": str,
+    "sources": dict,
+    "sources.*": dict,
+    "sources.*.sha256": str,
+    "sources.*.text": (str, type(None)),
+}
+WHOLE = ("cell", "ingredients", "settings", "provenance", "finished")  # what a run, why and reproduce go by
+
+
+class NoRecord(Exception):
+    """A file that is left out.
+
+    Attributes
+    ----------
+    damaged : bool
+        Whether it was read and is wrong.
+    """
+
+    def __init__(self, reason: str, *, damaged: bool = True):
+        super().__init__(reason)
+        self.damaged = damaged
+
+
+def read_record(path: Path) -> tuple[pa.Table, dict[str, Any]]:
+    """The rows of a record, with the documented columns and types, and its metadata.
+
+    Raises
+    ------
+    NoRecord
+        If the file is none, or cannot be read.
+    FileNotFoundError
+        If it is gone.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    def read() -> tuple[pa.Table, dict[str, Any]]:
+        file = pq.ParquetFile(pa.BufferReader(read_content(path)), page_checksum_verification=True)
+        meta = checked_meta((file.metadata.metadata or {}).get(META_KEY))
+        size = sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups))
+        if file.metadata.num_rows > MOST_ROWS or size > MOST_BYTES:
+            raise NoRecord(f"holds {file.metadata.num_rows:,} rows ({size / 1e6:,.0f} MB), more than any record")
+        table = checked_rows(file.read(), meta)
+        _check_name(path, meta)
+        return table, meta
+
+    return _guarded(read)
+
+
+def read_meta(path: Path) -> dict[str, Any]:
+    """The metadata of a record; its rows are not looked at. Raises as :func:`read_record`."""
+    import pyarrow.parquet as pq
+
+    def read() -> dict[str, Any]:
+        if not path.is_file():  # a FIFO would be waited for
+            raise NoRecord("is no regular file", damaged=False)
+        meta = checked_meta((pq.read_metadata(path).metadata or {}).get(META_KEY))
+        _check_name(path, meta)
+        return meta
+
+    return _guarded(read)
+
+
+def read_content(path: Path) -> bytes:
+    """The bytes of a file; one that cannot be opened is not damaged."""
+    try:
+        return read_regular(path)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise NoRecord(f"cannot be read: {error.strerror or error}", damaged=False) from error
+
+
+def _guarded(read: Callable[[], T]) -> T:
+    import pyarrow as pa
+
+    try:
+        return read()
+    except (NoRecord, FileNotFoundError):
+        raise
+    except MemoryError as error:
+        raise NoRecord("does not fit into memory", damaged=False) from error
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise NoRecord(f"is no whole Parquet file ({reason})") from error
+
+
+# -- metadata ----------------------------------------------------------------------------------------------------------
+
+
+def checked_meta(content: bytes | None) -> dict[str, Any]:
+    """The metadata of a record.
+
+    Raises
+    ------
+    NoRecord
+        If they are not as :data:`META_TYPES` says, or if the cell is not that of its id.
+    """
+    if content is None:
+        raise NoRecord("is no record of detailbench (it has no metadata of it)", damaged=False)
+    try:
+        meta = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise NoRecord("its metadata are no JSON") from error
+    if not isinstance(meta, dict):
+        raise NoRecord("its metadata are no JSON object")
+    for key in ("cell_id", "fingerprint", "planned"):
+        if key not in meta:
+            raise NoRecord(f"its metadata lack {key!r}")
+    for key, kind in META_TYPES.items():
+        for value in _values(meta, key.split(".")):
+            if not isinstance(value, kind) or isinstance(value, bool):
+                raise NoRecord(f"its metadata hold {key} of the type {type(value).__name__}")
+    if "name" not in meta.get("cell", {}).get("method", {"name": ""}):
+        raise NoRecord("its metadata lack the name of the method")
+    if meta.get("schema_version", 0) > SCHEMA_VERSION:
+        raise NoRecord(
+            f"is of schema version {meta['schema_version']}, of a later detailbench; this one reads versions up to "
+            f"{SCHEMA_VERSION}",
+            damaged=False,
+        )
+    if "cell" in meta and id_of(meta["cell"]) != meta["cell_id"]:
+        raise NoRecord(f"its cell is not that of its id {meta['cell_id'][:40]!r}")
+    return meta
+
+
+def _values(value: Any, path: list[str]) -> Iterable[Any]:
+    """What is found at a path; ``*`` is every entry."""
+    if not path:
+        return [value]
+    key, *rest = path
+    if isinstance(value, dict):
+        inner = value.values() if key == "*" else [value[key]] if key in value else []
+    else:
+        inner = value if key == "*" and isinstance(value, list) else []
+    return [found for one in inner for found in _values(one, rest)]
+
+
+def lacks(meta: Mapping[str, Any]) -> list[str]:
+    """What a record lacks to be gone by: metadata of files that others than us have written, perhaps."""
+    parts = ["limit"] if "limit" not in meta.get("settings", {}) else []
+    return [key for key in WHOLE if key not in meta] + [f"settings.{key}" for key in parts if "settings" in meta]
+
+
+def _check_name(path: Path, meta: Mapping[str, Any]) -> None:
+    """See that the file is called after its record: by its name it is found."""
+    expected = f"{meta['cell_id']}-{meta['fingerprint']}"
+    if path.stem != expected:
+        reason = f"holds the record {expected[:40]}, which is not what its name says"
+        raise NoRecord(reason, damaged=NAME.fullmatch(path.stem) is not None)
+
+
+# -- rows --------------------------------------------------------------------------------------------------------------
+
+
+def checked_rows(table: pa.Table, meta: Mapping[str, Any]) -> pa.Table:
+    """The rows of a record with the documented columns, in their types; other columns are left out.
+
+    Raises
+    ------
+    NoRecord
+        If a column has another type or values that no record has, or if the rows are not those of the metadata.
+    """
+    table = checked_types(table)
+    if not table.num_rows or table.num_rows != meta["planned"]:
+        raise NoRecord("its rows are not those that its metadata announces")
+    if table["split"].null_count:  # rows of versions below 4
+        place = table.column_names.index("split")
+        table = table.set_column(place, "split", table["split"].fill_null(split_of(meta)))
+    check_values(table)
+    places = table["case_index"].unique().to_pylist()
+    if len(places) < table.num_rows or min(places) < 0 or len(table["case"].unique()) < table.num_rows:
+        raise NoRecord("two of its rows are of one case")
+    wanted = {"cell": meta["cell_id"], "fingerprint": meta["fingerprint"]} | of_the_cell(meta.get("cell", {}))
+    for name in ("cell", "fingerprint", *OF_THE_CELL):
+        values = table[name].unique().to_pylist()
+        if len(values) > 1 or values[0] != wanted.get(name, values[0]):
+            raise NoRecord(f"its rows are not of one cell, that of its metadata: {name} is {str(values)[:80]}")
+    return table
+
+
+def of_the_cell(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """What columns of every row say of a cell, from its plain values."""
+    return {key: cell[key]["name"] if key == "method" else cell[key] for key in OF_THE_CELL if key in cell}
+
+
+def checked_types(table: pa.Table, columns: Iterable[str] = COLUMNS) -> pa.Table:
+    """A table with the documented columns alone, all of the documented types; those that it lacks are empty.
+
+    Raises
+    ------
+    NoRecord
+        If a column has another type, if two have one name, or if a text is no UTF-8.
+    """
+    import pyarrow as pa
+
+    names = table.column_names
+    chosen = [name for name in names if name in COLUMNS or name.startswith(MEASURED)]
+    if len(set(chosen)) < len(chosen):
+        raise NoRecord("has two columns of one name")
+    types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
+    fields = []
+    for name in chosen:
+        kind, found = COLUMNS.get(name, "float64"), table.schema.field(name).type
+        fits = {
+            "string": pa.types.is_string(found) or pa.types.is_large_string(found),
+            "int64": pa.types.is_integer(found),
+            "float64": pa.types.is_floating(found) or pa.types.is_integer(found),
+        }[kind]
+        if not fits and not pa.types.is_null(found):
+            raise NoRecord(f"its column {name} is of the type {found}; expected {kind}")
+        fields.append(pa.field(name, types[kind]))
+    table = table.select(chosen)
+    table.validate(full=True)
+    table = table.cast(pa.schema(fields))
+    for name in columns:
+        if name not in chosen:
+            table = table.append_column(name, pa.nulls(table.num_rows, types[COLUMNS[name]]))
+    return table
+
+
+def check_values(table: pa.Table) -> None:
+    """Look at the columns that every row must have, and at those whose text is read as more than text.
+
+    Raises
+    ------
+    NoRecord
+        For a value that no record has.
+    """
+    for name in NEEDED:
+        if table[name].null_count:
+            raise NoRecord(f"its column {name} is missing, or empty in some rows")
+    unknown = set(table["status"].unique().to_pylist()) - {*STATUSES}
+    if unknown:
+        raise NoRecord(f"a status is {str(unknown.pop())[:40]!r}; expected one of {', '.join(STATUSES)}")
+    for text in table["directions"].unique().to_pylist():
+        if text and not _is_directions(text):
+            raise NoRecord(f"its column directions holds {text[:40]!r}")
+
+
+def _is_directions(text: str) -> bool:
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(found, dict) and all(word in DIRECTIONS for word in found.values())
