@@ -1,11 +1,12 @@
 """Run a stored cell again, from its record, and compare every score.
 
   detailbench reproduce CELL results=DIR
-  detailbench reproduce CELL results=DIR --plugin FILE           where the record's plugin file is elsewhere here
-  detailbench reproduce CELL results=DIR dataset.path=FOLDER     and its data
+  detailbench reproduce CELL results=DIR --plugin FILE           a cell that was run with a plugin file
+  detailbench reproduce CELL results=DIR dataset.path=FOLDER     where its data are here
 
-Seed, parameters, limits and plugin files are those of the record. The result goes to a temporary folder: the stored
-one is not touched. Exit code 0 when all cases agree, 3 when some do not.
+Seed, parameters and limits are those of the record. A plugin file that it names is not imported, since importing runs
+it: name one that you trust. The result goes to a temporary folder: the stored one is not touched, and what the record
+would have written elsewhere (method.save=FILE) is not written. Exit code 0 when all cases agree, 3 when some do not.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 
 from ..plugins.registry import load_plugins
 from ..results.store import Record
-from .why import add_cell_arguments
+from .why import add_cell_arguments, stored_cell
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,15 +31,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run, compare, and say what differs in what the result depends on."""
     from ..engine.runner import forget_servers, run_cell
-    from ..results.recorded import Stored
+    from ..results.recorded import writing_nothing
 
     load_plugins(args.plugin)
-    stored = Stored.of(args.cell, args.words)
+    stored = stored_cell(args)
     record, plugins = stored.shown, stored.load(args.plugin)
     cell = stored.cell
     print(f"cell {record.cell}: {cell.title}")
     for line in stored.differences(cell):
         print(f"  differs: {line}")
+    cell, outputs = writing_nothing(cell)
+    for output in outputs:
+        print(f"  not written: {output}")
     with tempfile.TemporaryDirectory(prefix="detailbench-") as folder:
         settings = replace(stored.settings, results=folder, outputs="none", plugins=plugins)
         try:

@@ -1,18 +1,19 @@
 """Say why a stored cell is current or not: what differs between the day it was run and today.
 
   detailbench why CELL results=DIR
-  detailbench why CELL results=DIR --plugin FILE           where the record's plugin file is elsewhere on this machine
-  detailbench why CELL results=DIR dataset.path=FOLDER     and its data
+  detailbench why CELL results=DIR --plugin FILE           of a cell that was run with a plugin file
+  detailbench why CELL results=DIR dataset.path=FOLDER     where its data are on this machine
   detailbench why CELL results=DIR --source                print the source of the plugin files that is in the record
 
 CELL is a cell id, or its beginning; `detailbench plan` prints them, and every row of the results has one. Of several
 records of a cell (of edited sources, of other versions), tables show the one that is current, or the newest where none
-is.
+is. A plugin file that a record names is not imported, since importing runs it: name one that you trust.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import TYPE_CHECKING
 
 from ..cli import add_plugin_argument
@@ -41,10 +42,10 @@ def add_cell_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print which record is shown, what it is, and what differs."""
-    from ..results.recorded import Stored, lines_of_source
+    from ..results.recorded import lines_of_source
 
     load_plugins(args.plugin)
-    stored = Stored.of(args.cell, args.words)
+    stored = stored_cell(args)
     record = stored.shown
     if args.source:
         lines = list(lines_of_source(record.meta))
@@ -53,20 +54,47 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(f"cell {record.cell}: its record keeps no source: {why}")
         print("\n".join(lines))
         return 0
-    stored.load(args.plugin)
-    cell = stored.cell
-    print(f"cell {record.cell}: {cell.title}")
-    host, count = record.meta["provenance"]["host"], f"{record.solved}/{len(record.rows)} solved"
+    cell = None if stored.missing else stored.cell
+    print(f"cell {record.cell}: {cell.title if cell else stored.title}")
+    host, count = record.meta["provenance"].get("host", "an unknown host"), f"{record.solved}/{len(record.rows)} solved"
     print(f"run {record.meta['finished']} on {host}: {count}")
     for row in record.rows:
         if row["status"] != "ok":
             print(f"  {row['case']}: {row['status']}: {row['message']}")
-    differences = stored.differences(cell)
+    if cell:
+        differences = stored.differences(cell)
+        for line in differences:
+            print(f"  {line}")
+        print(verdict(stored, differences))
+    else:
+        _print_without_plugins(stored)
+    _print_others(stored)
+    stored.load(args.plugin)
+    return 0
+
+
+def stored_cell(args: argparse.Namespace) -> Stored:
+    """The cell that the arguments name; files that were left out on the way are said."""
+    from ..results.recorded import Stored
+
+    stored = Stored.of(args.cell, args.words)
+    for note in stored.results.damaged:
+        print(f"warning: {note}", file=sys.stderr)
+    return stored
+
+
+def _print_without_plugins(stored: Stored) -> None:
+    """What differs, as far as that can be told without importing the plugins that the record names."""
+    from ..results.current import Today
+
+    differences = Today().differences(stored.shown.meta)
+    if differences is None:
+        print("cannot be compared with today without its plugin")
+        return
     for line in differences:
         print(f"  {line}")
-    print(verdict(stored, differences))
-    _print_others(stored)
-    return 0
+    what = "not current" if differences else "nothing differs"
+    print(f"{what}, as far as can be told from the files without importing its plugin")
 
 
 def verdict(stored: Stored, differences: list[str]) -> str:

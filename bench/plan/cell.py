@@ -152,9 +152,7 @@ def settings_of(config: Mapping[str, Any]) -> Settings:
     one_of("outputs", config["outputs"], ("none", "first", "all"))
     one_of("rerun", config["rerun"], ("never", "failed", "always"))
     limit = Limits(**config["limit"])
-    for key, value in asdict(limit).items():
-        if not value > 0 and not (key == "cache_gb" and value == 0):
-            raise UsageError(f"limit.{key}={value}: expected more than 0")
+    check_limits(limit)
     return Settings(
         results=config["results"],
         limit=limit,
@@ -165,6 +163,13 @@ def settings_of(config: Mapping[str, Any]) -> Settings:
         profile=config["profile"],
         session=config.get("session", "none"),
     )
+
+
+def check_limits(limit: Limits) -> None:
+    """Raise :class:`UsageError` for a limit that is not above 0."""
+    for key, value in asdict(limit).items():
+        if not value > 0 and not (key == "cache_gb" and value == 0):
+            raise UsageError(f"limit.{key}={value}: expected more than 0")
 
 
 def check_root(config: Mapping[str, Any]) -> None:

@@ -65,12 +65,18 @@ def check_files(choice: Choice) -> None:
             )
 
 
+def written(plugin: Any) -> tuple[str, ...]:
+    """The parameters of a plugin, its class or an object, that name files which it writes."""
+    names = getattr(plugin, "writes", WRITES)
+    return tuple(names) if isinstance(names, (tuple, list, set, frozenset)) else WRITES
+
+
 def _named(choice: Choice, made: Any) -> Iterator[tuple[str, str, bool]]:
     """Parameter, value, and whether it is a path by type, for what may name a file that is read."""
-    written = getattr(made, "writes", WRITES)
+    outputs = written(made)
     for name, hint in field_types(choice.plugin).items():
         kinds = set(_scalars(hint))
-        if name in choice.parameters and name not in written and kinds & {str, Path}:
+        if name in choice.parameters and name not in outputs and kinds & {str, Path}:
             for text in _texts(choice.parameters[name]):
                 yield name, text, Path in kinds and str not in kinds
 

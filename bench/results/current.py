@@ -23,7 +23,8 @@ from .earlier import differences, earlier_digest, seconds_of
 from .provenance import ingredients, package_version, source_digest
 
 # What the metadata of any folder, and the plugins that they name, may raise.
-UNTOLD = (DetailbenchError, KeyError, TypeError, ValueError, AttributeError, OSError)
+UNTOLD = (DetailbenchError, KeyError, TypeError, ValueError, AttributeError, OSError, RecursionError, OverflowError)
+LONGEST = 1 << 20  # bytes of a plugin's file that a record names and that is compared with it
 
 
 class Today:
@@ -45,7 +46,10 @@ class Today:
             cell = Cell.from_json(meta["cell"])
             now = self._of(cell) | {"cell": cell.id}
         except UNTOLD:
-            now = _without_plugins(then, meta)
+            try:
+                now = _without_plugins(then, meta)
+            except UNTOLD:
+                return None
         return None if now is None else differences(then, now)
 
     def _of(self, cell: Cell) -> dict[str, Any]:
@@ -63,14 +67,16 @@ def _without_plugins(then: Mapping[str, Any], meta: Mapping[str, Any]) -> dict[s
     now = dict(then)
     for key in then:
         if key.startswith("package "):
-            now[key] = package_version(key.removeprefix("package "))
+            name = key.removeprefix("package ")
+            # To look for a module inside of a package imports the package.
+            now[key] = package_version(name) if name.isidentifier() else then[key]
         elif key.startswith("source of "):
             kind, _, name = key.removeprefix("source of ").partition(" ")
             if name in registry().names(kind):
                 file = registry().find(kind, name).file
             else:
                 file = Path((recorded.get(f"{kind} {name}") or {}).get("file") or "")
-            if not file.is_file():
+            if file.suffix != ".py" or not file.is_file() or file.stat().st_size > LONGEST:
                 return None
             same = then[key] == earlier_digest(file)  # as versions before 0.2 recorded it
             now[key] = then[key] if same else source_digest(file)

@@ -1,24 +1,29 @@
 """A stored cell on this machine: which of its records counts, its plugins and its paths.
 
-What the record names may be elsewhere here: ``--plugin FILE`` stands in place of the plugin file that it was run with,
-and ``dataset.path=FOLDER`` in place of a path among the parameters of its dataset.
+A record may be somebody else's, so it is not obeyed blindly: no plugin file that it names is imported, unless the user
+names the file with ``--plugin``; and what it would have written is not written (:func:`writing_nothing`). Its paths may
+lead elsewhere here: ``dataset.path=FOLDER`` stands in place of a path among the parameters of its dataset.
 """
 
 from __future__ import annotations
 
+import os
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import UsageError, did_you_mean
-from ..plan.cell import Cell, Choice, Settings
+from ..plan.cell import NO_SENSOR, Cell, Choice, Settings, check_limits
 from ..plan.limits import Limits
-from ..plugins.registry import load_plugins, registry
+from ..plugins.reads import written
+from ..plugins.registry import Plugin, load_plugins, registry
+from ..plugins.schema import defaults
+from .checks import lacks
 from .current import Today
-from .earlier import differences
-from .provenance import ingredients
+from .earlier import SOURCE, differences
+from .provenance import ingredients, plugin_sources
 from .store import Record, Results
 
 
@@ -58,22 +63,38 @@ class Stored:
             raise UsageError(f"cell {prefix} in {results.folder}: {'; '.join(results.damaged) or 'has no record'}")
         today = Today()
         shown = next((record for record in records if today.is_current(record.meta)), records[0])
+        if missing := lacks(shown.meta):
+            raise UsageError(
+                f"{results.path(shown.cell, shown.fingerprint)}: its metadata lack {', '.join(missing)}; only a record "
+                "as `detailbench run` writes it can be explained or repeated"
+            )
         return cls(results, records, shown, paths)
 
     @property
     def settings(self) -> Settings:
         """How the record was made; the plugins are those of that machine."""
         stored = self.shown.meta["settings"]
-        return Settings(
-            results=str(self.results.folder),
-            limit=Limits(**stored["limit"]),
-            outputs=stored["outputs"],
-            plugins=tuple(stored["plugins"]),
-            profile=stored["profile"],
-        )
+        limit = Limits(**{key: value for key, value in stored["limit"].items() if hasattr(Limits, key)})
+        check_limits(limit)
+        kept = {key: stored[key] for key in ("outputs", "profile") if key in stored}
+        return Settings(results=str(self.results.folder), limit=limit, plugins=tuple(stored.get("plugins", ())), **kept)
+
+    @property
+    def title(self) -> str:
+        """The cell in one line, as its rows call it: no plugin is needed."""
+        row = self.shown.rows[0]
+        method = f"{row['method']}[{row['variant']}]" if row["variant"] else row["method"]
+        return " ".join(filter(None, [row["task"], row["dataset"], row["sensor"], method, f"seed={row['seed']}"]))
+
+    @property
+    def missing(self) -> list[str]:
+        """The plugins that the cell needs and that are not loaded, as ``method NAME``."""
+        meta = self.shown.meta
+        named = [key.removeprefix(SOURCE) for key in meta["ingredients"] if key.startswith(SOURCE)]
+        return [name for name in dict.fromkeys([*meta["provenance"].get("plugins", {}), *named]) if not _is_known(name)]
 
     def load(self, given: Sequence[str]) -> tuple[str, ...]:
-        """Load the plugins that the cell needs: ``given`` ones, and for what these lack those of the record.
+        """Load the plugin files that the user names: importing runs them, so the record's own are not.
 
         Returns
         -------
@@ -83,29 +104,27 @@ class Stored:
         Raises
         ------
         UsageError
-            If a plugin is needed whose file is not there, with what to do.
+            If the cell needs a plugin that these and the installed ones lack, with what to do.
         """
-        loaded = list(load_plugins(given))
-        brought = self.shown.meta["provenance"]["plugins"]
-        for file in self.shown.meta["settings"]["plugins"]:
-            needed = [name for name, facts in brought.items() if facts["file"] == file]
-            missing = [name for name in needed if not _is_known(name)]
-            if file in loaded or (needed and not missing):
-                continue
-            if Path(file).is_file():
-                loaded += load_plugins([file], warn=False)
-            elif missing:
-                raise UsageError(self._without(file, missing))
-        return tuple(loaded)
+        loaded = load_plugins(given)
+        if missing := self.missing:
+            raise UsageError(self._without(missing))
+        return loaded
 
-    def _without(self, file: str, names: Sequence[str]) -> str:
-        cell = self.shown.cell
-        kept = (self.shown.meta.get("sources") or {}).get(file) or {}
+    def _without(self, missing: Sequence[str]) -> str:
+        """What a record was run with and is not loaded, and what to do."""
+        cell, sources = self.shown.cell, self.shown.meta.get("sources", {})
+        files: dict[str, list[str]] = {}
+        for name in missing:
+            facts = self.shown.meta["provenance"].get("plugins", {}).get(name, {})
+            files.setdefault(facts.get("file", "an unknown file"), []).append(name)
+        run_with = " and ".join(f"{file} ({', '.join(names)})" for file, names in files.items())
         look = f"detailbench why {cell} results={self.results.folder} --source"
-        where = f" Its source is in the record: `{look}` prints it." if kept.get("text") else ""
+        kept = any(sources.get(file, {}).get("text") for file in files)
         return (
-            f"cell {cell} was run with the plugin {file} ({', '.join(names)}), which is not on this machine: name the "
-            f"file with --plugin FILE.{where}"
+            f"cell {cell} was run with the plugin {run_with}. Plugin files that a record names are not imported by "
+            "themselves, since importing runs them: name the file, if you trust it, with --plugin FILE."
+            + (f" Its source is in the record: `{look}` prints it." if kept else "")
         )
 
     @property
@@ -117,7 +136,7 @@ class Stored:
         UsageError
             If a path is none of the dataset's, or leads nowhere.
         """
-        cell = Cell.from_json(self.shown.meta["cell"])
+        cell = _cell_of(self.shown)
         for name in self.paths:
             _check_path(cell.dataset, name)
         cell = replace(cell, dataset=replace(cell.dataset, parameters={**cell.dataset.parameters, **self.paths}))
@@ -134,7 +153,88 @@ class Stored:
     def differences(self, cell: Cell) -> list[str]:
         """What differs between the day of the record and today, one line each; the paths given anew do not count."""
         then = self.shown.meta["ingredients"]
-        return differences(then, ingredients(cell) | ({"cell": then["cell"]} if self.paths else {}))
+        lines = differences(then, ingredients(cell) | ({"cell": then.get("cell")} if self.paths else {}))
+        return lines + (list(_edited(self.shown.meta, cell)) if any(line.startswith(SOURCE) for line in lines) else [])
+
+
+def _cell_of(record: Record) -> Cell:
+    """The cell of a record, with plugins and parameters that are there.
+
+    Raises
+    ------
+    UsageError
+        If it is no cell, for instance of another version.
+    """
+    try:
+        cell = Cell.from_json(record.meta["cell"])
+        kinds = {kind: getattr(cell, kind) for kind in ("task", "dataset", "sensor", "method")}
+        fits = all(choice.kind == kind for kind, choice in kinds.items()) and all(
+            choice.kind == "metric" for choice in cell.metrics
+        )
+        for choice in cell.choices:
+            choice.build()
+        if fits and cell.method.solves(cell.task.name):
+            return cell
+        reason = "its plugins do not fit"
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        reason = f"{type(error).__name__}: {error}"
+    raise UsageError(f"cell {record.cell}: its record holds no cell that can be made here ({reason})")
+
+
+def _edited(meta: Mapping[str, Any], cell: Cell) -> Iterator[str]:
+    """Where the files of plugins differ from those that a record keeps, a line each."""
+    here = {Path(path).name: (path, kept) for path, kept in plugin_sources(cell).items()}
+    for path, kept in meta.get("sources", {}).items():
+        found, now = here.get(Path(path).name, ("", {}))
+        if not found:
+            yield f"{path} of the record: no file of this name was loaded"
+        elif now["sha256"] != kept.get("sha256"):
+            pair = [(one or "").splitlines() for one in (kept.get("text"), now["text"])]
+            same = len(os.path.commonprefix(pair)) if all(pair) else 0
+            yield f"{found} differs from the record's" + (f" from line {same + 1} on" if all(pair) else "")
+
+
+def writing_nothing(cell: Cell) -> tuple[Cell, list[str]]:
+    """The cell without the files that its plugins would write, and the parameters that name them: a record names none.
+
+    What is written is what a plugin says (:mod:`bench.plugins.reads`); the parts of a plugin, such as the steps of a
+    chain, are looked at, too.
+    """
+    found: list[str] = []
+
+    def cleared(choice: Choice | None) -> Choice | None:
+        if choice is None or choice == NO_SENSOR:
+            return choice
+        values, parts = dict(choice.parameters), {part.name: part for part in choice.parts}
+        for name in set(written(choice.made)).intersection(values):
+            usual = defaults(choice.plugin)[name]
+            if values[name] != usual:
+                found.append(f"{choice.kind}.{name}={values[name]}")
+                values[name] = usual
+        return replace(choice, parameters={key: _of_parts(value, parts, found) for key, value in values.items()})
+
+    def all_cleared(of: Any, kinds: Iterable[str]) -> Any:
+        return replace(of, **{kind: cleared(getattr(of, kind)) for kind in kinds})
+
+    kinds = ("task", "dataset", "sensor", "method")
+    training = cell.training and all_cleared(cell.training, kinds)
+    metrics = tuple(map(cleared, cell.metrics))
+    return replace(all_cleared(cell, kinds), metrics=metrics, training=training), found
+
+
+def _of_parts(value: Any, parts: Mapping[str, Plugin], found: list[str]) -> Any:
+    """A parameter without what the parts that it names would write; these parameters go to ``found``."""
+    if isinstance(value, (list, tuple)):
+        return [_of_parts(inner, parts, found) for inner in value]
+    if not isinstance(value, Mapping):
+        return value
+    kept: dict[str, Any] = {}
+    for name, inner in value.items():
+        writes = written(parts[name].cls) if name in parts and isinstance(inner, Mapping) else ()
+        found.extend(f"{name}.{key}={inner[key]}" for key in writes if inner.get(key))
+        inner = {key: one for key, one in inner.items() if key not in writes} if writes else inner
+        kept[name] = _of_parts(inner, parts, found)
+    return kept
 
 
 def _split(words: Sequence[str]) -> tuple[str, dict[str, str]]:

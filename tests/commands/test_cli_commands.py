@@ -189,13 +189,13 @@ def test_the_listing_says_what_is_missing(shell):
 def test_why_and_reproduce_a_stored_cell(finished):
     shell, _ = finished
     cell = shell.rows(method="identity", seed=1)["cell"].iloc[0]
-    why = shell.call("why", cell, f"results={shell.results}")
+    why = shell.call("why", cell, f"results={shell.results}", "--plugin", TOYS)
     assert why.returncode == 0, why.stderr
     assert "identity seed=1" in why.stdout
     assert "2/2 solved" in why.stdout
     assert "current:" in why.stdout
     files = {path: path.read_bytes() for path in shell.files()}
-    again = shell.call("reproduce", cell, f"results={shell.results}")
+    again = shell.call("reproduce", cell, f"results={shell.results}", "--plugin", TOYS)
     assert again.returncode == 0, again.stderr
     assert "reproduced: every status and score agrees" in again.stdout
     assert {path: path.read_bytes() for path in shell.files()} == files
@@ -213,7 +213,8 @@ def test_reproduce_tells_a_method_that_draws_from_nowhere(shell):
         "        return PointCloud(cloud.points + rng.normal(size=cloud.points.shape))\n"
     )
     shell.run("method=moody", sweep=False, plugins=(TOYS, plugin))
-    again = shell.call("reproduce", shell.rows()["cell"].iloc[0], f"results={shell.results}")
+    plugins = ("--plugin", TOYS, "--plugin", plugin)
+    again = shell.call("reproduce", shell.rows()["cell"].iloc[0], f"results={shell.results}", *plugins)
     assert again.returncode == 3
     assert re.search(r"ball-test-000: spread was [\d.]+, is [\d.]+", again.stdout)
     assert "2 differences" in again.stdout

@@ -81,7 +81,7 @@ def test_the_table_of_a_run_is_of_that_run_after_an_edit_is_taken_back(shell):
     assert board(reverted.stdout) == first
     # The plugin is no plugin of this installation, and its file is there to be compared with.
     assert board(leaderboard(shell, shell.results)) == first
-    why = shell.call("why", shell.rows()["cell"].iloc[0], f"results={shell.results}").stdout
+    why = shell.call("why", shell.rows()["cell"].iloc[0], f"results={shell.results}", "--plugin", toys).stdout
     assert "it would not be run again" in why
     assert "2 records of this cell" in why
     shown = [line for line in why.splitlines() if line.endswith("shown in tables")]

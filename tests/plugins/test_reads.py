@@ -126,6 +126,7 @@ def test_weights_exchanged_under_one_name_are_run_again_and_why_names_the_file(s
     )
     words = ("method=mine", "method.weights=w.txt")
     plugins = (TOYS, shell.work / "mine.py")
+    flags = [part for file in plugins for part in ("--plugin", file)]
     spreads = []
     for weight in ("1", "2", "1"):
         (shell.work / "w.txt").write_text(weight)
@@ -134,7 +135,7 @@ def test_weights_exchanged_under_one_name_are_run_again_and_why_names_the_file(s
         spreads.append("2 run now" in done.stderr)
         if weight == "2":
             (shell.work / "w.txt").write_text("3")
-            found = shell.call("why", shell.rows()["cell"][0], f"results={shell.results}", "--plugin", plugins[1])
+            found = shell.call("why", shell.rows()["cell"][0], f"results={shell.results}", *flags)
             assert "content of w.txt (method.weights) has changed" in found.stdout, found.stdout + found.stderr
     assert spreads == [True, True, False]  # the first weights' results are there still
 
