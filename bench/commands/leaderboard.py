@@ -146,11 +146,13 @@ def show(
     pareto: str | None = None,
     convention: str | None = None,
     published: str | None = None,
+    missing: str = "",
     **filters: str | None,
 ) -> None:
     """Rank the rows that the filters leave, and print, in the convention of a paper if one is named.
 
     ``published`` is an experiment whose file gives a paper's numbers; its convention and its groups are taken.
+    ``missing`` is a sentence on cells that are not in the table, see :func:`what_is_missing`; CSV has no place for it.
     """
     from ..ranking.conventions import load_convention
     from ..ranking.leaderboard import leaderboard
@@ -170,6 +172,16 @@ def show(
     board = leaderboard(rows, level=level, equal=equal, by=by, pareto=pareto, **filters)
     wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
     _print(board, format, rows=chosen, metrics=wanted, convention=paper, published=table)
+    if missing and format != "csv":
+        print(missing)
+
+
+def what_is_missing(finished: int, planned: int) -> str:
+    """What is said below a table that lacks cells of a sweep which ended early; empty where none is missing."""
+    if finished >= planned:
+        return ""
+    rest = planned - finished
+    return f"{finished} of {planned} planned cells: the other {rest} are not finished, and not in this table."
 
 
 def show_across(

@@ -92,8 +92,7 @@ def _sweep(
     if not any(sweep.is_hydras(word) for word in overrides):  # no launcher, no environment of jobs
         forkserver.begin(threads_of(overrides))
     ahead = look_ahead(jobs, overrides, results) if len(jobs) > 1 else None
-    while results.damaged:  # files that were found damaged, and set aside, while finished cells were counted
-        print(f"warning: {results.damaged.pop(0)}", file=sys.stderr)
+    _warn(results)
     if ahead and ahead.text:
         print(ahead.text, file=sys.stderr)
     session = sweep.Session.new(results.folder)
@@ -111,14 +110,20 @@ def _sweep(
             forget_servers()
         done = session.read()
     cells = list({d["cell"]: d for d in reversed(done) if d["kind"] == "cell"}.values())[::-1]
+    # Each job is a cell, but for pairs that do not fit, and for jobs that are the same cell.
+    others = sum(entry["kind"] == "not_solved" for entry in done)
+    others += sum(entry["kind"] == "cell" for entry in done) - len(cells)
+    planned = len(jobs) - others
     if interrupted:
         print(
             f"interrupted: {len(cells)} of {len(jobs)} cells are finished and stored in {results.folder}; "
             "the same command goes on from there",
             file=sys.stderr,
         )
+        if cells:
+            _show_board(args, results, cells, planned, overrides)
         return 130
-    return _report(args, results, done, cells, code, overrides)
+    return _report(args, results, done, cells, planned, code, overrides)
 
 
 def show_config(flags: list[str], overrides: list[str], multirun: bool) -> int:
@@ -143,6 +148,7 @@ def _report(
     results: Results,
     done: list[dict[str, Any]],
     cells: list[dict[str, Any]],
+    planned_cells: int,
     code: int,
     overrides: list[str],
 ) -> int:
@@ -164,15 +170,7 @@ def _report(
         return code or 1
     if line := told(entry["stale"] for entry in cells):
         print(f"run again: {line}", file=sys.stderr)
-    if not args.no_leaderboard:
-        from .leaderboard import show
-
-        rows = results.rows(of={(c["cell"], c["fingerprint"]) for c in cells})
-        tables = published_by(overrides)
-        for experiment in tables:
-            show(rows, published=experiment)
-        for convention in [] if tables else conventions_of(overrides) or [None]:
-            show(rows, convention=convention)
+    _show_board(args, results, cells, planned_cells, overrides)
     solved, planned = sum(c["solved"] for c in cells), sum(c["planned"] for c in cells)
     cached, for_outputs = sum(c["cached"] for c in cells), sum(c["for_outputs"] for c in cells)
     again = f" ({for_outputs} of them again, for their outputs)" if for_outputs else ""
@@ -182,6 +180,30 @@ def _report(
         file=sys.stderr,
     )
     return code or (0 if solved == planned else 3)
+
+
+def _show_board(
+    args: argparse.Namespace, results: Results, cells: list[dict[str, Any]], planned: int, overrides: list[str]
+) -> None:
+    """The leaderboard of the cells that are finished, which says how many of the planned ones are missing."""
+    if args.no_leaderboard:
+        return
+    from .leaderboard import show, what_is_missing
+
+    rows = results.rows(of={(c["cell"], c["fingerprint"]) for c in cells})
+    _warn(results)
+    missing = what_is_missing(len(cells), planned)
+    tables = published_by(overrides)
+    for experiment in tables:
+        show(rows, published=experiment, missing=missing)
+    for convention in [] if tables else conventions_of(overrides) or [None]:
+        show(rows, convention=convention, missing=missing)
+
+
+def _warn(results: Results) -> None:
+    """Say which files were left out or set aside since this was said last."""
+    while results.damaged:
+        print(f"warning: {results.damaged.pop(0)}", file=sys.stderr)
 
 
 def published_by(overrides: list[str]) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from collections import Counter
 
@@ -87,6 +88,8 @@ def test_ctrl_c(shell, launcher, to):
     said = [line for line in err.splitlines() if not line.startswith(("[", "denoise ball"))]
     assert len(said) == 1, err
     assert said[0].startswith("interrupted:")
+    # The table of what is finished says that it is not all.
+    assert re.search(rf"^[1-{SALTS - 1}] of {SALTS} planned cells: ", out, re.MULTILINE) or "[1/" not in err
     assert not shell.left_over()
     assert not list(shell.results.glob(".sweeps/*"))
     kept = finished(shell)
