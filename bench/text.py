@@ -84,6 +84,36 @@ def encodable(value: Any) -> Any:
     return value
 
 
+LONGEST = {"message": 10_000, "notes": 10_000, "traceback": 50_000}  # characters of these parts of a row; of others:
+LONGEST_TEXT = 1_000
+LONGEST_JSON = 1_000_000  # columns that hold JSON, which cannot be cut
+JSON_COLUMNS = ("trace", "artefacts", "directions")
+
+
+def cut(text: str, most: int) -> str:
+    """A text of at most so many characters, and of what was left out the length."""
+    if len(text) <= most:
+        return text
+    kept = most - 40  # with what is said of the rest it is not too long either
+    return f"{text[:kept]}... ({len(text) - kept:,} more characters)"
+
+
+def bounded(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row whose texts have an end, whatever a method raised or noted; JSON that is too long is left out."""
+    kept, left_out = dict(row), []
+    for key, value in row.items():
+        if not isinstance(value, str):
+            continue
+        if key not in JSON_COLUMNS:
+            kept[key] = cut(value, LONGEST.get(key, LONGEST_TEXT))
+        elif len(value) > LONGEST_JSON:
+            kept[key] = ""
+            left_out.append(f"{key}: left out, {len(value):,} characters")
+    if left_out:
+        kept["message"] = "; ".join(filter(None, [kept.get("message"), *left_out]))
+    return kept
+
+
 def duration(seconds: float) -> str:
     """A time in words, no more exact than an estimate is: ``40 s``, ``3 min``, ``2 h``, ``4 days``."""
     for unit, size, least in (("days", 86400, 2 * 86400), ("h", 3600, 5400), ("min", 60, 120)):

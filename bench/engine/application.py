@@ -95,6 +95,7 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
     from ..geometry.io.files import check_target
     from ..notices import collected
     from ..plugins.weights import load
+    from ..text import bounded
     from .call import MeasuredCall
     from .channel import plain
     from .devices import check_device
@@ -133,7 +134,7 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
         row |= {"status": "ok", "input": _words(inputs.values())}
     except BaseException as error:  # the boundary: shown as one message
         row = {"stage": channel.stage} | failure(error, channel.stage)
-    channel.send("result", row=plain(row))
+    channel.send("result", row=plain(bounded(row)))
 
 
 def _with_normals_of(source: str, value: Any) -> Any:

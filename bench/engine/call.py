@@ -108,8 +108,8 @@ class MeasuredCall:
     def _reported(self, run: Run) -> dict[str, Any]:
         """The columns of what the method reported through its run."""
         columns = {
-            "parameters": run.parameters,
-            "active_parameters": run.active_parameters,
+            "parameters": None if run.parameters is None else int(run.parameters),
+            "active_parameters": None if run.active_parameters is None else int(run.active_parameters),
             "message": "; ".join(run.notes),
             "true_distances": run.distances_given or None,
         }

@@ -19,6 +19,7 @@ from ..errors import BadInput, UsageError
 from ..plan.training import Training, named
 from ..plugins.weights import as_bytes, content, facts_of
 from ..results.files import write_atomically
+from ..text import bounded
 from .channel import Channel, plain
 from .fitting import Fit, load_examples
 
@@ -39,7 +40,7 @@ def work(spec: Mapping[str, Any], channel: Channel) -> None:
             row |= _fitted(training, asked, spec, channel, examples, facts)
     except BaseException as error:  # the boundary: one message for all cells that need the weights
         row = {"stage": channel.stage} | failure(error, "method")
-    channel.send("result", row=plain(row))
+    channel.send("result", row=plain(bounded(row)))
 
 
 # -- examples ----------------------------------------------------------------------------------------------------------

@@ -37,11 +37,14 @@ from ..plugins.weights import load
 from ..results import imputation
 from ..results.kept_outputs import FOLDER, file_name, reference_file
 from ..seeds import generator
+from ..text import bounded
 from .call import MeasuredCall, Scores, floor, score
 from .channel import Channel, plain
 from .devices import check_device
 from .memo import Memo, RememberedDataset, RememberedSensor
 from .meter import Meter
+
+LONGEST_ID = 200  # letters of a case's id: it names files
 
 
 def work(spec: dict[str, Any], fd: int) -> None:
@@ -94,7 +97,7 @@ class _Session:
         try:
             task, recipes = self.plan()
         except BaseException as error:  # the boundary: the runner writes it on every planned case
-            self.channel.send("no_plan", row={"stage": "plan"} | failure(error, "plan"))
+            self.channel.send("no_plan", row=bounded({"stage": "plan"} | failure(error, "plan")))
             return
         self.channel.send("cases", ids=[recipe.id for recipe in recipes])
         for index, recipe in enumerate(recipes):
@@ -102,7 +105,7 @@ class _Session:
             if index not in self.done:
                 row = {"case": recipe.id, "case_index": index, "started": now()}
                 row |= self.run_case(index, recipe, task)
-                self.channel.send("row", row=plain(row | {"finished": now()}))
+                self.channel.send("row", row=plain(bounded(row | {"finished": now()})))
                 owed = imputation.lacks_worst(row)
             if owed:
                 self.send_worst(index, recipe, task)
@@ -125,6 +128,10 @@ class _Session:
         ids = [recipe.id for recipe in recipes]
         if len(set(ids)) < len(ids):
             raise UsageError(f"dataset {cell.dataset.label}: two cases have one id: {max(ids, key=ids.count)!r}")
+        if (longest := max(map(len, ids), default=0)) > LONGEST_ID:
+            raise UsageError(
+                f"dataset {cell.dataset.label}: an id of {longest:,} letters; expected {LONGEST_ID} at most"
+            )
         return task, recipes
 
     def made(self, recipe: Any) -> Case:
@@ -303,7 +310,10 @@ class _Session:
 def failure(error: BaseException, stage: str) -> dict[str, str]:
     """Status, message and traceback of what was raised."""
     notes = "".join(f" ({note})" for note in getattr(error, "__notes__", ()))
-    text = str(error).strip()
+    try:
+        text = str(error).strip()
+    except Exception as inner:  # whatever a method's own class of exceptions does
+        text = f"its text cannot be shown ({type(inner).__name__})"
     message = f"{type(error).__name__}: {text}" if text else type(error).__name__
     status = "error"
     if isinstance(error, InvalidOutput):
