@@ -1,14 +1,31 @@
-"""What a child process tells the runner: lines of JSON."""
+"""What a child process tells the runner: lines of JSON, each an event.
+
+The method runs in the process that writes them, so it can write there, too. What is no event is refused by
+:func:`read_event`, and what does not fit the work at hand by the runner; but no secret can protect a process from the
+code in it, and a method that forges a row of its own case, as its worker would send it, is believed.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+import threading
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
+from ..results.store import is_row
+
+LONGEST = 1 << 23  # bytes of one event; rows have bounds of their own, see bench.text.bounded
+
+
+class NoEvent(ValueError):
+    """What came through the pipe of a worker is no event, or one that does not fit what the worker is doing."""
+
+    def __init__(self, reason: str):
+        super().__init__(f"something else than the worker wrote to the pipe on which it reports: {reason}")
 
 
 class Channel:
@@ -23,6 +40,7 @@ class Channel:
     def __init__(self, fd: int):
         self._file = os.fdopen(fd, "wb", buffering=0)
         self._owner = os.getpid()
+        self._lock = threading.Lock()
         self.stage = "start"
 
     def send(self, event: str, **values: Any) -> None:
@@ -30,13 +48,78 @@ class Channel:
         if os.getpid() != self._owner:
             os._exit(0)
         line = json.dumps({"event": event, **values}).encode() + b"\n"
-        while line:
-            line = line[self._file.write(line) or 0 :]
+        with self._lock:  # a method may report from several threads
+            while line:
+                line = line[self._file.write(line) or 0 :]
 
     def enter(self, stage: str, index: int) -> None:
         """Say what is done from now on, for which case: the runner watches the limits of that stage."""
         self.stage = stage
         self.send("begin", index=index, stage=stage)
+
+
+def _is_number(value: Any) -> bool:
+    return value is None or (isinstance(value, (int, float)) and abs(value) < 2**63)
+
+
+def _is_index(value: Any) -> bool:
+    return type(value) is int and -1 <= value < 2**63
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_end(value: Any) -> bool:
+    """Whether it says what became of something that has no place in a record, as a plan."""
+    return isinstance(value, dict) and is_row({"case": "", "case_index": 0, **value})
+
+
+def _is_result(value: Any) -> bool:
+    """Whether it says what became of a single call, whose status is its own."""
+    return isinstance(value, dict) and _is_text(value.get("status")) and _is_end({**value, "status": "ok"})
+
+
+def _are_worst(value: Any) -> bool:
+    return _is_end({"status": "ok", **value}) and all(key.startswith("worst.") or key == "directions" for key in value)
+
+
+# The events, their values, and what each must be.
+EVENTS = {
+    "begin": {"stage": _is_text, "index": _is_index},
+    "cases": {"ids": lambda value: isinstance(value, list) and all(map(_is_text, value))},
+    "row": {"row": is_row},
+    "no_plan": {"row": _is_end},
+    "result": {"row": _is_result},
+    "worst": {"index": _is_index, "row": lambda value: isinstance(value, dict) and _are_worst(value)},
+    "progress": {"done": _is_number, "total": _is_number},
+    "pause": {},
+    "resume": {},
+    "replace": {},
+    "done": {},
+}
+
+
+def read_event(line: bytes) -> dict[str, Any]:
+    """One line of a child process.
+
+    Raises
+    ------
+    NoEvent
+        If it is none of :data:`EVENTS` with the values that it has.
+    """
+    try:
+        event = json.loads(line)
+    except (ValueError, RecursionError) as error:  # no JSON, no UTF-8, or nested too deeply
+        raise NoEvent(f"a line that is no event ({line[:40]!r})") from error
+    kind = event.get("event") if isinstance(event, dict) else None
+    values = EVENTS.get(kind) if isinstance(kind, str) else None
+    if values is None:
+        raise NoEvent(f"a line that is no event ({line[:40]!r})")
+    for name, fits in values.items():
+        if not fits(event.get(name)):
+            raise NoEvent(f"an event {kind!r} whose {name!r} cannot be one")
+    return event
 
 
 def plain(value: Any) -> Any:

@@ -23,9 +23,12 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 from ..errors import DetailbenchError
 from ..safe_path import environment, isolate_imports
@@ -34,6 +37,10 @@ from .affinity import available
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
 _MAX_MESSAGE = 1 << 17
+FAILED = 70  # exit status of a worker whose own code fails
+LOOK = 0.5  # seconds between looks at whether a server that does not answer is stopped
+LOAD_SECONDS = 600.0  # for importing libraries
+ANSWER_SECONDS = 60.0  # for forking, and for the end of a worker that was killed: a large one takes a while
 # Libraries that size their thread pools by these; the others are held by processor affinity.
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -104,6 +111,7 @@ class ForkServer:
         with there:
             self._process = start_process(there.fileno(), threads, self._printed.fileno())
         self._socket = here
+        self._socket.settimeout(LOOK)
 
     def load(self, preload: tuple[str, ...], plugins: tuple[str, ...]) -> None:
         """Have it import libraries by name, and plugin files like ``--plugin``, and wait; before the first fork.
@@ -116,11 +124,11 @@ class ForkServer:
             If it ended while it imported what was asked for.
         """
         try:
-            self._ask({"ready": True})
+            self._ask({"ready": True}, patience=LOAD_SECONDS)
         except ServerDied as error:
             raise CannotStart(f"{error}{self._last_words()}") from error
         try:
-            self._ask({"preload": preload, "plugins": plugins})
+            self._ask({"preload": preload, "plugins": plugins}, patience=LOAD_SECONDS)
         except ServerDied as error:
             raise ServerDied(
                 f"{error} while it loaded {', '.join((*preload, *plugins))}{self._last_words()}"
@@ -138,10 +146,12 @@ class ForkServer:
         lines = self._said().splitlines()
         return f": {lines[-1].strip()}" if lines else ""
 
-    def _ask(self, request: dict[str, Any], fds: tuple[int, ...] = ()) -> dict[str, Any]:
+    def _ask(
+        self, request: dict[str, Any], fds: tuple[int, ...] = (), patience: float = ANSWER_SECONDS
+    ) -> dict[str, Any]:
         try:
             socket.send_fds(self._socket, [json.dumps(request).encode()], list(fds))
-            answer = self._socket.recv(_MAX_MESSAGE)
+            answer = self._answer(time.monotonic() + patience)
         except OSError:
             answer = b""
         if not answer:
@@ -150,9 +160,36 @@ class ForkServer:
             raise ServerDied(f"the fork server ended unexpectedly (exit status {self._process.returncode})")
         return json.loads(answer)
 
+    def _answer(self, deadline: float) -> bytes:
+        """Its answer, empty when it has ended; one that gives none until the deadline is ended here."""
+        while time.monotonic() < deadline:
+            try:
+                return self._socket.recv(_MAX_MESSAGE)
+            except TimeoutError:
+                self._go_on()
+        self._end()
+        return b""
+
+    def _go_on(self) -> None:
+        """Let it go on in case that it was stopped, by a method that it has forked for instance."""
+        if self._process.returncode is None:
+            os.kill(self._process.pid, signal.SIGCONT)
+
+    def _end(self) -> None:
+        """Kill it and, since it cannot do so itself, what is below it."""
+        with contextlib.suppress(psutil.Error):
+            for process in psutil.Process(self._process.pid).children(recursive=True):
+                with contextlib.suppress(psutil.Error):
+                    process.kill()
+        self._process.kill()
+        self._process.wait()
+
     def fork(self, spec: dict[str, Any], messages: int, output: int) -> int:
         """Start a worker on ``spec``; it writes to the two file descriptors. Returns its process id."""
-        return self._ask({"fork": spec}, (messages, output))["pid"]
+        with tempfile.TemporaryFile() as job:  # a job that has done thousands of cases is too long for a message
+            job.write(json.dumps(spec).encode())
+            job.flush()
+            return self._ask({"fork": True}, (messages, output, job.fileno()))["pid"]
 
     def reap(self, pid: int) -> int:
         """Wait for a worker that ended or was killed, kill whatever it left behind; its wait status."""
@@ -164,10 +201,10 @@ class ForkServer:
         self._printed.close()
         if self._loaded:
             with contextlib.suppress(subprocess.TimeoutExpired):
+                self._go_on()
                 self._process.wait(timeout=5)
                 return
-        self._process.kill()  # one that has not answered yet has nothing below it
-        self._process.wait()
+        self._end()
 
 
 class ServerDied(DetailbenchError):
@@ -219,6 +256,7 @@ def serve() -> None:
     isolate_imports()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGCONT)  # one that a method stopped sees the end of the runner, too
     channel, threads = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
     if hasattr(os, "sched_setaffinity"):  # before all else: libraries count processors when they are imported
         os.sched_setaffinity(0, available()[:threads])
@@ -226,12 +264,12 @@ def serve() -> None:
         _import(ALWAYS)
         importlib.import_module("bench.engine.worker")  # without it there is no worker: the traceback says why
         while True:
-            message, fds, _, _ = socket.recv_fds(channel, _MAX_MESSAGE, 2)
+            message, fds, _, _ = socket.recv_fds(channel, _MAX_MESSAGE, 3)
             if not message:
                 break  # the runner is gone
             request = json.loads(message)
             if "fork" in request:
-                answer = {"pid": _fork(request["fork"], channel, *fds)}
+                answer = {"pid": _fork(channel, *fds)}
             elif "reap" in request:
                 answer = {"status": _reap(request["reap"])}
             elif "ready" in request:
@@ -264,14 +302,17 @@ def _import(modules: Iterable[str]) -> None:
             importlib.import_module(module)
 
 
-def _fork(spec: dict[str, Any], channel: socket.socket, messages: int, output: int) -> int:
+def _fork(channel: socket.socket, messages: int, output: int, job: int) -> int:
+    with os.fdopen(job, "rb") as file:
+        file.seek(0)
+        spec = json.load(file)
     server = os.getpid()
     pid = os.fork()
     if pid:
         os.close(messages)
         os.close(output)
         return pid
-    status = 70
+    status = FAILED
     try:
         os.setsid()  # a process group of its own, to be killed as a whole
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
@@ -314,15 +355,11 @@ def _children() -> list[int]:
             with contextlib.suppress(OSError):
                 found.extend(int(p) for p in (task / "children").read_text().split())
         return found
-    import psutil
-
     return [p.pid for p in psutil.Process().children()]
 
 
 def _kill_descendants() -> None:
     """Kill all processes below this one; those orphaned by it come up as new children, until none is left."""
-    import psutil
-
     while True:
         with contextlib.suppress(psutil.Error):
             for process in psutil.Process().children(recursive=True):

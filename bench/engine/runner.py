@@ -20,12 +20,14 @@ from ..results.imputation import lacks_worst
 from ..results.kept_outputs import found
 from ..results.provenance import ingredients, memory_keys, plugin_sources, provenance, source_digest
 from ..results.store import Record, Results
-from ..text import encodable
+from ..text import bounded, encodable
 from .affinity import claim
+from .channel import NoEvent
 from .devices import check_device, claim_device
 from .forkserver import CannotStart, ForkServer, ServerDied, begun
 from .watch import Death, Worker
 
+STAGES = ("start", "plan", "case", "prepare", "method", "score", "worst")  # of a worker, for each case in this order
 BEFORE_ANY_CASE = ("start", "plan")  # a failure there says nothing of a method: it is tried again each time
 TRIES = 3  # of a worker or a server that ends before any case: somebody short of memory may have killed it
 MAX_SERVERS = 6  # a fork server holds its libraries in memory; the least recently used one goes
@@ -218,6 +220,8 @@ class _Job:
         self.rows, self.reporter, self.alive = rows, reporter, alive
         self.device = cell.device
         self.ids: list[str] = []
+        # Of the worker: what it does, for which case; whether it has listed the cases, and asks for a successor.
+        self.at, self.listed, self.replaced = (-1, 0), False, False
         self.scored: set[int] = set()  # cases whose worst scores were asked for: once is enough
         self.constants = constant_columns(cell, settings, mark)
 
@@ -231,6 +235,7 @@ class _Job:
         """
         self.reporter.cell_begins(self.cell, self.cell.cases, len(self.rows))
         deaths = starts = 0
+        tried = set()  # cases whose fork server was killed once
         while True:
             try:
                 death = self.work(cpus)
@@ -243,6 +248,11 @@ class _Job:
                 death = Death("crashed", str(error), -1, "start", 0.0, "")
             if death is None:
                 return
+            if death.with_server:  # somebody short of memory may have killed it: the case has another try
+                forget_servers()
+                if death.index not in tried:
+                    tried.add(death.index)
+                    continue
             deaths += 1
             if death.index < 0:
                 self.no_plan(of_death(death))
@@ -254,7 +264,7 @@ class _Job:
                 return
 
     def work(self, cpus: list[int]) -> Death | None:
-        """Fork one worker and follow it to its end; how it died, or None when all cases are done.
+        """Fork workers, follow them to their end; how one died, or None when all cases are done.
 
         Raises
         ------
@@ -265,12 +275,23 @@ class _Job:
         """
         server = server_for(self.cell, self.settings)
         limit, verbose = self.settings.limit, self.settings.verbose
-        try:
-            death = Worker(server, self.spec(cpus), limit, self.hear, self.alive, verbose).watch()
-        except ServerDied as error:
-            forget_servers()
-            raise CannotStart(str(error)) from error
-        if death is not None and death.stage == "start":
+        while True:
+            before, self.at, self.listed, self.replaced = len(self.rows), (-1, 0), False, False
+            try:
+                death = Worker(server, self.spec(cpus), limit, self.hear, self.alive, verbose).watch()
+            except ServerDied as error:
+                forget_servers()
+                raise CannotStart(str(error)) from error
+            if death is not None:
+                break
+            missing = [index for index in range(len(self.ids)) if index not in self.rows]
+            if not missing:
+                return None
+            if not (self.replaced and len(self.rows) > before):
+                return Death(
+                    "crashed", "its worker ended before the case was done", missing[0], STAGES[self.at[1]], 0.0, ""
+                )
+        if death.stage == "start":
             raise CannotStart("; ".join([death.message, *death.printed.splitlines()[-1:]]))
         return death
 
@@ -296,20 +317,46 @@ class _Job:
         }
 
     def hear(self, event: dict[str, Any]) -> None:
-        """One event of the worker."""
-        if event["event"] == "cases":
-            self.ids = event["ids"]
+        """One event of the worker.
+
+        Raises
+        ------
+        NoEvent
+            If the worker cannot have sent it: it does one case after the other, of those that it has announced.
+        """
+        kind, index = event["event"], event.get("index", self.at[0])
+        if not self.fits(event, index):
+            raise NoEvent(f"an event {kind!r} where there can be none")
+        if kind == "cases":
+            self.ids, self.listed = event["ids"], True
             self.rows = {i: row for i, row in self.rows.items() if i < len(self.ids)}
-        elif event["event"] == "row":
+        elif kind == "row":
             self.keep(event["row"])
-        elif event["event"] == "no_plan":
+        elif kind == "no_plan":
             self.no_plan(event["row"])
-        elif event["event"] == "begin" and event["stage"] == "worst":
-            self.scored.add(event["index"])
-        elif event["event"] == "worst":
-            row = self.rows.get(event["index"], {})  # none if it could not be kept: that error is on its way
+        elif kind == "begin":
+            self.at = (index, STAGES.index(event["stage"]))
+            if event["stage"] == "worst":
+                self.scored.add(index)
+        elif kind == "worst":
+            row = self.rows.get(index, {})  # none if it could not be kept: that error is on its way
             row |= {key: value for key, value in event["row"].items() if not row.get(key)}
+        elif kind == "replace":
+            self.replaced = True
         self.reporter.event(event)
+
+    def fits(self, event: dict[str, Any], index: int) -> bool:
+        """Whether an event can come now."""
+        kind, (now, stage) = event["event"], self.at
+        if kind == "begin":
+            known = event["stage"] in STAGES and index < (len(self.ids) if self.listed else 0)
+            return known and (index, STAGES.index(event["stage"])) > self.at
+        if kind in ("cases", "no_plan"):
+            return STAGES[stage] == "plan" and not self.listed
+        if kind == "row":
+            row = event["row"]
+            return now >= 0 and (row["case_index"], row["case"]) == (now, self.ids[now]) and now not in self.rows
+        return index == now
 
     def keep(self, row: dict[str, Any]) -> None:
         """Keep one finished case, at once."""
@@ -319,7 +366,7 @@ class _Job:
         row = encodable(
             dict.fromkeys(COLUMNS)
             | {"started": now(), "finished": now()}
-            | row
+            | bounded(row)
             | self.weights.get("columns", {})
             | self.constants
         )
@@ -328,11 +375,11 @@ class _Job:
         self.reporter.event({"event": "kept", "row": row})
 
     def no_plan(self, row: dict[str, Any]) -> None:
-        """The cases could not even be listed: every planned one gets the reason."""
-        for index in range(self.cell.cases):
-            if index not in self.rows:
-                name = self.ids[index] if index < len(self.ids) else f"case-{index:03d}"
-                self.keep({"case": name, "case_index": index} | row)
+        """The cases could not even be listed: one row has the reason, or that of each where they are known."""
+        missing = [index for index in range(len(self.ids) or self.cell.cases) if index not in self.rows]
+        for index in missing if self.ids else missing[:1]:
+            name = self.ids[index] if self.ids else f"case-{index:03d}"
+            self.keep({"case": name, "case_index": index} | row)
 
     def ordered_rows(self) -> list[dict[str, Any]]:
         """All rows by case."""

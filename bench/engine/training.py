@@ -33,7 +33,7 @@ from ..results.provenance import examples_key, training_ingredients, weights_of
 from ..results.store import Results
 from .affinity import claim
 from .devices import check_device, claim_device
-from .forkserver import CannotStart, ForkServer, ServerDied, begun
+from .forkserver import CannotStart, ServerDied, begun
 from .watch import Worker
 
 STAGE = "train"  # of the rows of cells whose training failed
@@ -220,7 +220,7 @@ def _train(
     if settings.rerun == "always":
         for name in (CHECKPOINT, LOG):
             (folder / name).unlink(missing_ok=True)
-    row: dict[str, Any] = {}
+    row: dict[str, Any] = {"status": "crashed", "message": "its process ended before it was done"}
 
     def on_event(event: dict[str, Any]) -> None:
         if event["event"] == "result":
@@ -231,8 +231,6 @@ def _train(
     with contextlib.ExitStack() as stack:
         device = stack.enter_context(claim_device(training.device, alive))
         cpus = stack.enter_context(claim(training.threads))
-        server = begun(training.threads)
-        stack.callback(server.close)
         spec = {
             "function": "bench.engine.trainer:work",
             "arguments": {
@@ -249,32 +247,38 @@ def _train(
             "seconds": training.seconds,
             "memory_gb": settings.limit.train_memory_gb,
         }
-        death = _watched(server, spec, training, settings, on_event, alive)
+        death = _watched(spec, training, settings, on_event, alive)
     if death is not None:
         row = {"status": death[0], "message": death[1], "traceback": death[2]}
     return row
 
 
 def _watched(
-    server: ForkServer,
     spec: dict[str, Any],
     training: Training,
     settings: Settings,
     hear: Callable[[dict[str, Any]], None],
     alive: Callable[[], None],
 ) -> tuple[str, str, str] | None:
-    """Fork the trainer and follow it to its end; its status, message and output where it died."""
+    """Fork the trainer and follow it to its end; its status, message and output where it died.
+
+    It has another try where its fork server was killed, as a system short of memory may do.
+    """
     limit = Limits(
         seconds=SPARE * training.seconds + SPARE_SECONDS,
         memory_gb=settings.limit.train_memory_gb,
         setup_seconds=max(settings.limit.setup_seconds, EXAMPLES_SECONDS),
     )
     libraries = {library for choice in training.choices for plugin in choice.parts for library in plugin.requires}
-    try:
-        server.load(tuple(sorted(libraries)), settings.plugins)
-        death = Worker(server, spec, limit, hear, alive, settings.verbose).watch()
-    except ServerDied as error:
-        return "crashed", str(error), ""
+    for _ in range(2):
+        with contextlib.closing(begun(training.threads)) as server:
+            try:
+                server.load(tuple(sorted(libraries)), settings.plugins)
+                death = Worker(server, spec, limit, hear, alive, settings.verbose).watch()
+            except ServerDied as error:
+                return "crashed", str(error), ""
+        if death is None or not death.with_server:
+            break
     if death is None:
         return None
     if death.stage == "start":

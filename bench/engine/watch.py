@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import selectors
 import signal
@@ -17,10 +16,13 @@ from typing import Any
 import psutil
 
 from ..plan.limits import Limits
-from .forkserver import ForkServer, ServerDied
+from .channel import LONGEST, NoEvent, read_event
+from .forkserver import FAILED, ForkServer, ServerDied
 
 POLL = 0.05  # seconds between looks at the clock and the memory
 LOOK_BELOW = 0.5  # seconds between looks at a worker's own children
+ENDS_WITHIN = 5.0  # seconds that a worker has to end after it said that it is done
+READS = 64  # of one pipe in a row: somebody who writes without end does not keep us from the limits
 TAIL = 16384  # how much of what a worker printed is kept for the report of its death
 PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
 SETUP_MEMORY_GB = 4.0  # what making a case and scoring may take, where the method's limit is lower
@@ -36,6 +38,7 @@ class Death:
     stage: str
     seconds: float  # since that stage began
     printed: str  # the end of what it wrote
+    with_server: bool = False  # its fork server was gone, too: seldom the doing of what it worked on
 
 
 class Worker:
@@ -46,7 +49,7 @@ class Worker:
     server : ForkServer
     spec : the worker's job
     limits : Limits
-    on_row, on_cases, on_progress : called with what the worker reports
+    on_event : called with what the worker reports; raises :class:`NoEvent` for what the worker cannot have said
     alive : called at every look; raises when the runner itself should stop
     """
 
@@ -63,8 +66,8 @@ class Worker:
         self.on_event, self.alive, self.verbose = on_event, alive, verbose
         self.stage, self.index = "start", -1
         self.printed = b""
-        self._buffer = b""
-        self._finished = False
+        self._buffer = bytearray()
+        self._finished_at: float | None = None  # when it said that it is done
         self._below: list[psutil.Process] = []
         self._below_at = time.monotonic()  # it has just been forked: there is nothing below it yet
         messages, messages_w = os.pipe()
@@ -85,32 +88,48 @@ class Worker:
     def watch(self) -> Death | None:
         """Follow the worker to its end; None when it did all its work."""
         killed: tuple[str, str] | None = None
+        ended = False
         try:
-            with selectors.DefaultSelector() as selector:
-                for fd in self._fds:
-                    selector.register(fd, selectors.EVENT_READ)
-                while not self._finished:
-                    for key, _ in selector.select(POLL):
-                        if not self._drain(key.fd):
-                            selector.unregister(key.fd)
-                    self.alive()
-                    if self._finished or self._is_over():
-                        break
-                    killed = self._passed_limit()
-                    if killed:
-                        break
+            killed = self._follow()
+            ended = True
         finally:
-            if not self._finished:
+            if killed or not ended or self._finished_at is None:
                 self.kill()
             seconds = time.monotonic() - self._since
             status = self._reap()
-            for fd in self._fds:
-                self._drain(fd)
+            try:
+                for fd in self._fds:
+                    self._drain(fd)
+            except NoEvent as error:
+                killed = killed or ("crashed", str(error))
             self._close()
-        if self._finished:
+        if self._finished_at is not None and not killed:
             return None
         how, message = killed or self._cause(status)
-        return Death(how, message, self.index, self.stage, seconds, self.printed.decode(errors="replace").strip())
+        printed = self.printed.decode(errors="replace").strip()
+        return Death(how, message, self.index, self.stage, seconds, printed, with_server=status is None and not killed)
+
+    def _follow(self) -> tuple[str, str] | None:
+        """Listen until the worker is over; how and why it is to be killed, if it is."""
+        with selectors.DefaultSelector() as selector:
+            for fd in self._fds:
+                selector.register(fd, selectors.EVENT_READ)
+            while True:
+                try:
+                    for key, _ in selector.select(POLL):
+                        if not self._drain(key.fd):
+                            selector.unregister(key.fd)
+                except NoEvent as error:
+                    return "crashed", str(error)
+                self.alive()
+                if self._is_over():
+                    return None
+                if self._finished_at is None:
+                    if killed := self._passed_limit():
+                        return killed
+                elif time.monotonic() - self._finished_at > ENDS_WITHIN:
+                    self.kill()  # its work is done; a thread or a handler of a method keeps it from ending
+                    return None
 
     def kill(self) -> None:
         """Kill the worker's process group; what left the group falls to the server."""
@@ -121,8 +140,14 @@ class Worker:
     # -- what it says ----------------------------------------------------------------------------------------------
 
     def _drain(self, fd: int) -> bool:
-        """Read all there is; False at the end of the stream."""
-        while True:
+        """Read what there is, of a flood a part; False at the end of the stream.
+
+        Raises
+        ------
+        NoEvent
+            For what a worker cannot have written.
+        """
+        for _ in range(READS):
             try:
                 chunk = os.read(fd, 65536)
             except BlockingIOError:
@@ -137,27 +162,43 @@ class Worker:
                 if len(chunk) < 65536:
                     return True
                 continue
-            *lines, self._buffer = (self._buffer + chunk).split(b"\n")
-            for line in lines:
-                with contextlib.suppress(json.JSONDecodeError):  # a method that writes to every descriptor it finds
-                    self._hear(json.loads(line))
+            *ends, rest = chunk.split(b"\n")
+            for end in ends:
+                line, self._buffer = bytes(self._buffer + end), bytearray()
+                if line:
+                    self._hear(read_event(line))
+            self._buffer += rest
+            if len(self._buffer) > LONGEST:
+                raise NoEvent(f"more than {LONGEST >> 20} MB without the end of a line")
+        return True
 
     def _hear(self, event: dict[str, Any]) -> None:
-        kind = event["event"]
+        kind, now = event["event"], time.monotonic()
+        if self._finished_at is not None:
+            if kind in ("progress", "pause", "resume"):  # of a thread that a method has left
+                return
+            raise NoEvent(f"an event {kind!r} after 'done'")
+        if kind == "pause":
+            self._pauses += 1
+            if self._pauses == 1:
+                self._paused_at = now
+                self._deadline += self.limits.setup_seconds
+        elif kind == "resume":
+            if not self._pauses:
+                raise NoEvent("an event 'resume' without a 'pause'")
+            self._pauses -= 1
+            if self._pauses == 0:
+                self._deadline += now - self._paused_at - self.limits.setup_seconds
+        elif kind == "done":
+            self._finished_at = now
+        else:
+            self.on_event(event)
         if kind == "begin":
             self._enter(event["stage"], event["index"])
-        elif kind == "pause":
-            self._paused_at = time.monotonic()
-            self._deadline += self.limits.setup_seconds
-        elif kind == "resume":
-            self._deadline += time.monotonic() - self._paused_at - self.limits.setup_seconds
-        elif kind == "done":
-            self._finished = True
-        if kind in ("row", "cases", "no_plan", "progress", "begin", "result", "worst"):
-            self.on_event(event)
 
     def _enter(self, stage: str, index: int) -> None:
         self.stage, self.index = stage, index
+        self._pauses, self._paused_at = 0, 0.0  # the clock may be stopped while it is stopped
         self._since = time.monotonic()
         self._deadline = self._since + (
             self.limits.seconds if stage == "method" else max(self.limits.setup_seconds, self.limits.seconds)
@@ -221,7 +262,10 @@ class Worker:
                     return "oom", f"{message} after it could not allocate (limit.memory_gb={self.limits.memory_gb:g})"
                 return "crashed", message
             return "crashed", f"killed by signal {number}"
-        return "crashed", f"ended with exit status {os.WEXITSTATUS(status)}"
+        message = f"ended with exit status {os.WEXITSTATUS(status)}"
+        if os.WEXITSTATUS(status) == FAILED and self.printed:  # of a traceback the last line says what it was
+            message = f"{message}: {self.printed.decode(errors='replace').strip().splitlines()[-1]}"
+        return "crashed", message
 
     def _close(self) -> None:
         for fd in self._fds:

@@ -24,7 +24,7 @@ import json
 import os
 import stat
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -201,7 +201,7 @@ class Results:
                 with contextlib.suppress(ValueError, RecursionError):  # no JSON, or no UTF-8
                     rows.append(json.loads(line))
         names = {"cell": cell, "fingerprint": fingerprint}
-        return [_plain(row) for row in rows if _is_row(row) and names.items() <= row.items()]
+        return [_plain(row) for row in rows if is_row(row, NEEDED) and names.items() <= row.items()]
 
     def add_partial(self, cell: str, fingerprint: str, row: Mapping[str, Any]) -> None:
         """Keep one finished case, whatever happens to this process next."""
@@ -329,9 +329,9 @@ def _wait(file: IO[str], alive: Callable[[], None], waits: Callable[[], None]) -
             time.sleep(LOOK)
 
 
-def _is_row(value: Any) -> bool:
-    """Whether a value from a partial file can become a row of a record."""
-    if not isinstance(value, dict) or any(value.get(key) is None for key in NEEDED):
+def is_row(value: Any, needed: Iterable[str] = ("case", "case_index", "status")) -> bool:
+    """Whether a value, from a partial file or from a worker, can become a row of a record."""
+    if not isinstance(value, dict) or any(value.get(key) is None for key in needed):
         return False
     types = {**COLUMNS, **{key: "float64" for key in value if key.startswith(MEASURED)}}
     fits = all(value.get(key) is None or _fits(value[key], kind) for key, kind in types.items())

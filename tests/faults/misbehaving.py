@@ -7,6 +7,7 @@ import mmap
 import os
 import re
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -67,6 +68,70 @@ def kills_its_group(cloud, run):
     os.killpg(0, signal.SIGKILL)
 
 
+class Silent(Exception):
+    """Cannot be shown."""
+
+    def __str__(self):
+        raise RuntimeError
+
+
+@bad
+def raises_what_cannot_be_shown(cloud, run):
+    raise Silent
+
+
+@bad
+def says_far_too_much(cloud, run):
+    raise ArithmeticError("x" * 50_000_000)
+
+
+@bad
+def closes_what_it_finds(cloud, run):
+    os.closerange(3, 256)
+    return BEHAVED
+
+
+def write_to_pipes(text: bytes) -> None:
+    """Write to every pipe that is open, as to standard output."""
+    for fd in map(int, os.listdir("/proc/self/fd")):
+        try:
+            if fd > 2 and stat.S_ISFIFO(os.fstat(fd).st_mode):
+                os.write(fd, text)
+        except OSError:
+            continue
+
+
+@bad
+def writes_to_all_pipes(cloud, run):
+    write_to_pipes(b"hello\n")
+    return BEHAVED
+
+
+@bad
+def forges_a_row(cloud, run):
+    write_to_pipes(b'{"event": "row", "row": {"case": "best", "case_index": 7, "status": "ok"}}\n')
+    return BEHAVED
+
+
+@bad
+def says_it_is_done(cloud, run):
+    write_to_pipes(b'{"event": "done"}\n')
+    time.sleep(ENDLESS)
+
+
+@bad
+def floods_its_pipe(cloud, run):
+    block = b"x" * (1 << 20)
+    for _ in range(1 << 10):
+        write_to_pipes(block)
+
+
+@bad
+def stops_its_server(cloud, run):
+    os.kill(os.getppid(), signal.SIGSTOP)
+    return BEHAVED
+
+
 # -- timeout -----------------------------------------------------------------------------------------------------------
 
 
@@ -95,6 +160,12 @@ def sleeps_in_c(cloud, run):
 @bad
 def matches_for_ever(cloud, run):
     re.match(r"(a+)+$", "a" * 60 + "b")
+
+
+@bad
+def stops_its_server_and_sleeps(cloud, run):
+    os.kill(os.getppid(), signal.SIGSTOP)
+    time.sleep(ENDLESS)
 
 
 @bad

@@ -111,8 +111,8 @@ def test_two_sweeps_at_once_into_one_folder(shell):
     assert not shell.left_over()
 
 
-def test_a_killed_fork_server_costs_one_case_at_most(shell):
-    """A system short of memory may choose any process to kill."""
+def test_a_killed_fork_server_costs_nothing(shell):
+    """A system short of memory may choose any process to kill; the case has another try."""
     process = shell.run("method=fine", "method.take=0.5", "method.salt=1,2", "cases=3", act=shell.start)
     shell.wait_for(lambda: len(shell.calls()) >= 2)
     servers = [p for p in shell.processes() if "bench.engine.forkserver" in " ".join(p.cmdline())]
@@ -120,10 +120,9 @@ def test_a_killed_fork_server_costs_one_case_at_most(shell):
     assert len(parents) == 1
     os.kill(parents.pop(), signal.SIGKILL)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 3, err
-    rows = shell.rows()
-    assert len(rows) == 6
-    assert sorted(rows["status"]) == ["crashed"] + ["ok"] * 5
+    assert process.returncode == 0, err
+    assert list(shell.rows()["status"]) == ["ok"] * 6
+    assert len(shell.calls()) == 7  # the one that was cut off
     assert not shell.left_over()
 
 

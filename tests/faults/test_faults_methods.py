@@ -22,6 +22,14 @@ DENOISE = {
     "raises": ("error", "ArithmeticError: the matrix is singular"),
     "exits": ("error", "sys.exit(3)"),
     "interrupts": ("error", "KeyboardInterrupt"),
+    "raises_what_cannot_be_shown": ("error", "Silent: its text cannot be shown (RuntimeError)"),
+    "says_far_too_much": ("error", "... (49,990,057 more characters)"),
+    "closes_what_it_finds": ("crashed", "Bad file descriptor"),
+    "writes_to_all_pipes": ("crashed", "a line that is no event (b'hello')"),
+    "forges_a_row": ("crashed", "an event 'row' where there can be none"),
+    "says_it_is_done": ("crashed", "its worker ended before the case was done"),
+    "floods_its_pipe": ("crashed", "more than 8 MB without the end of a line"),
+    "stops_its_server": ("ok", ""),
     "os_exits": ("crashed", "exit status 9"),
     "segfaults": ("crashed", "SIGSEGV"),
     "aborts": ("crashed", "SIGABRT"),
@@ -29,6 +37,7 @@ DENOISE = {
     "kills_its_group": ("crashed", "SIGKILL"),
     "loops": STOPPED,
     "ignores_sigterm": STOPPED,
+    "stops_its_server_and_sleeps": STOPPED,
     "sleeps_in_c": STOPPED,
     "matches_for_ever": STOPPED,
     "leaves_a_child_and_loops": STOPPED,
@@ -57,8 +66,8 @@ OTHER_TASKS = {
     "infinite_vertices": ("invalid", "1 of 42 vertices are NaN or infinite"),
 }
 BAD = DENOISE | GREEDY
-SOME = """fine raises interrupts segfaults kills_its_group ignores_sigterm leaves_a_session returns_nan
-undeclared_missing lets_a_child_allocate"""
+SOME = """fine stops_its_server_and_sleeps forges_a_row raises interrupts segfaults kills_its_group ignores_sigterm
+leaves_a_session returns_nan undeclared_missing lets_a_child_allocate"""
 METHODS = {"basic": tuple(BAD), "joblib": tuple(SOME.split())}
 EACH = [(launcher, method) for launcher, methods in METHODS.items() for method in methods]
 TIMEOUTS = [name for name, (status, _) in DENOISE.items() if status == "timeout"]

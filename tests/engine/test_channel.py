@@ -1,0 +1,187 @@
+"""What may come through the pipe of a worker: events that fit its work, and nothing else."""
+
+import json
+import os
+
+import pytest
+
+from bench.engine import watch
+from bench.engine.channel import EVENTS, Channel, NoEvent, read_event
+from bench.engine.runner import _Job
+from bench.plan.limits import Limits
+from bench.text import bounded, cut
+
+ROW = {"case": "a", "case_index": 0, "status": "ok"}
+GOOD = {
+    "begin": {"stage": "case", "index": 0},
+    "cases": {"ids": ["a", "b"]},
+    "row": {"row": ROW | {"score.x": 1.5, "seconds": None}},
+    "no_plan": {"row": {"status": "error", "message": "no file"}},
+    "result": {"row": {"status": "refused", "message": ""}},
+    "worst": {"index": 0, "row": {"worst.x": 2.0}},
+    "progress": {"done": 1, "total": 2.5},
+}
+
+
+def line(kind, **values):
+    return json.dumps({"event": kind, **values}).encode()
+
+
+@pytest.mark.parametrize("kind", EVENTS)
+def test_an_event_is_read_as_it_was_sent(kind):
+    values = GOOD.get(kind, {})
+    assert read_event(line(kind, **values)) == {"event": kind, **values}
+    for name in values:
+        with pytest.raises(NoEvent, match=f"{kind}.*{name}"):
+            read_event(line(kind, **{**values, name: [[None]]}))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [b"[1]", b'{"x": 1}', b"1", b"null", b'{"event": []}', b'{"event": "bow"}', b"\xff\xfe", b"hello", b"[" * 100_000]
+    + [b'{"event": ' * 100_000, b"1" * 10_000, b'{"event": "done"} {}', b'"event"'],
+)
+def test_what_is_no_event_is_refused(text):
+    with pytest.raises(NoEvent):
+        read_event(text)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"case_index": "0"}, {"case_index": 2**63}, {"case_index": None}, {"status": "fine"}, {"case": 1}]
+    + [{"seconds": "1"}, {"message": 1}, {"score.x": "good"}, {"parameters": 0.5}, {"traceback": []}],
+)
+def test_a_row_that_cannot_be_stored_is_refused(changed):
+    with pytest.raises(NoEvent):
+        read_event(line("row", row=ROW | changed))
+
+
+class Heard(_Job):
+    """The cases of a cell, of which nothing is stored."""
+
+    def __init__(self):
+        self.ids, self.rows, self.scored, self.reporter = [], {}, set(), type("", (), {"event": lambda *_: None})()
+        self.at, self.listed, self.replaced = (-1, 0), False, False
+
+    def keep(self, row):
+        self.rows[row["case_index"]] = row
+
+
+BEGINNING = [("begin", {"stage": "plan", "index": -1}), ("cases", {"ids": ["a", "b"]})]
+FIRST = [("begin", {"stage": "case", "index": 0}), ("begin", {"stage": "method", "index": 0})]
+ITS_ROW = [("row", {"row": ROW})]
+
+
+def hear(events):
+    job = Heard()
+    for kind, values in events:
+        job.hear(read_event(line(kind, **values)))
+    return job
+
+
+def test_a_worker_that_works_is_heard():
+    worst = [("begin", {"stage": "worst", "index": 0}), ("worst", {"index": 0, "row": {"worst.x": 2.0}})]
+    second = [("begin", {"stage": "case", "index": 1}), ("row", {"row": {**ROW, "case": "b", "case_index": 1}})]
+    job = hear([*BEGINNING, *FIRST, ("progress", {"done": 1, "total": 2}), *ITS_ROW, *worst, *second, ("replace", {})])
+    assert list(job.rows) == [0, 1] and job.rows[0]["worst.x"] == 2.0 and job.replaced
+
+
+@pytest.mark.parametrize(
+    "events",
+    [
+        [("row", {"row": ROW})],  # before there is a case
+        [*BEGINNING, *ITS_ROW],
+        [*BEGINNING, *FIRST, ("row", {"row": {**ROW, "case_index": 1, "case": "b"}})],  # of another case
+        [*BEGINNING, *FIRST, ("row", {"row": {**ROW, "case": "c"}})],
+        [*BEGINNING, *FIRST, *ITS_ROW, *ITS_ROW],
+        [*BEGINNING, *FIRST, FIRST[0]],  # the clock would begin again
+        [*BEGINNING, *FIRST, FIRST[1]],
+        [*BEGINNING, ("begin", {"stage": "case", "index": 2})],
+        [*BEGINNING, ("begin", {"stage": "rest", "index": 0})],
+        [*BEGINNING, *FIRST, ("cases", {"ids": []})],
+        [*BEGINNING, *FIRST, ("no_plan", {"row": {"status": "error"}})],
+        [*BEGINNING, *FIRST, ("worst", {"index": 1, "row": {"worst.x": 2.0}})],
+    ],
+)
+def test_an_event_that_the_worker_cannot_have_sent_is_refused(events):
+    hear(events[:-1])
+    with pytest.raises(NoEvent):
+        hear(events)
+
+
+class Server:
+    """Forks workers that are a function, as a fork server would."""
+
+    def __init__(self, function):
+        self.function = function
+
+    def fork(self, spec, messages, output):
+        pid = os.fork()
+        if not pid:
+            os.setsid()
+            try:
+                self.function(Channel(messages))
+            finally:
+                os._exit(3)
+        return pid
+
+    def reap(self, pid):
+        return os.waitpid(pid, 0)[1]
+
+
+def watched(function, **limits):
+    heard = []
+    return watch.Worker(Server(function), {}, Limits(**limits), heard.append).watch(), heard
+
+
+def test_a_worker_ends_when_it_is_done_and_is_killed_if_it_does_not(monkeypatch):
+    monkeypatch.setattr(watch, "ENDS_WITHIN", 0.2)
+
+    def lasting(channel):
+        channel.enter("method", 0)
+        channel.send("done")
+        channel.send("progress", done=1, total=1)  # of a thread that was left
+        while True:
+            pass
+
+    death, heard = watched(lasting)
+    assert death is None
+    assert [event["event"] for event in heard] == ["begin"]
+
+
+def test_nothing_that_changes_a_result_comes_after_the_end():
+    def more(channel):
+        channel.send("done")
+        channel.send("result", row={"status": "ok"})
+
+    death, _ = watched(more)
+    assert death.status == "crashed" and "an event 'result' after 'done'" in death.message
+
+
+def test_a_clock_that_was_stopped_twice_stands_still_until_it_is_started_twice():
+    def nested(channel):
+        channel.enter("method", 0)
+        for kind in ("pause", "pause", "resume"):
+            channel.send(kind)
+        __import__("time").sleep(0.5)
+        channel.send("resume")
+        channel.send("done")
+        os._exit(0)
+
+    assert watched(nested, seconds=0.2)[0] is None
+    death, _ = watched(lambda channel: channel.send("resume"))
+    assert "without a 'pause'" in death.message
+
+
+def test_a_text_without_end_gets_one():
+    assert cut("x" * 100, 100) == "x" * 100
+    long = cut("x" * 1000, 100)
+    assert long == "x" * 60 + "... (940 more characters)" and cut(long, 100) == long
+
+
+def test_json_is_left_out_where_it_cannot_be_cut():
+    row = bounded({"message": "m" * 10**6, "trace": "[" * 10**7, "directions": "{}", "seconds": 1.0})
+    assert row["trace"] == "" and row["directions"] == "{}" and row["seconds"] == 1.0
+    assert "trace: left out, 10,000,000 characters" in row["message"]
+    assert len(row["message"]) < 10_100
+    assert bounded(row)["message"].startswith("mmm")
