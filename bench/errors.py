@@ -7,11 +7,32 @@ file or the parameter, says what was expected, and what to do.
 from __future__ import annotations
 
 import difflib
+import signal
 from collections.abc import Iterable
+
+from .text import cut
+
+LONGEST = 4000  # characters of a message: a name on a command line, or a word of a damaged file, may have millions
 
 
 class DetailbenchError(Exception):
-    """Base of every error that is shown as a message."""
+    """Base of every error that is shown as a message, of a length that can be read."""
+
+    def __str__(self) -> str:
+        return cut(super().__str__(), LONGEST)
+
+
+class Terminated(KeyboardInterrupt):
+    """As Ctrl-C, by a signal: SIGTERM of a batch system, or SIGHUP of a terminal that was closed."""
+
+    def __init__(self, number: int):
+        super().__init__(number)
+        self.number = number
+
+
+def code_of(error: KeyboardInterrupt) -> int:
+    """The exit code of an interrupted command: 128 and the number of the signal, as shells have it."""
+    return 128 + (error.number if isinstance(error, Terminated) else signal.SIGINT)
 
 
 class UsageError(DetailbenchError):

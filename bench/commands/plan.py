@@ -28,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compose every job, look each cell up, print the table."""
+    from ..engine.affinity import available
     from ..engine.devices import check_device
     from ..results.earlier import told
     from ..results.store import Results
@@ -35,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     from ..sweep.destination import destination, settled
     from ..sweep.flags import split_words
     from ..sweep.forecast import Pace, seconds_to_do, summary, workers_of
-    from ..sweep.overrides import by_experiment, check_overrides, runs_here, threads_of
+    from ..sweep.overrides import by_experiment, check_overrides, runs_here, threads_of, word_of_threads
 
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
@@ -79,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
     print(f"{len(lines)} cells, {summary(planned, finished, seconds, unknown, workers)}")
     if line := told(stale):
         print(line)
+    if word := word_of_threads(overrides, len(available())):
+        print(word)
     if plugins:
         print(f"with the plugins of {', '.join(plugins)}")
     for device in sorted(devices):
@@ -88,14 +91,12 @@ def run(args: argparse.Namespace) -> int:
 
 def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
     """The cell and settings of every job, each cell once; method and task that do not fit are noted in ``refused``."""
-    from omegaconf import OmegaConf
-
     from ..plan.cell import Cell, NotSolved, check_root, settings_of
-    from ..sweep.composition import compose
+    from ..sweep.composition import resolved
 
     seen: set[str] = set()
     for job in jobs:
-        values = OmegaConf.to_container(compose(job), resolve=True)
+        values = resolved(job)
         check_root(values)
         try:
             cell = Cell.from_config(values)

@@ -14,6 +14,7 @@ from .choice import NO_SENSOR, Choice, NotSolved, Resolved, digest
 from .devices import check_name
 from .keys import Base
 from .limits import Limits
+from .numbers import WHOLE_NUMBERS, check_whole_number
 from .training import TRAINED, Training, identity_of
 
 
@@ -101,9 +102,8 @@ class Cell(Resolved):
         task, method = Choice.of("task", config["task"]), Choice.of("method", config["method"])
         if not method.solves(task.name):
             raise NotSolved(_cannot_solve(method, task.name))
-        for key, least in (("cases", 1), ("threads", 1), ("seed", 0)):
-            if config[key] < least:
-                raise UsageError(f"{key}={config[key]}: expected at least {least}")
+        for key in WHOLE_NUMBERS:
+            check_whole_number(key, config[key])
         one_of("split", config["split"], ("test", "train"))
         check_name(config["device"])
         sensor = _sensor(config["sensor"], task)
@@ -180,6 +180,9 @@ def check_root(config: Mapping[str, Any]) -> None:
     for key in config:
         if key not in known:
             raise UsageError(f"there is no key {key!r}. {did_you_mean(str(key), known)}")
+    for key, value in (*config.items(), *((f"limit.{key}", value) for key, value in config["limit"].items())):
+        if value == "???":
+            raise UsageError(f"{key}=???: expected a value")
     for key in config["limit"]:
         if key not in asdict(Limits()):
             raise UsageError(f"there is no key 'limit.{key}'. {did_you_mean(str(key), asdict(Limits()))}")

@@ -15,6 +15,7 @@ from ..plugins.schema import defaults
 from ..plugins.weights import check_fits, content, is_learned, shipped, trained_values
 from .choice import NO_SENSOR, Choice, Resolved, digest
 from .devices import check_name
+from .numbers import WHOLE_NUMBERS, check_whole_number
 
 AUTO, SHIPPED, TRAINED, FILE = "auto", "shipped", "trained", "file"
 
@@ -195,10 +196,8 @@ def _keys(node: Any) -> TrainingKeys:
         if key not in known:
             raise UsageError(f"there is no key 'training.{key}'. {did_you_mean(str(key), known)}")
     keys = TrainingKeys(**values)
-    for name, least in (("cases", 1), ("seed", 0), ("threads", 1)):
-        value = getattr(keys, name)
-        if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            raise UsageError(f"training.{name}={value}: expected a whole number of at least {least}")
+    for name in WHOLE_NUMBERS:
+        check_whole_number(f"training.{name}", getattr(keys, name))
     if not isinstance(keys.seconds, (int, float)) or not keys.seconds > 0:
         raise UsageError(f"training.seconds={keys.seconds}: expected a number above 0")
     keys.seconds, keys.weights = float(keys.seconds), str(keys.weights)

@@ -31,7 +31,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import StoreError, UsageError, did_you_mean
 from ..own_folder import open_own, read_regular
-from ..text import encodable
+from ..text import cut, encodable
 from .checks import NAME, NEEDED, NoRecord, read_meta, read_record
 from .files import COLUMNS, MEASURED, META_KEY, STATUSES, write_atomically
 from .kept_outputs import found, found_reference
@@ -67,7 +67,12 @@ class Results:
     """
 
     def __init__(self, folder: str | Path, *, mends: bool = False):
-        self.folder = Path(folder).expanduser().absolute()
+        try:
+            self.folder = Path(folder).expanduser().absolute()
+            self.folder.exists()
+        except (OSError, RuntimeError) as error:  # a name that no file system takes, or the home of nobody
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise UsageError(f"results={cut(str(folder), 100)}: cannot be a folder: {reason}") from error
         self.mends = mends
         self.damaged: list[str] = []  # which files were left out, and why, for the report
         self._noted: set[Path] = set()

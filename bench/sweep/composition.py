@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from ..plan.keys import Base
+from ..text import cut
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -56,14 +57,41 @@ def compose(overrides: Sequence[str]) -> DictConfig:
         With Hydra's own message when it cannot compose.
     """
     from hydra import compose as hydra_compose
+
+    with hydra_ready(), in_words(overrides):
+        return hydra_compose(CONFIG_NAME, overrides=list(overrides))
+
+
+def resolved(overrides: Sequence[str]) -> dict[str, Any]:
+    """The values of one composed config, with all interpolations put in.
+
+    Raises
+    ------
+    UsageError
+        As :func:`compose`, and for an interpolation of what is not there.
+    """
+    from omegaconf import OmegaConf
+
+    config = compose(overrides)
+    with in_words(overrides):
+        return OmegaConf.to_container(config, resolve=True)
+
+
+@contextmanager
+def in_words(overrides: Sequence[str]) -> Iterator[None]:
+    """Whatever Hydra raises while it reads and composes overrides, and does nothing else, is about these."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    with hydra_ready():
-        try:
-            return hydra_compose(CONFIG_NAME, overrides=list(overrides))
-        except (HydraException, OmegaConfBaseException) as error:
-            raise UsageError(hydra_message(error)) from error
+    try:
+        yield
+    except (HydraException, OmegaConfBaseException) as error:
+        raise UsageError(hydra_message(error)) from error
+    except RecursionError as error:
+        raise UsageError(f"{cut(' '.join(overrides), 200)}: nested too deeply") from error
+    except (ValueError, TypeError, AttributeError, AssertionError, KeyError) as error:
+        hydras = [word for word in overrides if word.lstrip("+~").startswith("hydra")]
+        raise UsageError(f"{cut(' '.join(hydras or overrides), 200)}: Hydra cannot use this: {error}") from error
 
 
 def hydra_message(error: BaseException) -> str:
@@ -138,10 +166,8 @@ def enumerate_jobs(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
     """The overrides of every job that Hydra's basic sweeper would launch, in its order."""
     from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
     from hydra.core.override_parser.overrides_parser import OverridesParser
-    from hydra.errors import HydraException
     from hydra.types import RunMode
     from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
 
     overrides = settled_by_job(overrides) if multirun else overrides
     if not any("hydra" in o or "experiment" in o or "glob(" in o for o in overrides):
@@ -150,17 +176,14 @@ def enumerate_jobs(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
             return [list(overrides)]
         parsed = OverridesParser.create().parse_overrides(list(overrides))
         return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
-    with hydra_ready() as loader:
-        try:
-            mode = RunMode.MULTIRUN if multirun else RunMode.RUN
-            master = loader.load_configuration(CONFIG_NAME, list(overrides), run_mode=mode)
-            if not multirun and OmegaConf.select(master, "hydra.mode") != RunMode.MULTIRUN:
-                return [list(overrides)]
-            given = list(master.hydra.overrides.task)
-            swept = OmegaConf.select(master, "hydra.sweeper.params") or {}
-            keys = {o.get_key_element() for o in OverridesParser.create().parse_overrides(given)}
-            arguments = [f"{k}={v}" for k, v in swept.items() if str(k) not in keys] + given
-            parsed = OverridesParser.create(config_loader=loader).parse_overrides(arguments)
-            return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
-        except (HydraException, OmegaConfBaseException) as error:
-            raise UsageError(hydra_message(error)) from error
+    with hydra_ready() as loader, in_words(overrides):
+        mode = RunMode.MULTIRUN if multirun else RunMode.RUN
+        master = loader.load_configuration(CONFIG_NAME, list(overrides), run_mode=mode)
+        if not multirun and OmegaConf.select(master, "hydra.mode") != RunMode.MULTIRUN:
+            return [list(overrides)]
+        given = list(master.hydra.overrides.task)
+        swept = OmegaConf.select(master, "hydra.sweeper.params") or {}
+        keys = {o.get_key_element() for o in OverridesParser.create().parse_overrides(given)}
+        arguments = [f"{k}={v}" for k, v in swept.items() if str(k) not in keys] + given
+        parsed = OverridesParser.create(config_loader=loader).parse_overrides(arguments)
+        return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]

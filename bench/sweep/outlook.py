@@ -18,7 +18,7 @@ from ..plugins.schema import NAME_KEY
 from ..results.earlier import standing
 from ..results.provenance import ingredients
 from ..results.store import Results
-from .composition import compose
+from .composition import resolved
 from .forecast import Forecast, Pace, seconds_to_do, summary, workers_of
 
 LOOKED_UP = 100  # jobs of a large sweep that stand for all
@@ -94,10 +94,8 @@ def likely_cells(jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Cell, Settings
     UsageError
         If a job cannot be composed, or if jobs differ in more: in their profile, say.
     """
-    from omegaconf import OmegaConf
-
     first = dict(_parsed(jobs[0]))
-    base: Any = OmegaConf.to_container(compose(list(jobs[0])), resolve=True)
+    base = resolved(jobs[0])
     for job in jobs:
         words = _parsed(job)
         values = copy.deepcopy(base)

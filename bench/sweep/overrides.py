@@ -17,6 +17,7 @@ from ..plan.training import TrainingKeys
 from ..plugins import presets
 from ..plugins.registry import KINDS, Plugin, registry
 from ..plugins.schema import check_value
+from ..text import cut
 
 
 def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
@@ -75,9 +76,11 @@ def _parse(overrides: Sequence[str]) -> list[Any]:
             parsed.extend(OverridesParser.create().parse_overrides([text]))
         except OverrideParseException as error:
             raise UsageError(
-                f"cannot read {text!r}: expected key=value, for instance method=poisson or limit.seconds=60 "
-                f"({str(error).splitlines()[0]})"
+                f"cannot read {cut(text, 200)!r}: expected key=value, for instance method=poisson or limit.seconds=60 "
+                f"({cut(str(error).splitlines()[0], 200)})"
             ) from error
+        except RecursionError as error:
+            raise UsageError(f"cannot read {cut(text, 200)!r}: nested too deeply") from error
     return parsed
 
 
@@ -131,6 +134,14 @@ def threads_of(overrides: Sequence[str]) -> int:
     asked = [value for key, _, value in (word.partition("=") for word in overrides) if key == "threads"]
     first = asked[-1].partition(",")[0] if asked else ""
     return max(int(first), 1) if first.isdecimal() else 1
+
+
+def word_of_threads(overrides: Sequence[str], processors: int) -> str:
+    """What is to be said of more threads than there are processors here; nothing where jobs are run elsewhere."""
+    threads = threads_of(overrides)
+    if threads <= processors or not runs_here(overrides):
+        return ""
+    return f"threads={threads}: only {processors} processors can be used here, so the times are not those of {threads}"
 
 
 def devices_of(overrides: Sequence[str]) -> list[str]:

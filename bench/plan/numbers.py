@@ -1,0 +1,18 @@
+"""The whole numbers among the keys of a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..errors import UsageError
+from ..text import cut
+
+# The least and the most of whole numbers. A seed is one word of 32 bits of the generators: larger ones would repeat.
+WHOLE_NUMBERS = {"cases": (1, 100_000), "threads": (1, 1024), "seed": (0, 2**32 - 1)}
+
+
+def check_whole_number(key: str, value: Any) -> None:
+    """Raise :class:`UsageError` unless a key, or one of a group as ``training.cases``, can have this value."""
+    least, most = WHOLE_NUMBERS[key.rpartition(".")[2]]
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+        raise UsageError(f"{key}={cut(str(value), 100)}: expected a whole number from {least} to {most}")
