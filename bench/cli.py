@@ -1,18 +1,25 @@
 """The front door: ``detailbench COMMAND ...``, the same as ``python -m bench``.
 
 Exit codes: 0 all well; 1 a usage or configuration error, or results that cannot be written; 3 finished, but some
-cells did not solve all their cases (or a check did not pass); 130 interrupted.
+cells did not solve all their cases (or a check did not pass); 130 interrupted by Ctrl-C, 143 by SIGTERM and 129 by
+SIGHUP.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import errno
+import functools
 import importlib
 import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
-from .errors import DetailbenchError, did_you_mean
+from .errors import DetailbenchError, Terminated, code_of, did_you_mean
 from .safe_path import isolate_imports
 from .text import shown_streams
 
@@ -32,7 +39,7 @@ COMMANDS = {
     "reproduce": "run a stored cell again and compare",
 }
 EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved,
-130 interrupted"""
+130 interrupted (143 by SIGTERM, 129 by SIGHUP)"""
 
 
 def parser_for(command: str) -> argparse.ArgumentParser:
@@ -73,9 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit code."""
     isolate_imports()
     arguments = list(sys.argv[1:] if argv is None else argv)
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # what the terminal's encoding lacks is shown as \\udcff, not as a traceback
-            stream.reconfigure(errors="backslashreplace")
+    open_streams()
     with shown_streams():
         return _ended(arguments)
 
@@ -83,16 +88,105 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _ended(arguments: list[str]) -> int:
     """Run one command to its end, whatever that is; the exit code."""
     try:
-        return _main(arguments)
+        os.getcwd()
+        with signals_interrupt():
+            with reader_may_leave():
+                return _main(arguments)
+            return 0
     except DetailbenchError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         print("interrupted", file=sys.stderr)
-        return 130
-    except BrokenPipeError:  # `detailbench list | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return 0
+        return code_of(error)
+    except FileNotFoundError as error:
+        if error.filename is not None:
+            raise
+        print("error: the working folder is gone; change to one that is there, then run this again", file=sys.stderr)
+        return 1
+    except OSError as error:
+        if error.filename is not None or error.errno not in CANNOT_PRINT:
+            raise
+        reason = f"{error.strerror}; what was computed is stored, and shown by `detailbench leaderboard results=DIR`"
+        print(f"error: cannot write to the standard output: {reason}", file=sys.stderr)
+        forget_output()
+        return 1
+
+
+# What printing to standard output fails with: a full disk, one that was closed, a terminal that is gone.
+CANNOT_PRINT = (errno.ENOSPC, errno.EBADF, errno.EIO, errno.EDQUOT, errno.EFBIG)
+
+
+def open_streams() -> None:
+    """Make all three standard streams such that they can be written, or fail in words.
+
+    One that is closed (``>&-``) is None in Python, and its descriptor would become that of the next file.
+    """
+    for name, fd, mode in (("stdin", 0, os.O_RDONLY), ("stdout", 1, os.O_RDONLY), ("stderr", 2, os.O_WRONLY)):
+        if getattr(sys, name) is None:
+            opened = os.open(os.devnull, mode)  # of standard output that cannot be written, as if it were still closed
+            if opened != fd:
+                os.dup2(opened, fd)
+                os.close(opened)
+            os.set_inheritable(fd, True)
+            setattr(sys, name, open(fd, "r" if fd == 0 else "w", closefd=False))  # noqa: SIM115  to the end
+    for name in ("write", "flush"):  # a message that cannot be shown does not end what it is about
+        setattr(sys.stderr, name, _quiet(getattr(sys.stderr, name)))
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # what the terminal's encoding lacks is shown as \\udcff, not as a traceback
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _quiet(function: Callable[..., Any]) -> Callable[..., Any]:
+    if hasattr(function, "__wrapped__"):
+        return function
+
+    @functools.wraps(function)
+    def attempt(*arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except OSError:
+            return 0
+
+    return attempt
+
+
+@contextlib.contextmanager
+def signals_interrupt() -> Iterator[None]:
+    """Inside, SIGTERM and SIGHUP are like Ctrl-C, unless they are ignored (``nohup``) or somebody else's."""
+    numbers = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) == signal.SIG_DFL]
+
+    def interrupt(number: int, frame: object) -> None:
+        for n in numbers:  # once is enough: what it ends is ending
+            signal.signal(n, signal.SIG_IGN)
+        raise Terminated(number)
+
+    if threading.current_thread() is not threading.main_thread():
+        numbers = []
+    for number in numbers:
+        signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def forget_output() -> None:
+    """Let what is still to be printed go nowhere, without a word at the end of the process."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.close(nowhere)
+
+
+@contextlib.contextmanager
+def reader_may_leave() -> Iterator[None]:
+    """``detailbench list | head`` is no error: what is printed inside goes nowhere once nobody reads it."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        forget_output()
 
 
 def _main(arguments: list[str]) -> int:

@@ -25,10 +25,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..cli import add_plugin_argument
+from ..cli import add_plugin_argument, reader_may_leave
 from ..engine import forkserver
+from ..engine.affinity import available
 from ..engine.devices import check_device
-from ..errors import UsageError
+from ..errors import UsageError, code_of
 from ..plugins.listing import listing
 from ..plugins.registry import load_plugins
 from ..results.earlier import told
@@ -37,7 +38,7 @@ from ..sweep import launch as sweep
 from ..sweep.destination import destination, settled
 from ..sweep.flags import split_words
 from ..sweep.outlook import Outlook, look_ahead
-from ..sweep.overrides import by_experiment, check_overrides, devices_of, runs_here, threads_of
+from ..sweep.overrides import by_experiment, check_overrides, devices_of, runs_here, threads_of, word_of_threads
 from ..sweep.progress import Bars, Follow, Lines
 
 PASSES_ON = True  # Hydra's own flags are passed on
@@ -68,13 +69,15 @@ def run(args: argparse.Namespace) -> int:
     results = Results(folder, mends=True)
     check_devices(requests, sweeps, results)
     results.prepare()
+    if word := word_of_threads(overrides, len(available())):
+        print(f"warning: {word}", file=sys.stderr)
     codes = []
     for request, jobs in zip(requests, sweeps, strict=True):
         if len(requests) > 1:
             print(next(word for word in request if word.startswith("experiment=")), file=sys.stderr)
         codes.append(_sweep(args, request, jobs, multirun, results, plugins))
-        if codes[-1] == 130:
-            return 130
+        if codes[-1] > 128:  # interrupted
+            return codes[-1]
     return 1 if 1 in codes else max(codes)
 
 
@@ -98,12 +101,12 @@ def _sweep(
     session = sweep.Session.new(results.folder)
     private = [f"session='{session.name}'", *([f"plugins={_hydra_list(plugins)}"] if plugins else [])]
     with session.open():
-        interrupted = False
+        interrupted = None
         try:
             words = settled_by_job(overrides) if multirun else overrides
             code = _launch(session, [*words, *private], len(jobs), multirun, ahead)
-        except KeyboardInterrupt:
-            code, interrupted = 130, True
+        except KeyboardInterrupt as error:
+            code = interrupted = code_of(error)
         finally:
             from ..engine.runner import forget_servers
 
@@ -122,7 +125,7 @@ def _sweep(
         )
         if cells:
             _show_board(args, results, cells, planned, overrides)
-        return 130
+        return interrupted
     return _report(args, results, done, cells, planned, code, overrides)
 
 
@@ -194,10 +197,11 @@ def _show_board(
     _warn(results)
     missing = what_is_missing(len(cells), planned)
     tables = published_by(overrides)
-    for experiment in tables:
-        show(rows, published=experiment, missing=missing)
-    for convention in [] if tables else conventions_of(overrides) or [None]:
-        show(rows, convention=convention, missing=missing)
+    with reader_may_leave():
+        for experiment in tables:
+            show(rows, published=experiment, missing=missing)
+        for convention in [] if tables else conventions_of(overrides) or [None]:
+            show(rows, convention=convention, missing=missing)
 
 
 def _warn(results: Results) -> None:

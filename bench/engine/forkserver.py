@@ -89,7 +89,7 @@ def start_process(channel: int, threads: int, printed: int) -> subprocess.Popen[
         pass_fds=[channel],
         stdin=subprocess.DEVNULL,
         stderr=printed,
-        env=server_environment(threads),
+        env=server_environment(min(threads, len(available()))),
         start_new_session=True,  # Ctrl-C in the terminal is the runner's business
     )
 
@@ -255,6 +255,7 @@ def serve() -> None:
     """The server's main loop; the arguments are the socket's file descriptor and the number of threads."""
     isolate_imports()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))  # not without ending what is below
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     _prctl(_PR_SET_PDEATHSIG, signal.SIGCONT)  # one that a method stopped sees the end of the runner, too
     channel, threads = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
@@ -320,6 +321,7 @@ def _fork(channel: socket.socket, messages: int, output: int, job: int) -> int:
             os._exit(status)
         channel.close()
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         os.dup2(output, 1)
         os.dup2(output, 2)
         os.close(output)

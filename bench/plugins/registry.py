@@ -448,7 +448,8 @@ def _check_class(kind: str, name: str, cls: type) -> None:
         raise PluginError(f"{where}: the name {name!r} should be snake_case: letters, digits and underscores")
     if not dataclasses.is_dataclass(cls) or "__dataclass_params__" not in vars(cls):
         raise PluginError(f"{where}: put @dataclass(frozen=True) between @register and the class")
-    if not (cls.__doc__ or "").strip() or cls.__doc__.startswith(f"{cls.__name__}("):
+    has_docs = sys.flags.optimize < 2  # PYTHONOPTIMIZE=2 leaves them out
+    if has_docs and (not (cls.__doc__ or "").strip() or cls.__doc__.startswith(f"{cls.__name__}(")):
         raise PluginError(f"{where}: give the class a docstring; its first line is shown in listings")
     for f in dataclasses.fields(cls):
         if f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..engine.forkserver import CannotStart
-from ..errors import DetailbenchError, StoreError, UsageError
+from ..errors import DetailbenchError, StoreError, Terminated, UsageError
 from ..plan.cell import Cell, NotSolved, check_root, settings_of
 from ..plan.keys import GROUPS
 from ..plugins.registry import load_plugins
@@ -237,12 +237,19 @@ def launch(overrides: list[str], multirun: bool) -> int:
         with safe_children(), _few_compositions(mode_is_known=not any(is_hydras(word) for word in overrides)):
             hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
     except SystemExit as error:
+        if error.code == signal.SIGTERM:  # a launcher (ray) that makes SIGTERM its own
+            raise Terminated(signal.SIGTERM) from error
         return error.code if isinstance(error.code, int) else 1
     except (HydraException, OmegaConfBaseException) as error:
         raise UsageError(hydra_message(error)) from error
     except OSError as error:
+        if error.filename is None:  # no file: semaphores, processes, descriptors
+            raise UsageError(
+                f"the launcher cannot start its processes: {error.strerror or error}. It needs shared memory that can "
+                "be written (/dev/shm) and processes; make room for them, or leave out hydra/launcher"
+            ) from error
         raise StoreError(
-            f"cannot write {error.filename or 'the files of the sweep'}: {error.strerror or error}. Earlier results "
+            f"cannot write {error.filename}: {error.strerror or error}. Earlier results "
             "are intact; free some space or choose another folder with results=DIR, then run the same command again"
         ) from error
     except Exception as error:
