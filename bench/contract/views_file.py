@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -9,8 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import UsageError
+from ..text import shortened
 from .artefacts import write
 from .views import Views
+
+# What numpy raises for files that are none, or damaged; a header may promise more than memory holds.
+DAMAGED = (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, MemoryError, NotImplementedError,
+           RecursionError, RuntimeError, SyntaxError, tokenize.TokenError)  # fmt: skip
+MOST_MESSAGE = 300
 
 
 def load_views(path: str | Path) -> Views:
@@ -54,7 +61,10 @@ def npz_arrays(path: str | Path, expected: str) -> dict[str, np.ndarray]:
         Naming the file and what was ``expected``.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        if Path(path).exists() and not Path(path).is_file():
+            raise ValueError("is a folder, a pipe or a device")
+        # numpy leaves open what it cannot read
+        with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
             return dict(file)
-    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise UsageError(f"{path}: expected {expected}: {error}") from None
+    except DAMAGED as error:
+        raise UsageError(f"{path}: expected {expected}: {shortened(str(error), MOST_MESSAGE)}") from None

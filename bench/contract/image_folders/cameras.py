@@ -6,6 +6,7 @@ import numpy as np
 
 from ...errors import BadInput
 
+LARGEST = 1e15  # number in a file of cameras, whose products and powers stay finite; more is a damaged file
 LOOSE = 1e-2  # a rotation in a file may be rounded, but not to less than this
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from ...errors import BadInput
 from ...geometry.cloud import Frame
-from .cameras import decomposed, nearest_rotation
+from .cameras import LARGEST, decomposed, nearest_rotation
 from .masks import FOLDERS
 from .photos import Photo
 from .pictures import image_size, pictures_in
@@ -30,7 +31,7 @@ def read_cameras(file: Path, arrays: Mapping[str, np.ndarray]) -> tuple[list[Pho
     BadInput
         Naming the file and what was expected of it.
     """
-    names = [name for name in arrays if name.startswith("world_mat_") and name[10:].isdigit()]
+    names = [name for name in arrays if re.fullmatch("world_mat_[0-9]{1,9}", name)]
     names.sort(key=lambda name: int(name[10:]))
     images = _folder(file.parent, IMAGES)
     if images is None:
@@ -45,8 +46,7 @@ def read_cameras(file: Path, arrays: Mapping[str, np.ndarray]) -> tuple[list[Pho
 
 def _photo(file: Path, name: str, matrix: np.ndarray, image: Path, mask: Path | None) -> Photo:
     where = f"{file}: {name}"
-    if matrix.shape not in ((3, 4), (4, 4)) or matrix.dtype.kind not in "fiu" or not np.isfinite(matrix).all():
-        raise BadInput(f"{where}: expected 3 or 4 rows of 4 finite numbers, got shape {matrix.shape}")
+    _check_matrix(matrix, where)
     intrinsics, extrinsics = decomposed(matrix[:3].astype(np.float64), where)
     size = image_size(image)
     if intrinsics[0, 0] < 0.05 * max(size):
@@ -55,6 +55,13 @@ def _photo(file: Path, name: str, matrix: np.ndarray, image: Path, mask: Path | 
             "projection K [R | t] to pixels. Where K is in camera_mat_i, multiply the two"
         )
     return Photo(image, HALF @ intrinsics, extrinsics, size, mask=mask)
+
+
+def _check_matrix(matrix: np.ndarray, where: str) -> None:
+    if matrix.shape not in ((3, 4), (4, 4)) or matrix.dtype.kind not in "fiu":
+        raise BadInput(f"{where}: expected 3 or 4 rows of 4 finite numbers, got shape {matrix.shape} of {matrix.dtype}")
+    if not (np.abs(matrix) <= LARGEST).all():
+        raise BadInput(f"{where}: has numbers that are NaN, or larger than {LARGEST:g}")
 
 
 def _masks(root: Path, images: list[Path]) -> list[Path | None]:
@@ -75,11 +82,13 @@ def _frame(file: Path, arrays: Mapping[str, np.ndarray]) -> Frame | None:
     """The ball that ``scale_mat_0`` gives."""
     if "scale_mat_0" not in arrays:
         return None
-    matrix, where = np.asarray(arrays["scale_mat_0"], dtype=np.float64), f"{file}: scale_mat_0"
-    if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
-        raise BadInput(f"{where}: expected 3 or 4 rows of 4 finite numbers, got shape {matrix.shape}")
-    others = [name for name in arrays if name.startswith("scale_mat_") and name[10:].isdigit()]
-    if not all(np.allclose(arrays[name], matrix) for name in others):
+    matrix, where = arrays["scale_mat_0"], f"{file}: scale_mat_0"
+    _check_matrix(matrix, where)
+    matrix = matrix.astype(np.float64)
+    others = [name for name in arrays if re.fullmatch("scale_mat_[0-9]{1,9}", name)]
+    for name in others:
+        _check_matrix(arrays[name], f"{file}: {name}")
+    if not all(arrays[name].shape == matrix.shape and np.allclose(arrays[name], matrix) for name in others):
         raise BadInput(f"{file}: expected one scale_mat for all images; they differ")
     nearest_rotation(matrix[:3, :3], where)  # a ball stays a ball
     return Frame(tuple(map(float, matrix[:3, 3])), float(np.linalg.det(matrix[:3, :3]) ** (1 / 3)))

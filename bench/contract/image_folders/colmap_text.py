@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import BadInput
-from .cameras import from_quaternion
+from ...text import shortened
+from .cameras import LARGEST, from_quaternion
 from .lens import Lens
 from .photos import Photo, Size
+from .pictures import is_file
 
 # The parameters of each model in the order of the file; f stands for fx and fy.
 MODELS = {
@@ -19,6 +21,7 @@ MODELS = {
     "RADIAL": ("f", "cx", "cy", "k1", "k2"),
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
 }
+MOST = 100  # letters that are quoted from a file
 Camera = tuple[np.ndarray, Size, Lens]
 
 
@@ -64,10 +67,13 @@ def _cameras(file: Path) -> dict[str, Camera]:
         if not words or line.lstrip().startswith("#"):
             continue
         if len(words) < 5:
-            raise BadInput(f"{where}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, got {line.strip()!r}")
+            raise BadInput(
+                f"{where}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, got {shortened(line.strip(), MOST)!r}"
+            )
         if words[1] not in MODELS:
             raise BadInput(
-                f"{where}: camera model {words[1]}: expected one of {', '.join(MODELS)}; undistort the images first: "
+                f"{where}: camera model {shortened(words[1], MOST)}: expected one of {', '.join(MODELS)}; undistort "
+                "the images first: "
                 f"colmap image_undistorter --image_path IMAGES --input_path {file.parent} --output_path OUT"
             )
         names, values = MODELS[words[1]], _numbers(words[2:], where)
@@ -88,10 +94,12 @@ def _photo(where: str, line: str, cameras: dict[str, Camera], folder: Path) -> P
         raise BadInput(f"{where}: expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, got {line[:80]!r}")
     pose = _numbers(words[1:8], where)
     if words[8] not in cameras:
-        raise BadInput(f"{where}: there is no camera {words[8]} in cameras.txt, only {', '.join(cameras) or 'none'}")
+        only = shortened(", ".join(cameras), MOST) or "none"
+        raise BadInput(f"{where}: there is no camera {shortened(words[8], MOST)} in cameras.txt, only {only}")
     image = folder / words[9]
-    if not image.is_file():
-        raise BadInput(f"{where}: there is no image {image}; expected the images in a folder `images` beside the model")
+    if not is_file(image):
+        shown = shortened(str(image), MOST)
+        raise BadInput(f"{where}: there is no image {shown}; expected the images in a folder `images` beside the model")
     matrix, size, lens = cameras[words[8]]
     return Photo(image, matrix, from_quaternion(pose[:4], pose[4:], where), size, lens)
 
@@ -108,8 +116,8 @@ def _numbers(words: list[str], where: str) -> np.ndarray:
         values = np.array([float(word) for word in words])
     except ValueError:
         raise BadInput(f"{where}: expected numbers, got {' '.join(words)[:80]!r}") from None
-    if not np.isfinite(values).all():
-        raise BadInput(f"{where}: has numbers that are NaN or infinite")
+    if not (np.abs(values) <= LARGEST).all():
+        raise BadInput(f"{where}: has numbers that are NaN, or larger than {LARGEST:g}")
     return values
 
 

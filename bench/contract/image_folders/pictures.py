@@ -21,9 +21,18 @@ def is_picture(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; also for a name that no file can have."""
+    try:
+        return path.is_file()
+    except OSError:  # too long, say
+        return False
+
+
 def pictures_in(folder: Path) -> list[Path]:
     """The images of a folder, sorted by name; hidden files are left out."""
-    return sorted(path for path in folder.iterdir() if is_picture(path) and not path.name.startswith("."))
+    named = (path for path in folder.iterdir() if is_picture(path) and not path.name.startswith("."))
+    return sorted(path for path in named if path.is_file())  # a pipe would be waited for
 
 
 def image_size(path: Path) -> tuple[int, int]:

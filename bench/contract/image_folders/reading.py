@@ -67,6 +67,8 @@ def read_views(path: str | Path, max_pixels: int = 0) -> tuple[Views, Frame]:
 
 def _file_of(path: Path) -> tuple[Path, Path]:
     """The file of cameras, or of views, that is meant, and the user's folder."""
+    if path.exists() and not (path.is_dir() or path.is_file()):
+        raise BadInput(f"{path}: is a pipe or a device; expected a folder of images with cameras, or a file of them")
     if not path.is_dir():
         if path.suffix not in (".json", ".npz") and path.name != "cameras.txt":
             raise BadInput(f"{path}: expected views: a folder of images with cameras, or an .npz file ({_wanted()})")

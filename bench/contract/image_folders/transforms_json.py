@@ -11,12 +11,15 @@ from typing import Any
 import numpy as np
 
 from ...errors import BadInput, did_you_mean
-from .cameras import from_opengl
+from ...text import shortened
+from .cameras import LARGEST, from_opengl
 from .lens import Lens
 from .photos import Photo
-from .pictures import SUFFIXES, image_size
+from .pictures import SUFFIXES, image_size, is_file
 
 PINHOLES = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "perspective")
+LEAST = 1e-6  # of a focal length in pixels, and of an angle
+MOST = 300  # letters that are quoted from a file
 UNDISTORT = "undistort the images first, for instance by `colmap image_undistorter`"
 
 
@@ -35,8 +38,8 @@ def read_transforms(file: Path) -> list[Photo]:
     """
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{file}: expected a JSON file of cameras: {error}") from None
+    except (OSError, ValueError, RecursionError) as error:  # the last for brackets in thousands of brackets
+        raise BadInput(f"{file}: expected a JSON file of cameras: {shortened(str(error), MOST)}") from None
     frames = content.get("frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
         raise BadInput(f"{file}: expected a list `frames` with an entry for each image")
@@ -53,8 +56,8 @@ def _photo(file: Path, where: str, entry: Mapping[str, Any]) -> Photo:
     mask = None
     if entry.get("mask_path"):
         mask = file.parent / str(entry["mask_path"]).replace("\\", "/")
-        if not mask.is_file():
-            raise BadInput(f"{where}: mask_path: there is no file {mask}")
+        if not is_file(mask):
+            raise BadInput(f"{where}: mask_path: there is no file {shortened(str(mask), MOST)}")
     width, height = image_size(image)
     size = round(_number(entry, "w", width, where)), round(_number(entry, "h", height, where))
     if min(size) < 1:
@@ -73,6 +76,7 @@ def _check_model(entry: Mapping[str, Any], where: str) -> None:
     model = entry.get("camera_model", "PINHOLE")
     if model not in PINHOLES or entry.get("is_fisheye") or _number(entry, "k4", 0.0, where):
         name = "k4" if model in PINHOLES and not entry.get("is_fisheye") else "fisheye" if model in PINHOLES else model
+        name = shortened(str(name), MOST)
         raise BadInput(f"{where}: camera model {name}: expected one of {', '.join(PINHOLES)} without k4; {UNDISTORT}")
 
 
@@ -89,7 +93,7 @@ def _focal(entry: Mapping[str, Any], axis: str, length: int, where: str) -> floa
     """In pixels, from either of its names; 0 where there is neither."""
     focal = _number(entry, f"fl_{axis}", 0.0, where)
     angle = _number(entry, f"camera_angle_{axis}", 0.0, where)
-    if focal < 0 or not 0 <= angle < math.pi:
+    if focal < 0 or 0 < focal < LEAST or not 0 <= angle < math.pi or 0 < angle < LEAST:
         raise BadInput(f"{where}: expected fl_{axis} above 0, or camera_angle_{axis} between 0 and pi (radians)")
     return focal or (length / 2 / math.tan(angle / 2) if angle else 0.0)
 
@@ -98,8 +102,9 @@ def _number(entry: Mapping[str, Any], name: str, default: float, where: str) -> 
     value = entry.get(name)
     if value is None:
         return float(default)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise BadInput(f"{where}: {name}: expected a finite number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LARGEST:
+        got = shortened(repr(value), MOST)  # which may be finite, and still too large to be computed with
+        raise BadInput(f"{where}: {name}: expected a finite number of at most {LARGEST:g}, got {got}")
     return float(value)
 
 
@@ -108,10 +113,10 @@ def _array(entry: Mapping[str, Any], name: str, where: str) -> np.ndarray:
         array = np.array(entry[name], dtype=np.float64)
     except KeyError:
         raise BadInput(f"{where}: has no {name}. {did_you_mean(name, entry)}") from None
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise BadInput(f"{where}: {name}: expected rows of numbers") from None
-    if not np.isfinite(array).all():
-        raise BadInput(f"{where}: {name}: has numbers that are NaN or infinite")
+    if not (np.abs(array) <= LARGEST).all():
+        raise BadInput(f"{where}: {name}: has numbers that are NaN, or larger than {LARGEST:g}")
     return array
 
 
@@ -122,6 +127,7 @@ def _image(folder: Path, name: Any, where: str) -> Path:
     path = folder / name.replace("\\", "/")
     endings = ("", *SUFFIXES, *(suffix.upper() for suffix in SUFFIXES))
     for ending in endings:
-        if (found := path.with_name(path.name + ending)).is_file():
+        if is_file(found := path.with_name(path.name + ending)):
             return found
-    raise BadInput(f"{where}: there is no image {path}; expected it there, or with one of {' '.join(SUFFIXES)} added")
+    shown = shortened(str(path), MOST)
+    raise BadInput(f"{where}: there is no image {shown}; expected it there, or with one of {' '.join(SUFFIXES)} added")

@@ -191,7 +191,7 @@ def without(name):
         (changed(transform_matrix=[[1, 2], [3, 4]]), r"expected a transform_matrix of 4 rows of 4.* shape \(2, 2\)"),
         (changed(transform_matrix=np.diag([1, 2, 3, 1]).tolist()), "transform_matrix: is no rotation"),
         (changed(transform_matrix=np.diag([1, 1, -1, 1]).tolist()), "transform_matrix: is mirrored"),
-        (changed(fl_x="wide"), "fl_x: expected a finite number, got 'wide'"),
+        (changed(fl_x="wide"), "fl_x: expected a finite number of at most 1e.15, got 'wide'"),
         (changed(fl_x=-1), "expected fl_x above 0"),
         (changed(fl_x=0, fl_y=0), "has no focal length; expected fl_x"),
         (changed(k4=0.1), "camera model k4"),
