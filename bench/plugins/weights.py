@@ -18,6 +18,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import BadInput
+from ..text import shortened
 from .registry import Plugin
 from .schema import defaults
 
@@ -79,11 +80,16 @@ def check_fits(plugin: Plugin, parameters: Mapping[str, Any], path: Path) -> Non
     facts = facts_of(path)
     if facts.get("method") != plugin.name:
         theirs = facts.get("method")
-        what = f"it was trained as {theirs}" if theirs else "its header does not say what it was trained as"
+        what = (
+            f"it was trained as {shortened(str(theirs), MOST)}"
+            if theirs
+            else "its header does not say what it was trained as"
+        )
         raise BadInput(f"training.weights={path}: expected weights of {plugin.name}, but {what}")
     theirs = {**defaults(plugin), **(facts.get("parameters") or {})}
     for name, here in trained_values(plugin, parameters).items():
-        if not _same(there := theirs.get(name), here):
+        if not _same(theirs.get(name), here):
+            there = shortened(str(theirs.get(name)), MOST)
             raise BadInput(
                 f"training.weights={path}: was trained with {name}={there}, and {name} is {here} here; say "
                 f"method.{name}={there}, or train it anew: detailbench train method={plugin.name} --help"
@@ -102,11 +108,8 @@ def facts_of(path: str | Path) -> dict[str, Any]:
     BadInput
         Naming the file, if it cannot be read or is no safetensors file.
     """
-    path = Path(path).expanduser()
-    try:
-        stat = path.stat()
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); expected a safetensors file") from error
+    path = Path(os.path.expanduser(path))
+    stat = _stat(path)
     return dict(_facts(str(path.absolute()), stat.st_mtime_ns, stat.st_size))
 
 
@@ -122,11 +125,28 @@ def _facts(path: str, mtime_ns: int, size: int) -> Mapping[str, Any]:
         return {key: json.loads(value) for key, value in metadata.items() if key in FACTS}
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror}); {EXPECTED}") from error
-    except (ValueError, AttributeError, TypeError, KeyError, IndexError) as error:
-        raise BadInput(f"{path}: its header is damaged ({error}); {EXPECTED}") from error
+    except BadInput:
+        raise
+    except (ValueError, AttributeError, TypeError, KeyError, IndexError, RecursionError) as error:
+        raise _damaged(path, error) from error
 
 
 EXPECTED = "expected a safetensors file that detailbench train made"
+MOST = 100  # letters that are quoted from a header
+
+
+def _damaged(path: str | Path, error: Exception) -> BadInput:
+    return BadInput(f"{path}: its header is damaged ({shortened(str(error), MOST)}); {EXPECTED}")
+
+
+def _stat(path: Path) -> os.stat_result:
+    """What the system says of a file; a pipe, which might be waited for without end, is refused, and so is a device."""
+    try:
+        if path.exists() and not path.is_file():
+            raise BadInput(f"{path}: is a folder, a pipe or a device; {EXPECTED}")
+        return path.stat()
+    except OSError as error:
+        raise BadInput(f"{shortened(str(path), MOST)}: cannot be read ({error.strerror}); {EXPECTED}") from error
 
 
 def _header(file: BinaryIO, path: str) -> dict[str, Any]:
@@ -149,14 +169,16 @@ def content(path: str | Path) -> str:
     BadInput
         If it cannot be read.
     """
-    path = Path(path).expanduser()
+    path = Path(os.path.expanduser(path))
+    stat = _stat(path)
     try:
-        stat = os.stat(path)
         return _content(str(path.absolute()), stat.st_mtime_ns, stat.st_size)
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror}); {EXPECTED}") from error
-    except ValueError as error:
-        raise BadInput(f"{path}: its header is damaged ({error}); {EXPECTED}") from error
+    except BadInput:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, error) from error
 
 
 @functools.lru_cache(maxsize=256)
@@ -180,8 +202,10 @@ def load(path: str | Path) -> dict[str, np.ndarray]:
     from safetensors import SafetensorError
     from safetensors.numpy import load_file
 
+    path = Path(os.path.expanduser(path))
+    _stat(path)
     try:
-        arrays = load_file(str(Path(path).expanduser()))
+        arrays = load_file(str(path))
     except (OSError, SafetensorError) as error:
         raise BadInput(f"{path}: cannot be read ({error}); expected a safetensors file") from error
     return {name: a.astype(np.float32) if a.dtype == np.float16 else a for name, a in arrays.items()}
