@@ -21,7 +21,7 @@ from typing import Any
 
 from .errors import DetailbenchError, Terminated, code_of, did_you_mean
 from .safe_path import isolate_imports
-from .text import shown_streams
+from .text import shortened, shown_streams
 
 # Name -> one line. The module is imported when its command is called: help and listings stay quick.
 COMMANDS = {
@@ -40,6 +40,8 @@ COMMANDS = {
 }
 EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved,
 130 interrupted (143 by SIGTERM, 129 by SIGHUP)"""
+
+MOST_NAME = 500  # letters of a file's name in a message
 
 
 def parser_for(command: str) -> argparse.ArgumentParser:
@@ -99,13 +101,15 @@ def _ended(arguments: list[str]) -> int:
     except KeyboardInterrupt as error:
         print("interrupted", file=sys.stderr)
         return code_of(error)
-    except FileNotFoundError as error:
-        if error.filename is not None:
-            raise
-        print("error: the working folder is gone; change to one that is there, then run this again", file=sys.stderr)
-        return 1
     except OSError as error:
-        if error.filename is not None or error.errno not in CANNOT_PRINT:
+        if error.filename is not None:  # a file that the words name: too long a name, no permission, a full disk
+            print(f"error: {shortened(str(error.filename), MOST_NAME)}: {error.strerror}", file=sys.stderr)
+            return 1
+        if isinstance(error, FileNotFoundError):
+            where = "the working folder is gone; change to one that is there, then run this again"
+            print(f"error: {where}", file=sys.stderr)
+            return 1
+        if error.errno not in CANNOT_PRINT:
             raise
         reason = f"{error.strerror}; what was computed is stored, and shown by `detailbench leaderboard results=DIR`"
         print(f"error: cannot write to the standard output: {reason}", file=sys.stderr)
@@ -125,16 +129,25 @@ def open_streams() -> None:
     for name, fd, mode in (("stdin", 0, os.O_RDONLY), ("stdout", 1, os.O_RDONLY), ("stderr", 2, os.O_WRONLY)):
         if getattr(sys, name) is None:
             opened = os.open(os.devnull, mode)  # of standard output that cannot be written, as if it were still closed
-            if opened != fd:
+            if opened != fd and not _is_open(fd):
                 os.dup2(opened, fd)
                 os.close(opened)
-            os.set_inheritable(fd, True)
-            setattr(sys, name, open(fd, "r" if fd == 0 else "w", closefd=False))  # noqa: SIM115  to the end
+                opened = fd
+            os.set_inheritable(opened, opened == fd)
+            setattr(sys, name, open(opened, "r" if fd == 0 else "w", closefd=False))  # noqa: SIM115  to the end
     for name in ("write", "flush"):  # a message that cannot be shown does not end what it is about
         setattr(sys.stderr, name, _quiet(getattr(sys.stderr, name)))
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # what the terminal's encoding lacks is shown as \\udcff, not as a traceback
             stream.reconfigure(errors="backslashreplace")
+
+
+def _is_open(fd: int) -> bool:
+    try:
+        os.fstat(fd)
+    except OSError:
+        return False
+    return True
 
 
 def _quiet(function: Callable[..., Any]) -> Callable[..., Any]:

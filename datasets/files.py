@@ -178,13 +178,13 @@ def _files(key: str, path: str) -> list[Path]:
     if not parts:
         raise UsageError(f"dataset.{key} is empty; {EXPECTED}")
     # A file whose name holds the separator is meant as it stands.
-    if Path(path).expanduser().exists():
+    if Path(os.path.expanduser(path)).exists():
         parts = [path]
     return sorted({file for part in parts for file in _matches(key, part)})
 
 
 def _matches(key: str, part: str) -> list[Path]:
-    path = Path(part).expanduser()
+    path = Path(os.path.expanduser(part))
     if path.is_file():
         if path.suffix.lower() not in SUFFIXES:
             raise UsageError(f"dataset.{key}={part}: unknown suffix {path.suffix!r}; {EXPECTED}")

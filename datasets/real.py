@@ -66,7 +66,7 @@ class Real:
     def folder(self) -> Path:
         """Where the files are: ``path``, or ``detailbench/real`` in the user's cache."""
         if self.path:
-            return Path(self.path).expanduser()
+            return Path(os.path.expanduser(self.path))
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "detailbench" / "real"
 
     def shapes(self, split: str) -> Iterator[Shape]:

@@ -70,15 +70,13 @@ def run(args: argparse.Namespace) -> int:
 
 def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> Any:
     """The application that the words describe, checked."""
-    from omegaconf import OmegaConf
-
     from ..engine.application import Application
     from ..plan.cell import check_root
     from ..plan.choice import Choice
     from ..plan.limits import Limits
     from ..plan.training import Training
     from ..plugins.presets import resolve
-    from ..sweep.composition import compose
+    from ..sweep.composition import resolved
     from ..sweep.overrides import check_overrides, chosen
 
     overrides, normals = _normals_of(overrides)
@@ -90,11 +88,11 @@ def job_of(overrides: list[str], files: list[str], plugins: tuple[str, ...]) -> 
     *inputs, output = files
     if not any(w.startswith("task=") for w in overrides):
         # With its parameters: a chain solves what its last step solves.
-        values = OmegaConf.to_container(compose([w for w in overrides if w not in of_task]), resolve=True)
+        values = resolved([w for w in overrides if w not in of_task])
         method = Choice.of("method", values["method"])
         overrides = [*overrides, f"task={_task_for(method, output, len(inputs), of_task)}"]
     check_overrides(overrides, multirun=False)
-    values = OmegaConf.to_container(compose(overrides), resolve=True)
+    values = resolved(overrides)
     check_root(values)
     task = Choice.of("task", values["task"])
     chosen_method = Choice.of("method", values["method"])

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -102,11 +103,9 @@ def _own(overrides: Sequence[str], plugin: Plugin) -> list[str]:
 
 def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[str, Any], Limits]:
     """The parameters of a plugin, or of its preset called ``name``, and the limits, as the words have them."""
-    from omegaconf import OmegaConf
-
     from ..authoring.conformance import LIMIT
     from ..plugins.schema import build
-    from ..sweep.composition import compose
+    from ..sweep.composition import resolved
     from ..sweep.overrides import check_overrides
 
     limits = [word for word in overrides if word.lstrip("+").startswith("limit.")]
@@ -117,7 +116,7 @@ def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[
         return {}, LIMIT
     words = [*own, *limits]
     check_overrides(words, multirun=False)
-    values = OmegaConf.to_container(compose(words), resolve=True)
+    values = resolved(words)
     chosen = values["metric"][plugin.name] if plugin.kind == "metric" and own else values[plugin.kind]
     parameters = chosen if own else {}
     if own:
@@ -132,7 +131,7 @@ def _plugins(what: list[str], files: list[str], already: bool) -> list[tuple[Plu
     chosen = []
     for word in what:
         if word in files:
-            path = Path(word).expanduser().resolve()
+            path = Path(os.path.expanduser(word)).resolve()
             found = [(p, p.name) for p in everything if p.file == path]
             if not found and not already:
                 raise UsageError(f"{word}: registers no plugin; decorate a class with @register(...) from bench")

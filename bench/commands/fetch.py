@@ -57,10 +57,8 @@ def _how_it_is(plugin: Plugin) -> str:
 
 def _built(plugin: Plugin, overrides: list[str]) -> Any:
     """The dataset with the parameters that the words give."""
-    from omegaconf import OmegaConf
-
     from ..plugins.schema import build
-    from ..sweep.composition import compose
+    from ..sweep.composition import resolved
     from ..sweep.overrides import check_overrides
 
     foreign = [word for word in overrides if not word.startswith("dataset.")]
@@ -68,4 +66,4 @@ def _built(plugin: Plugin, overrides: list[str]) -> Any:
         raise UsageError(f"{foreign[0]}: expected parameters of the dataset, dataset.KEY=VALUE")
     words = [f"dataset={plugin.name}", *overrides]
     check_overrides(words, multirun=False)
-    return build(plugin, OmegaConf.to_container(compose(words), resolve=True)["dataset"])
+    return build(plugin, resolved(words)["dataset"])

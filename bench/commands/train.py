@@ -19,6 +19,7 @@ On a machine that has a GPU, and torch and numpy alone:
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import sys
 from collections.abc import Mapping
@@ -56,9 +57,9 @@ def run(args: argparse.Namespace) -> int:
     if args.half and not args.save:
         raise UsageError("--half: is for --save FILE")
     for target in (args.save, args.export_examples):
-        if target and not Path(target).expanduser().absolute().parent.is_dir():
-            raise UsageError(f"{target}: there is no folder {Path(target).expanduser().absolute().parent}")
-    if args.examples and not Path(args.examples).expanduser().is_file():
+        if target and not Path(os.path.expanduser(target)).absolute().parent.is_dir():
+            raise UsageError(f"{target}: there is no folder {Path(os.path.expanduser(target)).absolute().parent}")
+    if args.examples and not Path(os.path.expanduser(args.examples)).is_file():
         raise UsageError(f"--examples {args.examples}: no such file")
     folder = destination(overrides)
     training, settings = job_of(settled(overrides, folder), plugins)
@@ -68,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         forget(results, training)
     state = state_of(results, training)
     print(f"{training.title}: {state}", file=sys.stderr)
-    extra = Extra(str(Path(args.examples).expanduser()) if args.examples else "", bool(args.export_examples))
+    extra = Extra(str(Path(os.path.expanduser(args.examples))) if args.examples else "", bool(args.export_examples))
     try:
         with Shown(training) as shown:
             weights = weights_for(training, settings, shown.event, extra=extra)
@@ -80,13 +81,13 @@ def run(args: argparse.Namespace) -> int:
         print("interrupted: the same command goes on from the last checkpoint", file=sys.stderr)
         return 130
     if args.export_examples:
-        shutil.copyfile(weights.path, Path(args.export_examples).expanduser())
+        shutil.copyfile(weights.path, Path(os.path.expanduser(args.export_examples)))
         size = weights.path.stat().st_size / 1e6
         print(f"{args.export_examples}: {weights.facts.get('cases', '?')} cases, {size:.1f} MB")
         return 0
     report(weights.facts, weights.path)
     if args.save:
-        save(weights.path, Path(args.save).expanduser(), args.half)
+        save(weights.path, Path(os.path.expanduser(args.save)), args.half)
     return 0
 
 
@@ -94,13 +95,11 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
     """The training that the words describe, and the settings; ``training.weights`` is ``trained`` here."""
     from dataclasses import replace
 
-    from omegaconf import OmegaConf
-
     from ..plan.cell import Cell, check_root, settings_of
     from ..plan.training import AUTO, TRAINED
     from ..plugins.presets import resolve
     from ..plugins.registry import registry
-    from ..sweep.composition import compose
+    from ..sweep.composition import resolved
     from ..sweep.overrides import check_overrides, chosen
 
     check_overrides([word for word in overrides if not word.startswith("task.")], multirun=False)
@@ -113,7 +112,7 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
             raise UsageError(f"method {method.name} solves {', '.join(solves) or 'no task'}: add task=NAME")
         overrides = [*overrides, f"task={solves[0]}"]
     check_overrides(overrides, multirun=False)
-    values = OmegaConf.to_container(compose(overrides), resolve=True)
+    values = resolved(overrides)
     check_root(values)
     weights = values["training"]["weights"]
     if weights not in (AUTO, TRAINED):

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -127,7 +128,7 @@ def known_weights(results: Results, training: Training) -> Weights | None:
             raise UsageError(f"method {training.method.label}: its shipped weights are gone; install detailbench anew")
         return Weights.of(path, training.weights)
     if training.weights != TRAINED:
-        return Weights.of(Path(training.path).expanduser(), training.weights)
+        return Weights.of(Path(os.path.expanduser(training.path)), training.weights)
     path = folder_of(results, training) / WEIGHTS
     if not path.is_file():
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -80,7 +81,7 @@ class Training(Resolved):
         keys = _keys(node)
         learned = Choice("method", method.name, trained_values(method.plugin, method.parameters))
         if keys.weights not in (AUTO, SHIPPED, TRAINED):
-            check_fits(method.plugin, method.parameters, Path(keys.weights).expanduser())
+            check_fits(method.plugin, method.parameters, Path(os.path.expanduser(keys.weights)))
             return cls(FILE, learned, path=keys.weights, sha256=content(keys.weights))
         if keys.weights == SHIPPED or (keys.weights == AUTO and shipped(method.plugin, method.parameters)):
             if shipped(method.plugin, method.parameters) is None:
@@ -202,7 +203,7 @@ def _keys(node: Any) -> TrainingKeys:
         raise UsageError(f"training.seconds={keys.seconds}: expected a number above 0")
     keys.seconds, keys.weights = float(keys.seconds), str(keys.weights)
     check_name(str(keys.device))
-    if keys.weights not in (AUTO, SHIPPED, TRAINED) and not Path(keys.weights).expanduser().is_file():
+    if keys.weights not in (AUTO, SHIPPED, TRAINED) and not Path(os.path.expanduser(keys.weights)).is_file():
         raise UsageError(
             f"training.weights={keys.weights}: no such file (looked for from {Path.cwd()}); expected auto, shipped, "
             "trained, or the name of a safetensors file"

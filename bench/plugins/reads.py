@@ -46,7 +46,7 @@ def files_of(choice: Choice) -> Iterator[tuple[str, Path]]:
     """The files that a plugin with its parameters reads, each with a text that names it."""
     made = choice.made
     for name, value, _ in [] if hasattr(made, "state") else _named(choice, made):  # state() is the plugin's own word
-        if (path := Path(value).expanduser()).is_file():
+        if (path := Path(os.path.expanduser(value))).is_file():
             yield f"{value} ({choice.kind}.{name})", path
     for path in getattr(made, "reads", tuple)():
         near = path.is_relative_to(choice.plugin.file.parent)
@@ -58,7 +58,7 @@ def check_files(choice: Choice) -> None:
     """Raise :class:`UsageError` for a parameter of type ``Path`` that names no file or folder."""
     made = choice.made
     for name, value, is_path in _named(choice, made):
-        if is_path and not Path(value).expanduser().exists():
+        if is_path and not Path(os.path.expanduser(value)).exists():
             raise UsageError(
                 f"{choice.kind}.{name}={value}: no such file or folder (looked for from {Path.cwd()}). Where the "
                 f'plugin itself makes it, its class should say so: writes = ("{name}",)'

@@ -24,6 +24,7 @@ import importlib
 import importlib.metadata
 import importlib.util
 import inspect
+import os
 import pkgutil
 import re
 import sys
@@ -246,7 +247,7 @@ class Registry:
         UsageError
             If there is no such file, or if one of its names is taken: whoever names a file wants that one.
         """
-        path = Path(path).expanduser().resolve()
+        path = Path(os.path.expanduser(path)).resolve()
         if not path.is_file():
             raise UsageError(f"--plugin {path}: no such file")
         if path.suffix != ".py":
@@ -376,7 +377,7 @@ def load_plugins(files: Sequence[str], *, warn: bool = True) -> tuple[str, ...]:
     if warn:
         for broken in found.broken:
             print(f"warning: plugin {broken.origin} is broken: {broken.reason}", file=sys.stderr)
-    return tuple(str(Path(file).expanduser().resolve()) for file in files)
+    return tuple(str(Path(os.path.expanduser(file)).resolve()) for file in files)
 
 
 def register(

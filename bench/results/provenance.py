@@ -49,7 +49,7 @@ def weights_of(training: Training) -> str | None:
     """What weights are: the content of a file, or the fingerprint of the training that makes them; None without."""
     if training.weights == TRAINED:
         return fingerprint(training_ingredients(training))
-    path = training.shipped if training.weights == SHIPPED else Path(training.path).expanduser()
+    path = training.shipped if training.weights == SHIPPED else Path(os.path.expanduser(training.path))
     return content(path) if path is not None and path.is_file() else None
 
 

@@ -134,7 +134,7 @@ def _experiment_config(named: tuple[str, ...]) -> DictConfig | None:
     with hydra_ready() as loader:
         try:
             return loader.load_configuration(CONFIG_NAME, list(named), run_mode=RunMode.RUN)
-        except (HydraException, OmegaConfBaseException):
+        except (HydraException, OmegaConfBaseException, ValueError):  # the last for a name that is no text
             return None
 
 

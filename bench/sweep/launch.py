@@ -41,7 +41,7 @@ def job(config: DictConfig) -> None:
     from omegaconf import OmegaConf
 
     values = OmegaConf.to_container(config, resolve=True)
-    session = Session(Path(values["results"]).expanduser().absolute(), values["session"])
+    session = Session(Path(os.path.expanduser(values["results"])).absolute(), values["session"])
     here = session.owner[0] == os.getpid()
     if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
         _ignore_interrupts()

@@ -28,7 +28,11 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
         if override.is_sweep_override() and not multirun and not key.startswith("hydra"):
             raise UsageError(f"{override.input_line}: several values are a sweep; add -m: detailbench run -m ...")
         if key.startswith("hydra"):
+            if "/" in key and not all(value is None or isinstance(value, str) for value in values):
+                raise UsageError(f"{override.input_line}: expected a name, as in hydra/launcher=joblib")
             continue
+        if "???" in values:
+            raise UsageError(f"{override.input_line}: ??? stands for a value that is missing; give one")
         head, _, tail = key.partition(".")
         if not tail and head in KINDS:
             for name in values:
@@ -45,6 +49,8 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
             _check_key("limit.", tail, [f.name for f in dataclasses.fields(Limits)], override.input_line)
         else:
             _check_key("", head, [*(f.name for f in dataclasses.fields(Base)), *GROUPS], override.input_line)
+            if override.is_delete() and head not in GROUPS:
+                raise UsageError(f"{override.input_line}: every run has {head}; leave this out for its usual value")
 
 
 def by_experiment(overrides: Sequence[str]) -> list[list[str]]:
