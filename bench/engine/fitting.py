@@ -6,6 +6,7 @@ Imported by the child process of a training, and by :mod:`bench.fit` where there
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
@@ -16,6 +17,7 @@ import numpy as np
 
 from ..contract.run import Run
 from ..errors import BadInput, UsageError
+from ..own_folder import open_own
 from ..plugins.weights import as_bytes, facts_of
 from ..results.files import write_atomically
 from .channel import plain
@@ -118,7 +120,7 @@ class Fit:
     def _log(self, step: int, values: Mapping[str, float]) -> None:
         line = {"step": step, "seconds": self._spent()["seconds"], **values}
         self.folder.mkdir(parents=True, exist_ok=True)
-        with self.log.open("a") as file:
+        with os.fdopen(open_own(self.log, os.O_WRONLY | os.O_APPEND), "a") as file:
             file.write(json.dumps(plain(line)) + "\n")
 
     def _progress(self, done: int, total: int) -> None:

@@ -75,7 +75,7 @@ def test_what_only_reads_leaves_odd_files_where_they_are_and_says_each_once(shel
     why = shell.call("why", good.name[:12], f"results={shell.results}", "--plugin", TOYS)
     assert "it would not be run again" in why.stdout
     assert set(shell.results.glob("cells/*/*")) == before and not (shell.results / "damaged").exists()
-    again = shell.run("method=fine", "method.salt=1,2,3", launcher="joblib")
+    again = shell.run("method=fine", "method.salt=1,2,3")
     assert "2 run now, 4 there already" in again.stderr
     assert [path.name for path in (shell.results / "damaged").iterdir()] == [damaged.name]
     assert good.exists() and other.with_name("mine.parquet").exists()
