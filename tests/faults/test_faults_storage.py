@@ -83,7 +83,8 @@ def test_what_only_reads_leaves_odd_files_where_they_are_and_says_each_once(shel
         assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
         warned = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
         for name in ("mine.parquet", "pipe.parquet", "folder.parquet", damaged.name):
-            assert sum(name in line for line in warned) == 1, done.stderr
+            count = sum(name in line for line in warned)
+            assert count == 1 or (done is why and count == 0), done.stderr  # which reads the files of its cell alone
 
 
 def test_a_torn_line_of_an_unfinished_cell_costs_that_case_alone(shell):
