@@ -43,7 +43,7 @@ def reference_file(dataset: str, case: str, reference: Shape) -> str:
 
 
 def found(folder: Path, stored: str | None) -> Path | None:
-    """The file that a stored path means, None where there is none.
+    """The file below a results folder that a stored path means, None where there is none.
 
     Parameters
     ----------
@@ -51,19 +51,17 @@ def found(folder: Path, stored: str | None) -> Path | None:
         The results folder, wherever it is now.
     stored : str or None
         Relative to the folder; or absolute, as earlier versions stored it: then the file of the same name below the
-        folder's own ``outputs`` is preferred, for the folder may have been moved or copied since.
+        folder's own ``outputs`` is meant, for the folder may have been moved or copied since. A record may be somebody
+        else's, so a path that leads elsewhere means none.
     """
-    if not isinstance(stored, str) or not stored:
+    if not isinstance(stored, str) or not stored or ".." in PurePosixPath(stored).parts:
         return None
     path, parts = Path(stored), PurePosixPath(stored).parts
-    if not path.is_absolute():
-        inside = ".." not in parts and (folder / path).is_file()
-        return folder / path if inside else None
-    places = [path]
-    if FOLDER in parts:
-        last = len(parts) - 1 - parts[::-1].index(FOLDER)
-        places.insert(0, folder.joinpath(*parts[last:]))
-    return next((place for place in places if place.is_file()), None)
+    if path.is_absolute():
+        if FOLDER not in parts:
+            return None
+        path = Path(*parts[len(parts) - 1 - parts[::-1].index(FOLDER) :])
+    return folder / path if (folder / path).is_file() else None
 
 
 def found_reference(folder: Path, meta: Mapping[str, Any], row: Mapping[str, Any]) -> Path | None:

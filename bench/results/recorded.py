@@ -136,10 +136,7 @@ class Stored:
         UsageError
             If a path is none of the dataset's, or leads nowhere.
         """
-        cell = _cell_of(self.shown)
-        for name in self.paths:
-            _check_path(cell.dataset, name)
-        cell = replace(cell, dataset=replace(cell.dataset, parameters={**cell.dataset.parameters, **self.paths}))
+        cell = _cell_of(self.shown, self.paths)
         check = getattr(cell.dataset.build(), "check", None)
         try:
             if check:
@@ -157,8 +154,8 @@ class Stored:
         return lines + (list(_edited(self.shown.meta, cell)) if any(line.startswith(SOURCE) for line in lines) else [])
 
 
-def _cell_of(record: Record) -> Cell:
-    """The cell of a record, with plugins and parameters that are there.
+def _cell_of(record: Record, paths: Mapping[str, str]) -> Cell:
+    """The cell of a record, with other paths of its dataset, and with plugins and parameters that are there.
 
     Raises
     ------
@@ -167,6 +164,9 @@ def _cell_of(record: Record) -> Cell:
     """
     try:
         cell = Cell.from_json(record.meta["cell"])
+        for name in paths:
+            _check_path(cell.dataset, name)
+        cell = replace(cell, dataset=replace(cell.dataset, parameters={**cell.dataset.parameters, **paths}))
         kinds = {kind: getattr(cell, kind) for kind in ("task", "dataset", "sensor", "method")}
         fits = all(choice.kind == kind for kind, choice in kinds.items()) and all(
             choice.kind == "metric" for choice in cell.metrics

@@ -10,6 +10,7 @@ from records import rewritten
 
 from bench.errors import UsageError
 from bench.plan.cell import Cell, Choice, id_of
+from bench.results.kept_outputs import found
 from bench.results.recorded import Stored, writing_nothing
 from bench.results.store import Results
 
@@ -168,6 +169,17 @@ def test_metadata_of_any_kind_are_said_in_words(copy, change, said):
     file = rewritten(copy, change)
     with pytest.raises(UsageError, match=said):
         Stored.of(file.name[:12], [f"results={file.parents[2]}"]).settings  # noqa: B018
+
+
+def test_kept_outputs_are_looked_for_in_the_folder_alone(tmp_path):
+    for name in ("outputs/a.ply", "mine/outputs/b.ply", "c.ply"):
+        (tmp_path / "results" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "results" / name).write_text("")
+        (tmp_path / name.rpartition("/")[2]).write_text("")
+    folder = tmp_path / "results"
+    assert found(folder, "outputs/a.ply") == found(folder, "/elsewhere/outputs/a.ply") == folder / "outputs/a.ply"
+    for stored in (str(tmp_path / "c.ply"), "../c.ply", "/x/outputs/../../c.ply", str(folder / "mine/outputs/b.ply")):
+        assert found(folder, stored) is None
 
 
 def test_what_metadata_may_lack(copy):
