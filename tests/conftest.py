@@ -155,6 +155,10 @@ class Shell:
         """When each call began, in seconds since the epoch."""
         return {" ".join(line.split()[:3]): float(line.split()[3]) for line in self._logged()}
 
+    def call_processes(self) -> dict[str, int]:
+        """In which process each call was."""
+        return {" ".join(line.split()[:3]): int(line.split()[4]) for line in self._logged()}
+
     def _logged(self) -> list[str]:
         return [line for line in self.log.read_text().splitlines() if line.strip()] if self.log.exists() else []
 

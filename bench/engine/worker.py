@@ -43,6 +43,7 @@ from .channel import Channel, plain
 from .devices import check_device
 from .memo import Memo, RememberedDataset, RememberedSensor
 from .meter import Meter
+from .state import changes, state
 
 LONGEST_ID = 200  # letters of a case's id: it names files
 
@@ -84,6 +85,7 @@ class _Session:
         self.cell = Cell.from_json(spec["cell"])
         self.done = set(spec["done"])  # indices of cases that need not be run
         self.owed = set(spec["owed"])  # and those of them whose worst scores are not known
+        self.changed: list[str] = []  # what a call has changed of this process
         self.case: Case | None = None  # the one that was worked on last
         self.device = spec.get("device", self.cell.device)  # `cuda` may have become cuda:1, where the first was taken
         self.meter = Meter(spec["memory_gb"], self.device)
@@ -101,6 +103,10 @@ class _Session:
             return
         self.channel.send("cases", ids=[recipe.id for recipe in recipes])
         for index, recipe in enumerate(recipes):
+            if self.changed:
+                print(f"{recipe.id}: has a new process, for the call before it changed {', '.join(self.changed)}")
+                self.channel.send("replace")
+                return
             owed = index in self.owed
             if index not in self.done:
                 row = {"case": recipe.id, "case_index": index, "started": now()}
@@ -159,11 +165,12 @@ class _Session:
             row["tags"] = ",".join(self.tags(case))
             row |= conditions(task, case)
             self.check_training(case)
-            call = self.measured_call(index, case, task)
+            call, before = self.measured_call(index, case, task), state()
             try:
                 output = call()
             finally:
                 row |= call.columns
+                self.changed = changes(before)
             self.channel.enter("score", index)
             with collected() as notices:
                 scores = self.score(output, case)

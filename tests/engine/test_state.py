@@ -1,0 +1,102 @@
+"""What a call leaves behind in its process is seen, whatever it is; what libraries do by the way is not."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from bench.engine.state import changes, state
+
+
+def lower_a_limit(which):
+    resource.setrlimit(which, (4096, resource.getrlimit(which)[1]))
+
+
+def close_a_descriptor():
+    os.close(FILES[0])
+
+
+def replace_a_descriptor():
+    os.dup2(FILES[0], FILES[1])
+
+
+def compute_for_ever():
+    while True:
+        sum(range(1000))
+
+
+def delete_the_folder():
+    os.mkdir("gone")
+    os.chdir("gone")
+    os.rmdir("../gone")
+
+
+FILES = []
+MASKS = "the mask of signals, umask or processors"
+LEFT = {
+    "a lowered limit of memory": (lambda: lower_a_limit(resource.RLIMIT_STACK), "limits"),
+    "a lowered limit of files": (lambda: lower_a_limit(resource.RLIMIT_NOFILE), "limits"),
+    "another folder": (lambda: os.chdir("/"), "the working folder"),
+    "a folder that is gone": (delete_the_folder, "the working folder"),
+    "a variable": (lambda: os.environ.update(LEFT="1"), "the environment"),
+    "no variables": (os.environ.clear, "the environment"),
+    "another umask": (lambda: os.umask(0o777), MASKS),
+    "blocked signals": (
+        lambda: signal.pthread_sigmask(signal.SIG_BLOCK, [2]),
+        "the mask of signals, umask or processors",
+    ),
+    "a handler": (lambda: signal.signal(signal.SIGTERM, signal.SIG_IGN), "handlers of signals"),
+    "patience": (lambda: os.nice(1), "the priority"),
+    "strictness": (lambda: np.seterr(all="raise"), "floating-point errors"),
+    "a depth": (lambda: sys.setrecursionlimit(5000), "the recursion limit"),
+    "a closed descriptor": (close_a_descriptor, "descriptors"),
+    "another file": (replace_a_descriptor, "descriptors"),
+    "a busy thread": (lambda: threading.Thread(target=compute_for_ever, daemon=True).start(), "threads"),
+    "a child": (lambda: FILES.append(subprocess.Popen(["sleep", "60"])), "processes"),
+    "a child in C": (lambda: os.fork() or time.sleep(60), "processes"),
+}
+HARMLESS = {
+    "nothing": lambda: None,
+    "a thread that waits": lambda: threading.Thread(target=time.sleep, args=(60,), daemon=True).start(),
+    "an open file": lambda: FILES.append(os.open(os.devnull, os.O_RDONLY)),
+    "arithmetic": lambda: np.ones((300, 300)) @ np.ones((300, 300)),
+    "a program": lambda: subprocess.run(["true"], check=True),
+}
+
+
+def left_by(action, folder):
+    """What :func:`changes` says of an action in a child process."""
+    reads, writes = os.pipe()
+    child = os.fork()
+    if not child:
+        try:
+            os.setsid()
+            os.chdir(folder)
+            FILES[:] = [os.open(os.devnull, os.O_RDONLY), os.open("/dev/zero", os.O_RDONLY)]
+            before = state()
+            action()
+            os.write(writes, "; ".join(changes(before)).encode())
+        finally:
+            os.killpg(0, signal.SIGKILL)
+    os.close(writes)
+    with os.fdopen(reads) as pipe:
+        said = pipe.read()
+    os.waitpid(child, 0)
+    return said
+
+
+@pytest.mark.parametrize("what", LEFT)
+def test_a_change_is_seen(what, tmp_path):
+    action, said = LEFT[what]
+    assert said in left_by(action, tmp_path)
+
+
+@pytest.mark.parametrize("what", HARMLESS)
+def test_what_hurts_no_other_call_is_no_change(what, tmp_path):
+    assert left_by(HARMLESS[what], tmp_path) == ""
