@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import random
 import sys
 import time
@@ -64,8 +65,17 @@ class MeasuredCall:
             If it is not what the task promises. Whatever the method raises passes through.
         """
         output = self.solve()
-        self.solver.validate(output, self.inputs)
+        self.validate(output)
         return output
+
+    def validate(self, output: Any) -> None:
+        """See that an output is what the task promises, and not too large to be scored."""
+        sizes = {name: len(getattr(output, name, ())) for name in ("points", "vertices", "faces")}
+        most = self.spec.get("output_points", math.inf)
+        for name, size in sizes.items():
+            if size > most:
+                raise InvalidOutput(f"returned {size:,} {name}, more than limit.output_points={most}")
+        self.solver.validate(output, self.inputs)
 
     def solve(self) -> Any:
         """The output of the method, whatever it is."""
@@ -137,7 +147,7 @@ class MeasuredCall:
             entry: dict[str, Any] = {"seconds": seconds}
             try:
                 output = output() if callable(output) else output
-                self.solver.validate(output, self.inputs)
+                self.validate(output)
                 entry |= self.trace_score(output)
             except InvalidOutput as error:
                 entry["message"] = str(error)

@@ -197,6 +197,7 @@ def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str,
         or (settings.rerun == "failed" and row["status"] != "ok")
         or ((noted or row["status"] == "timeout") and limit.seconds > (row.get("limit_seconds") or 0))
         or (off_the_clock and limit.setup_seconds > before.get("setup_seconds", math.inf))
+        or (row["status"] == "invalid" and limit.output_points > before.get("output_points", math.inf))
         or (row["status"] == "oom" and limit.memory_gb > (row.get("limit_memory_gb") or 0))
     )
 
@@ -307,6 +308,7 @@ class _Job:
             "device": self.device,
             "seconds": s.limit.seconds,
             "memory_gb": s.limit.memory_gb,
+            "output_points": s.limit.output_points,
             "cache": str(self.results.folder / ".cache"),
             "cache_gb": s.limit.cache_gb,
             "keys": memory_keys(self.cell),

@@ -6,10 +6,12 @@ import ctypes
 import mmap
 import os
 import re
+import resource
 import signal
 import stat
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -222,6 +224,24 @@ def daemon() -> None:
         time.sleep(ENDLESS)
 
 
+@bad
+def leaves_its_process_changed(cloud, run):
+    """The next case cannot be made within such a limit, nor found from such a folder."""
+    resource.setrlimit(resource.RLIMIT_AS, (1 << 28, 1 << 28))
+    os.chdir("/")
+    return BEHAVED
+
+
+@bad
+def leaves_a_busy_thread(cloud, run):
+    def compute():
+        while True:
+            sum(range(1000))
+
+    threading.Thread(target=compute, daemon=True).start()
+    return BEHAVED
+
+
 # -- oom ---------------------------------------------------------------------------------------------------------------
 
 
@@ -271,6 +291,11 @@ def returns_nan(cloud, run):
 @bad
 def returns_no_points(cloud, run):
     return PointCloud(cloud.points[:0])
+
+
+@bad
+def returns_too_many_points(cloud, run):
+    return PointCloud(np.ones((1001, 3)))
 
 
 @bad

@@ -46,6 +46,9 @@ DENOISE = {
     "leaves_a_session": ("ok", ""),
     "leaves_a_daemon": ("ok", ""),
     "forks_and_returns_twice": ("ok", ""),
+    "leaves_its_process_changed": ("ok", ""),
+    "leaves_a_busy_thread": ("ok", ""),
+    "returns_too_many_points": ("invalid", "returned 1,001 points, more than limit.output_points=1000"),
     "returns_nan": ("invalid", "all finite; 1 of 110 points are NaN"),
     "returns_no_points": ("invalid", "promised a PointCloud with at least one point"),
     "returns_an_array": ("invalid", "promised a PointCloud with at least one point, all finite; got numpy.ndarray"),
@@ -71,7 +74,7 @@ leaves_a_session returns_nan undeclared_missing lets_a_child_allocate"""
 METHODS = {"basic": tuple(BAD), "joblib": tuple(SOME.split())}
 EACH = [(launcher, method) for launcher, methods in METHODS.items() for method in methods]
 TIMEOUTS = [name for name, (status, _) in DENOISE.items() if status == "timeout"]
-LIMITS = (f"limit.seconds={SECONDS}", f"limit.memory_gb={MEMORY_GB}", "cases=3")
+LIMITS = (f"limit.seconds={SECONDS}", f"limit.memory_gb={MEMORY_GB}", "cases=3", "limit.output_points=1000")
 MORE_TIME = ("limit.seconds=60", *LIMITS[1:])
 PLUGINS = (TOYS, MISBEHAVING)
 
@@ -146,6 +149,15 @@ def test_a_timeout_is_over_two_seconds_after_the_limit(sweeps, launcher, method)
     began = shell.call_times()[f"{method} 0 1"]  # written by the method itself, as its first act
     took = datetime.fromisoformat(row["finished"]).timestamp() - began
     assert SECONDS - 0.1 < took < SECONDS + 2.0
+
+
+@launchers
+def test_a_process_that_a_method_has_changed_runs_no_other_case(sweeps, launcher):
+    """And one that it has left as it was runs all of them."""
+    processes = sweeps(launcher)[0].call_processes()
+    for method in set(METHODS[launcher]) & {"fine", "leaves_its_process_changed", "leaves_a_busy_thread"}:
+        first, second, third = (processes[f"{method} 0 {case}"] for case in range(3))
+        assert first == second and (second == third) == (method == "fine")
 
 
 @launchers
