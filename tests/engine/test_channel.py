@@ -62,6 +62,7 @@ class Heard(_Job):
     def __init__(self):
         self.ids, self.rows, self.scored, self.reporter = [], {}, set(), type("", (), {"event": lambda *_: None})()
         self.at, self.listed, self.replaced = (-1, 0), False, False
+        self.cell = type("", (), {"cases": 100_000})
 
     def keep(self, row):
         self.rows[row["case_index"]] = row
@@ -107,6 +108,17 @@ def test_an_event_that_the_worker_cannot_have_sent_is_refused(events):
     hear(events[:-1])
     with pytest.raises(NoEvent):
         hear(events)
+
+
+def test_a_listing_that_fails_has_one_row_or_one_for_each_listed_case():
+    failed = ("no_plan", {"row": {"status": "error", "message": "no file", "stage": "plan"}})
+    job = hear([BEGINNING[0], failed])
+    assert list(job.rows) == [0] and job.rows[0]["case"] == "case-000"
+    job = hear([*BEGINNING, *FIRST, *ITS_ROW])
+    job.at, job.listed = (-1, 0), False  # another worker
+    for kind, values in (BEGINNING[0], failed):
+        job.hear({"event": kind, **values})
+    assert [row["status"] for row in job.rows.values()] == ["ok", "error"] and job.rows[1]["case"] == "b"
 
 
 class Server:
