@@ -203,6 +203,37 @@ def _few_compositions(mode_is_known: bool) -> Iterator[None]:
         Sweeper.validate_batch_is_legal, Hydra.get_mode = validate, get_mode
 
 
+@contextlib.contextmanager
+def _deaf_to_interrupts(overrides: Sequence[str]) -> Iterator[None]:
+    """Let the processes that submitit starts on this machine leave Ctrl-C to the front door, whose end they see.
+
+    They are in its process group, and each would print a traceback of its own.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or not any("launcher=submitit_local" in word for word in overrides):
+        yield
+        return
+    try:
+        from submitit.local import local
+    except ImportError:  # Hydra says that this launcher is not installed
+        yield
+        return
+    start = local.start_controller
+
+    def started(*arguments: Any, **options: Any) -> Any:
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a process inherits what is ignored
+        try:
+            return start(*arguments, **options)
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    local.start_controller = started
+    try:
+        yield
+    finally:
+        local.start_controller = start
+
+
 class WorkerDied(DetailbenchError):
     """A process of the launcher was killed, by a system short of memory for instance, and the sweep ended early."""
 
@@ -234,7 +265,11 @@ def launch(overrides: list[str], multirun: bool) -> int:
     sys.argv = ["detailbench", *(["--multirun"] if multirun else []), *overrides]
     os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise Hydra prints a traceback of its own and ends the process
     try:
-        with safe_children(), _few_compositions(mode_is_known=not any(is_hydras(word) for word in overrides)):
+        with (
+            safe_children(),
+            _deaf_to_interrupts(overrides),
+            _few_compositions(mode_is_known=not any(is_hydras(word) for word in overrides)),
+        ):
             hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
     except SystemExit as error:
         if error.code == signal.SIGTERM:  # a launcher (ray) that makes SIGTERM its own

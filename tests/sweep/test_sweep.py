@@ -1,5 +1,8 @@
 """Which jobs of a sweep are composed before it starts."""
 
+import signal
+import sys
+import types
 from itertools import product
 
 import pytest
@@ -7,7 +10,7 @@ from conftest import TOYS
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from bench.sweep.composition import enumerate_jobs, settled_by_job
-from bench.sweep.launch import NUMBERS, representatives
+from bench.sweep.launch import NUMBERS, _deaf_to_interrupts, representatives
 
 
 def test_each_choice_of_a_group_is_in_one_job_and_few_jobs_are_needed():
@@ -124,3 +127,17 @@ def test_two_experiments_are_both_run_with_their_own_sweeps(shell):
         "experiment=first_table",
     ]
     assert "Traceback" not in done.stderr
+
+
+def test_processes_of_submitit_leave_ctrl_c_to_the_front_door(monkeypatch):
+    """They are in its process group, and are started with Ctrl-C ignored."""
+    local = types.SimpleNamespace(start_controller=lambda: signal.getsignal(signal.SIGINT))
+    monkeypatch.setitem(sys.modules, "submitit", types.ModuleType("submitit"))
+    monkeypatch.setitem(sys.modules, "submitit.local", types.SimpleNamespace(local=local))
+    ours = signal.getsignal(signal.SIGINT)
+    with _deaf_to_interrupts(["hydra/launcher=submitit_local"]):
+        assert local.start_controller() == signal.SIG_IGN
+        assert signal.getsignal(signal.SIGINT) == ours
+    assert local.start_controller() == ours
+    with _deaf_to_interrupts(["hydra/launcher=joblib"]):
+        assert local.start_controller() == ours
