@@ -2,25 +2,18 @@
 
     python scripts/kills.py [--kills 100] [--seed 0] [--minutes 15] [--folder DIR]
 
-Each round starts a sweep of a small toy method in a new folder, under the basic launcher and joblib in turn, and kills
-one process of it by SIGKILL after a random time: the front door, a fork server, the worker of a cell, or a process of
-joblib. The same command is then run again to its end. Printed is a table: for each kind of process how often it was
-killed, and of these rounds how many
-
-    lost      cases had a row when the process was killed, and have none in the end
-    twice     calls of cases that had a row were made again
-    crashed   rows in the end are not ok
-    differ    scores are not those of an undisturbed run
-    orphans   processes were there 10 seconds after the end
-    hangs     commands did not end within 120 seconds
-
-A round whose sweep ended before the kill counts as `nobody`.
+Each round starts a sweep of a toy method in a new folder, under the basic launcher and joblib in turn, kills one
+process (front door, fork server, worker of a cell, or process of joblib) by SIGKILL after a random time, and runs the
+same command again to its end. Printed is a table: how often each kind of process was killed, or nobody, since the
+sweep had ended, and of these rounds how many cases had a row and `lost` it, how many with a row were called `twice`,
+how many rows are `crashed` or `differ` from an undisturbed run, how many processes were `orphans` 10 seconds after the
+end, and how many commands were `hangs` of 120 seconds.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import contextlib
 import os
 import random
 import subprocess
@@ -54,72 +47,58 @@ class Round:
         command = [sys.executable, "-m", "bench", "run", "-m", "--plugin", str(TOYS), *WORDS]
         self.command = [*command, *LAUNCHERS[launcher], f"results={folder / 'results'}"]
 
-    def start(self) -> subprocess.Popen[bytes]:
-        """The command, in the background."""
+    def start(self) -> subprocess.Popen[bytes]:  # noqa: D102
         environment = {**os.environ, MARK: self.mark, "TOY_LOG": str(self.log)}
-        with (self.folder / "said.txt").open("ab") as said:
-            return subprocess.Popen(self.command, stdout=said, stderr=said, env=environment, start_new_session=True)
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return subprocess.Popen(self.command, env=environment, start_new_session=True, **quiet)
 
     def processes(self) -> list[psutil.Process]:
         """All that the command started, and what they started."""
-        found = []
-        for process in psutil.process_iter():
-            try:
-                if process.environ().get(MARK) == self.mark and process.status() != psutil.STATUS_ZOMBIE:
-                    found.append(process)
-            except (psutil.Error, OSError):
-                continue
-        return found
+        found = psutil.process_iter(["environ", "status"])
+        ours = [p for p in found if (p.info["environ"] or {}).get(MARK) == self.mark]
+        return [p for p in ours if p.info["status"] != psutil.STATUS_ZOMBIE]
 
     def victims(self, front: int) -> dict[str, list[psutil.Process]]:
         """The processes by what they are."""
-        by_kind: dict[str, list[psutil.Process]] = {kind: [] for kind in KINDS}
+        found: dict[str, list[psutil.Process]] = {}
         for process in self.processes():
-            try:
-                words = " ".join(process.cmdline())
-                parent = " ".join((process.parent() or process).cmdline())
-            except psutil.Error:
-                continue
-            if process.pid == front:
-                by_kind["front door"].append(process)
-            elif "forkserver import serve" in words:
-                by_kind["worker" if "forkserver import serve" in parent else "fork server"].append(process)
-            elif "popen_loky" in words:
-                by_kind["joblib process"].append(process)
-        return {kind: processes for kind, processes in by_kind.items() if processes}
+            with contextlib.suppress(psutil.Error):
+                words, parent = (" ".join(p.cmdline()) for p in (process, process.parent() or process))
+                kind = "front door" if process.pid == front else "joblib process" if "popen_loky" in words else ""
+                if "forkserver import serve" in words:
+                    kind = "worker" if "forkserver" in parent else "fork server"
+                found.setdefault(kind, []).append(process)
+        return {kind: processes for kind, processes in found.items() if kind}
 
     def rows(self) -> dict[tuple[str, int], dict]:
         """What is stored, in finished cells and in those that were cut off, by parameters and case."""
         results, rows = Results(self.folder / "results"), []
         for path in results.folder.glob("cells/*/*.parquet"):
-            record = results.read(*path.stem.split("-"))
-            rows += record.rows if record else []
+            rows += results.read(*path.stem.split("-")).rows
         for path in results.folder.glob(".partial/*.jsonl"):
             rows += results.partial_rows(*path.stem.split("-"))
         return {(row["variant"], row["case_index"]): row for row in rows}
 
     def calls(self) -> Counter[tuple[str, int]]:
         """How often each case was begun."""
-        lines = [line.split() for line in self.log.read_text().splitlines()] if self.log.exists() else []
-        return Counter((f"take=0.2,salt={line[1]}", int(line[2])) for line in lines if line)
+        lines = self.log.read_text().splitlines() if self.log.exists() else []
+        return Counter((f"take=0.2,salt={line.split()[1]}", int(line.split()[2])) for line in lines if line)
 
-    def hangs(self, process: subprocess.Popen[bytes]) -> bool:
-        """Wait for the end of a command, and end it if there is none."""
-        try:
+    def end(self, process: subprocess.Popen[bytes]) -> Counter[str]:
+        """Wait for the end of a command, and of all that it started; what has none is ended, and counted."""
+        counts = Counter()
+        with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(PATIENCE)
-        except subprocess.TimeoutExpired:
+        if process.returncode is None:
             process.kill()
-            return True
-        return False
-
-    def orphans(self) -> int:
-        """Processes that outlive the command; they are ended."""
+            counts["hangs"] = 1
         end = time.monotonic() + GRACE
         while (left := self.processes()) and time.monotonic() < end:
             time.sleep(0.2)
         for process in left:
             process.kill()
-        return len(left)
+        counts["orphans"] = len(left)
+        return counts
 
 
 def play(folder: Path, launcher: str, chance: random.Random, truth: dict) -> tuple[str, Counter[str]]:
@@ -131,18 +110,15 @@ def play(folder: Path, launcher: str, chance: random.Random, truth: dict) -> tup
     time.sleep(chance.uniform(0.0, 2.5))
     if process.poll() is None and (victims := one.victims(process.pid)):
         killed = chance.choice(sorted(victims))
-        chance.choice(victims[killed]).kill()
+        with contextlib.suppress(psutil.NoSuchProcess):
+            chance.choice(victims[killed]).kill()
     stored, begun = one.rows(), one.calls()
-    counts["hangs"] += one.hangs(process)
-    counts["orphans"] += one.orphans()
-    counts["hangs"] += one.hangs(one.start())
-    counts["orphans"] += one.orphans()
+    counts.update(one.end(process) + one.end(one.start()))
     rows, calls = one.rows(), one.calls()
     counts["lost"] = len(stored.keys() - rows.keys())
     counts["twice"] = sum(calls[key] > begun[key] for key, row in stored.items() if row["status"] == "ok")
-    counts["crashed"] = sum(row["status"] != "ok" for row in rows.values())
-    counts["differ"] = sum(row["score.spread"] != truth[key] for key, row in rows.items() if row["status"] == "ok")
-    counts["differ"] += len(truth.keys() - rows.keys())
+    solved = {key: row["score.spread"] for key, row in rows.items() if row["status"] == "ok"}
+    counts["crashed"], counts["differ"] = len(rows) - len(solved), len(solved.items() - truth.items())
     return killed, counts
 
 
@@ -151,25 +127,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, value in (("--kills", 100), ("--seed", 0), ("--minutes", 15.0)):
         parser.add_argument(name, type=type(value), default=value)
-    parser.add_argument("--folder", type=Path, default=None)
+    parser.add_argument("--folder", help="for the temporary files")
     asked = parser.parse_args()
-    folder = asked.folder or Path(tempfile.mkdtemp(prefix="kills-"))
-    end, chance, table = time.monotonic() + 60 * asked.minutes, random.Random(asked.seed), {}
+    folder = Path(tempfile.mkdtemp(prefix="kills-", dir=asked.folder))
+    end, chance = time.monotonic() + 60 * asked.minutes, random.Random(asked.seed)
+    table = {who: Counter() for who in (*KINDS, "nobody")}
     undisturbed = Round(folder / "undisturbed", "basic")
-    undisturbed.hangs(undisturbed.start())
+    undisturbed.end(undisturbed.start())
     truth = {key: row["score.spread"] for key, row in undisturbed.rows().items()}
-    played = 0
-    while sum(counts["kills"] for who, counts in table.items() if who != "nobody") < asked.kills:
-        if time.monotonic() > end:
+    for played in range(2 * asked.kills):
+        if sum(table[who]["kills"] for who in KINDS) == asked.kills or time.monotonic() > end:
             break
         killed, counts = play(folder / str(played), list(LAUNCHERS)[played % 2], chance, truth)
-        table.setdefault(killed, Counter()).update({**counts, "kills": 1})
-        played += 1
-        print(json.dumps({"round": played, "killed": killed, **counts}), file=sys.stderr, flush=True)
+        table[killed].update({**counts, "kills": 1})
+        print(played, killed, dict(+counts), file=sys.stderr, flush=True)
     print(f"{'killed':16}" + "".join(f"{name:>9}" for name in COUNTS))
-    for who in (*KINDS, "nobody"):
-        if who in table:
-            print(f"{who:16}" + "".join(f"{table[who][name]:9}" for name in COUNTS))
+    for who, counts in table.items():
+        print(f"{who:16}" + "".join(f"{counts[name]:9}" for name in COUNTS))
 
 
 if __name__ == "__main__":
