@@ -15,4 +15,4 @@ def check_whole_number(key: str, value: Any) -> None:
     """Raise :class:`UsageError` unless a key, or one of a group as ``training.cases``, can have this value."""
     least, most = WHOLE_NUMBERS[key.rpartition(".")[2]]
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise UsageError(f"{key}={cut(str(value), 100)}: expected a whole number from {least} to {most}")
+        raise UsageError(f"{key}={cut(str(value), 100)}: expected a whole number of at least {least}, at most {most}")

@@ -17,7 +17,7 @@ BEYOND = [
 
 @pytest.mark.parametrize(("key", "value"), [*BEYOND, *((key, "???") for key in WHOLE_NUMBERS), ("seed", 1.5)])
 def test_a_number_that_cannot_be_is_refused(key, value):
-    with pytest.raises(UsageError, match=f"{key}=.*expected a whole number from"):
+    with pytest.raises(UsageError, match=f"{key}=.*expected a whole number of at least"):
         Cell.from_config(config(**{key: value}))
 
 
@@ -47,8 +47,8 @@ WORDS = ("task=denoise", "dataset=bumps", "sensor=samples", "method=jet")
 @pytest.mark.parametrize(
     ("command", "word", "said"),
     [
-        ("plan", "cases=1000000000", "cases=1000000000: expected a whole number from 1 to 100000"),
-        ("plan", "seed=-1", "seed=-1: expected a whole number from 0"),
+        ("plan", "cases=1000000000", "cases=1000000000: expected a whole number of at least 1, at most 100000"),
+        ("plan", "seed=-1", "seed=-1: expected a whole number of at least 0"),
         ("run", "seed=${oc.env:NO_SUCH_VARIABLE}", "NO_SUCH_VARIABLE"),
         ("plan", "seed=${oc.env:NO_SUCH_VARIABLE}", "NO_SUCH_VARIABLE"),
         ("plan", "hydra=1", "hydra=1: Hydra cannot use this"),
