@@ -141,3 +141,19 @@ def test_processes_of_submitit_leave_ctrl_c_to_the_front_door(monkeypatch):
     assert local.start_controller() == ours
     with _deaf_to_interrupts(["hydra/launcher=joblib"]):
         assert local.start_controller() == ours
+
+
+def test_hydra_keeps_no_config_of_a_job_that_has_ended():
+    """Each is 0.1 MB, and a sweep may have 50,000."""
+    from hydra import compose
+    from hydra.core.utils import JobReturn
+    from hydra.utils import instantiate
+
+    from bench.sweep.composition import CONFIG_NAME, hydra_ready
+
+    with hydra_ready():
+        config = compose(CONFIG_NAME, return_hydra_config=True)
+    ended = JobReturn(overrides=["seed=1"], cfg=config, hydra_cfg=config)
+    for callback in instantiate(config.hydra.callbacks).values():
+        callback.on_job_end(config, ended)
+    assert ended.cfg is None and ended.hydra_cfg is None and ended.overrides == ["seed=1"]
