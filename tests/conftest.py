@@ -26,6 +26,7 @@ FORKS = Path(__file__).with_name("forks.py")
 WORDS = ("task=denoise", "dataset=ball", "sensor=dots", "metric=[spread]", "cases=2")
 # Where the suite is started in the background of a script, Ctrl-C is ignored by it and by all that it starts.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored under nohup
 LAUNCHERS = {"basic": (), "joblib": ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")}
 
 

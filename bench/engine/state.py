@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-WINDOW, WINDOWS = 0.01, 5  # seconds in which threads are watched, so often: one that rests in any of them waits
+# Seconds in which threads are watched, so often: one that rests in any of them waits. OpenMP's may spin for 0.2 s.
+WINDOW, WINDOWS = 0.01, 30
 MORE_DESCRIPTORS = 256  # than before a call
 OF_STATUS = ("Umask:", "SigBlk:", "SigIgn:", "Cpus_allowed:", "NoNewPrivs:", "Seccomp:")
 

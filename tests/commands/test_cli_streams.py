@@ -13,6 +13,7 @@ from bench.errors import LONGEST, DetailbenchError, Terminated, UsageError, code
 def shell(line, folder, **environment):
     """A line of shell, in which $bench is the command, and its exit code, output and error."""
     words = {**os.environ, **environment, "bench": f"{sys.executable} -m bench"}
+    words.pop("PYTHONPATH", None)  # of relative entries Python itself complains where the folder is gone
     done = subprocess.run(["bash", "-c", line], cwd=folder, env=words, capture_output=True, text=True)
     return done.returncode, done.stdout, done.stderr
 

@@ -126,16 +126,16 @@ def test_an_edited_plugin_is_run_again_and_why_says_so(shell):
     assert "2 run now" in shell.run("method=fine", **words).stderr
     assert "0 run now, 2 there already" in shell.run("method=fine", **words).stderr
     cell = shell.rows()["cell"].iloc[0]
-    current = shell.call("why", cell[:6], f"results={shell.results}")
+    current = shell.call("why", cell[:6], f"results={shell.results}", "--plugin", str(toys))
     assert current.returncode == 0
     assert "current:" in current.stdout
     toys.write_text(toys.read_text() + "\n# a remark\n")
-    why = shell.call("why", cell, f"results={shell.results}")
+    why = shell.call("why", cell, f"results={shell.results}", "--plugin", str(toys))
     assert "source of method fine was edited" in why.stdout
     assert "not current" in why.stdout
     assert "changed" in shell.run("method=fine", act=_plan(shell), **words).stdout
     assert "2 run now, 0 there already" in shell.run("method=fine", **words).stderr
-    assert "current:" in shell.call("why", cell, f"results={shell.results}").stdout
+    assert "current:" in shell.call("why", cell, f"results={shell.results}", "--plugin", str(toys)).stdout
     assert len(shell.rows()) == 2  # the newest of each
 
 
@@ -150,7 +150,8 @@ def test_a_metric_s_version_and_an_added_metric_are_run_again(shell):
     text = toys.read_text()
     toys.write_text(text.replace('@register("metric", version=1', '@register("metric", version=2'))
     cell = shell.rows()["cell"].iloc[0]
-    assert "version of metric spread: 1 -> 2" in shell.call("why", cell, f"results={shell.results}").stdout
+    why = shell.call("why", cell, f"results={shell.results}", "--plugin", str(toys))
+    assert "version of metric spread: 1 -> 2" in why.stdout
     assert "2 run now" in shell.run("method=fine", **words).stderr
     more = shell.run("method=fine", "metric=[spread,hausdorff]", **words)
     assert more.returncode == 0, more.stderr

@@ -65,7 +65,7 @@ def test_the_label_shows_what_is_not_default():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"cases": 0}, "cases=0: expected at least 1"),
+        ({"cases": 0}, "cases=0: expected a whole number of at least 1"),
         ({"seed": -1}, "seed=-1"),
         ({"split": "tset"}, "Did you mean 'test'"),
         ({"device": "gpu"}, "device=gpu"),
