@@ -4,6 +4,7 @@ import json
 
 import pyarrow.parquet as pq
 
+from bench.plan.cell import Cell, Choice
 from bench.results.files import COLUMNS, META_KEY
 from bench.results.store import Record
 
@@ -17,6 +18,18 @@ def row(index=0, cell="ab0000000001", mark="f" * 16, **values):
         "finished": "2026-01-01T00:00:00+00:00", "score.p2f_mean": 0.1, "floor.p2f_mean": 0.0,
     }  # fmt: skip
     return defaults | values
+
+
+def cell_of(seed=0):
+    """A cell of plugins that are there."""
+    return Cell(
+        task=Choice("task", "denoise", {}),
+        dataset=Choice("dataset", "bumps", {}),
+        sensor=Choice("sensor", "samples", {}),
+        method=Choice("method", "identity", {}),
+        metrics=(Choice("metric", "p2f_mean", {}),),
+        seed=seed,
+    )
 
 
 def record(cell="ab0000000001", mark="f" * 16, finished="2026-01-01T00:00:00+00:00", cases=3, **values):

@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from records import cell_of as cell
 from records import record
 
 from bench.plan.cell import Cell, Choice
@@ -31,17 +32,6 @@ NOW = datetime(2026, 6, 1, tzinfo=UTC).timestamp()
 )
 def test_a_time_in_the_future_does_not_count(finished, written, expected):
     assert timestamp(finished, written, NOW) == expected
-
-
-def cell(seed: int = 0) -> Cell:
-    return Cell(
-        task=Choice("task", "denoise", {}),
-        dataset=Choice("dataset", "bumps", {}),
-        sensor=Choice("sensor", "samples", {}),
-        method=Choice("method", "identity", {}),
-        metrics=(Choice("metric", "p2f_mean", {}),),
-        seed=seed,
-    )
 
 
 def stored(one: Cell, parts: dict, finished: str, score: float) -> Record:

@@ -12,11 +12,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from records import record, row
+from records import cell_of, record, row
 
 from bench.engine import runner
 from bench.errors import StoreError
-from bench.plan.cell import Cell, Choice, Settings
+from bench.plan.cell import Cell, Settings
 from bench.ranking.leaderboard import leaderboard
 from bench.ranking.report import render
 from bench.results import checks
@@ -64,14 +64,7 @@ TYPES += [pa.binary(), pa.timestamp("us"), pa.list_(pa.int64()), pa.null(), pa.d
 
 def whole(seed: int = 1) -> Record:
     """A record with all that a run stores."""
-    cell = Cell(
-        task=Choice("task", "denoise", {}),
-        dataset=Choice("dataset", "bumps", {}),
-        sensor=Choice("sensor", "samples", {}),
-        method=Choice("method", "identity", {}),
-        metrics=(Choice("metric", "p2f_mean", {}),),
-        seed=seed,
-    )
+    cell = cell_of(seed)
     made = record(cell.id, method="identity", seed=seed, directions='{"p2f_mean": "lower"}')
     made.meta |= {
         "schema_version": 5,
