@@ -164,6 +164,7 @@ def test_the_threads_that_words_ask_for_first(words, threads):
 
 
 def test_a_server_that_was_begun_is_had_once_and_for_its_threads_only(monkeypatch):
+    monkeypatch.setattr(forkserver, "_begun", [])  # an earlier test may have left one for other threads
     monkeypatch.setattr(forkserver, "available", lambda: [0, 1])
     forkserver.begin(2)
     (early,) = forkserver._begun
@@ -182,6 +183,7 @@ def test_a_server_that_was_begun_is_had_once_and_for_its_threads_only(monkeypatc
 
 
 def test_one_processor_imports_nothing_in_advance(monkeypatch):
+    monkeypatch.setattr(forkserver, "_begun", [])  # an earlier test may have left one for other threads
     monkeypatch.setattr(forkserver, "available", lambda: [0])
     forkserver.begin(1)
     assert forkserver._begun == []
