@@ -290,6 +290,8 @@ def launch(overrides: list[str], multirun: bool) -> int:
     except Exception as error:
         if not {cls.__name__ for cls in type(error).__mro__}.intersection(WORKER_DIED):
             raise
+        if ray := sys.modules.get("ray"):
+            ray.shutdown()  # a cluster that has lost its raylet starts nothing more; the next launch starts another
         raise WorkerDied(f"a process of the launcher was killed ({type(error).__name__})") from error
     finally:
         sys.argv = argv

@@ -10,7 +10,8 @@ from conftest import TOYS
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from bench.sweep.composition import enumerate_jobs, settled_by_job
-from bench.sweep.launch import NUMBERS, _deaf_to_interrupts, representatives
+from bench.sweep.launch import NUMBERS, _deaf_to_interrupts, launch_all, representatives
+from bench.sweep.session import Session
 
 
 def test_each_choice_of_a_group_is_in_one_job_and_few_jobs_are_needed():
@@ -157,3 +158,40 @@ def test_hydra_keeps_no_config_of_a_job_that_has_ended():
     for callback in instantiate(config.hydra.callbacks).values():
         callback.on_job_end(config, ended)
     assert ended.cfg is None and ended.hydra_cfg is None and ended.overrides == ["seed=1"]
+
+
+class UncompletedJobError(Exception):
+    """As submitit's."""
+
+
+class RayError(Exception):
+    """As ray's."""
+
+
+class LocalRayletDiedError(RayError):
+    """As ray's of a killed raylet."""
+
+
+@pytest.mark.parametrize("kills", [1, 2])
+@pytest.mark.parametrize("error", [UncompletedJobError, LocalRayletDiedError])
+def test_cells_that_a_launcher_with_a_killed_process_left_are_launched_once_more(
+    error, kills, tmp_path, monkeypatch, capsys
+):
+    shut, session = [], Session.new(tmp_path)
+    left = iter([["1"], ["2", "3"] if kills == 1 else ["2"]])  # jobs that are finished in each launch
+    ends = iter([error("gone")] * kills + [None])
+
+    def run():
+        for name in next(left):
+            session.leave(name, job=int(name))
+        if end := next(ends):
+            raise end
+
+    monkeypatch.setattr("hydra.main", lambda **_: lambda job: run)
+    monkeypatch.setitem(sys.modules, "ray", types.SimpleNamespace(shutdown=lambda: shut.append(True)))
+    assert launch_all(session, ["seed=1,2,3"], total=3, multirun=True) == (0 if kills == 1 else 3)
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith("warning: ") and f"({error.__name__}): 2 of 3 cells" in said[0]
+    assert said[1:] == ([] if kills == 1 else [said[-1]])
+    assert kills == 1 or (said[-1].startswith("error: ") and "1 of 3 cells are not finished" in said[-1])
+    assert len(shut) == kills  # a cluster without its raylet is not used again
