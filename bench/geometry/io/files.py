@@ -24,7 +24,8 @@ from ...text import shortened
 from ..check import check_mesh, check_points
 from ..cloud import PointCloud
 from ..normals import completed
-from .obj_off import read_obj, read_off
+from .obj import read_obj
+from .off import read_off
 from .ply import read_ply, write_ply
 from .raw import NO_FACES, RawGeometry
 from .stl import read_stl

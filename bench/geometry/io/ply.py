@@ -12,46 +12,68 @@ import numpy as np
 
 from ...errors import BadInput
 from ...notices import notice
-from .ply_tables import AsciiSource, BinarySource, Columns, Element, Property, Ragged
+from .colors import between_0_and_1
+from .plain import decoded, first_word_that_is_no_number, numbers, plain_text, words_of
+from .ply_tables import BinarySource, Columns, Element, NumberSource, Property, Ragged
 from .polygons import triangulate
 from .raw import NO_FACES, RawGeometry
+from .strips import triangles_of_strips
 
 # fmt: off
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
-    "double": "f8", "float64": "f8",
+    "double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8",
 }
 # fmt: on
 WHOLE = {word for word, kind in TYPES.items() if kind[0] in "iu"}
 EXPECTED = "expected a PLY file (ascii or binary, version 1.0)"
 
+# What writers call the parts of a vertex, in small letters: the first that is there whole is taken.
+PLACES = [tuple(before + axis for axis in "xyz") for before in ("", "pos_", "position_", "p", "pos", "vertex_")]
+NORMALS = [
+    *(tuple(before + axis for axis in "xyz") for before in ("n", "normal_", "normal", "n_", "norm_", "nrm_", "vn")),
+    ("nxx", "nyy", "nzz"),
+]
+COLORS = [
+    tuple(before + channel for channel in channels)
+    for before in ("", "diffuse_", "color_", "colour_", "rgb_", "col_", "c", "vertex_", "ambient_")
+    for channels in (("red", "green", "blue"), ("r", "g", "b"))
+]
+# What faces often have besides, which no reader of surfaces misses.
+OF_FACES = {"red", "green", "blue", "alpha", "nx", "ny", "nz", "texcoord", "texnumber", "flags", "quality"}
+VERTICES, FACES = ("vertex", "vertices", "point", "points"), ("face", "faces")
+INDICES = ("vertex_indices", "vertex_index", "vertex_indexes", "vertices", "indices")
+
 
 def read_ply(data: bytes, name: str) -> RawGeometry:
-    """The vertices, faces, normals and colours in the content of a PLY file; ``name`` stands in messages.
+    """The vertices, faces (also triangle strips), normals, colours and scalars in the content of a PLY file.
+
+    ``name`` stands in messages. Numbers of vertices that are neither place nor normal nor colour are scalars. A notice
+    names what else there is.
 
     Raises
     ------
     BadInput
         If it is no PLY file, or ends before all that its header promises.
     """
-    form, elements, body = _header(data, name)
-    source = AsciiSource(body, name) if form == "ascii" else BinarySource(body, name, "<" if "little" in form else ">")
-    tables = {element.name: source.table(element) for element in elements}
-    if source.left_over():
-        notice(f"{name}: there is more in the file than its header says; the rest is ignored")
-    vertex = tables.get("vertex", {})
-    if any(axis not in vertex for axis in "xyz"):
+    data = decoded(data)
+    form, elements, at = _header(data, name)
+    tables = _tables(data, at, form, elements, name)
+    vertex = next((tables.pop(title) for title in VERTICES if title in tables), {})
+    vertices = _taken(vertex, PLACES)
+    if vertices is None:
         raise BadInput(f"{name}: its header names no vertices with x, y and z; {EXPECTED} of a mesh or point cloud")
-    vertices = _stack(vertex, "x", "y", "z")
-    if tables.get("tristrips"):
-        raise BadInput(f"{name}: holds triangle strips; expected faces. Convert it, for instance with MeshLab")
-    face = tables.get("face", {})
-    polygons = face.get("vertex_indices", face.get("vertex_index"))
-    if polygons is not None and not isinstance(polygons, Ragged):
-        raise BadInput(f"{name}: the vertex indices of its faces are no list; {EXPECTED}")
+    face = next((tables.pop(title) for title in FACES if title in tables), {})
+    polygons = _indices(face, name)
     faces = triangulate(*polygons, vertices, name) if polygons else NO_FACES
-    return RawGeometry(vertices, faces, _stack(vertex, "nx", "ny", "nz"), _colors(vertex))
+    strips = _indices(tables.pop("tristrips", {}), name)
+    if strips:
+        faces = np.concatenate([faces, triangles_of_strips(*strips, len(vertices), name)])
+    normals, colors = _taken(vertex, NORMALS), _colors(vertex)
+    scalars = {title: vertex.pop(title).astype(np.float64) for title in _plain_columns(vertex)}
+    _name_the_rest(vertex, face, tables, name)
+    return RawGeometry(vertices, faces, normals, colors, scalars or None)
 
 
 def write_ply(raw: RawGeometry) -> bytes:
@@ -80,21 +102,22 @@ def write_ply(raw: RawGeometry) -> bytes:
 # -- the header --------------------------------------------------------------------------------------------------------
 
 
-def _header(data: bytes, name: str) -> tuple[str, list[Element], bytes]:
+def _header(data: bytes, name: str) -> tuple[str, list[Element], int]:
+    """The form, the elements, and where the header has ended."""
     if data[:3] != b"ply":
         raise BadInput(f"{name}: does not begin with 'ply'; {EXPECTED}")
-    end = data.find(b"end_header")
-    if end < 0:
+    end = re.search(rb"[\r\n][ \t]*end_header[ \t]*", data)
+    if not end:
         raise BadInput(f"{name}: its header has no end; {EXPECTED}. The file is cut off or damaged")
-    newline = data.find(b"\n", end)
-    body = data[newline + 1 :] if newline >= 0 else b""
+    # A header whose lines end with CR is followed by data that may begin with what is LF elsewhere.
+    line_end = re.compile(rb"\r" if b"\n" not in data[: end.end()] else rb"\r?\n").match(data, end.end())
     form, elements = "", []
-    for line in data[:end].decode("latin-1").splitlines()[1:]:
+    for line in data[: end.start()].decode("latin-1").splitlines()[1:]:
         match line.split():
             case ["format", ("ascii" | "binary_little_endian" | "binary_big_endian") as form, *_]:
                 pass
             case ["element", title, count] if re.fullmatch("[0-9]{1,18}", count):
-                elements.append(Element(title, int(count), []))
+                elements.append(Element(title.lower(), int(count), []))
             case ["property", "list", length, kind, title] if length in WHOLE and kind in TYPES and elements:
                 elements[-1].properties.append(Property(title, TYPES[kind], TYPES[length]))
             case ["property", kind, title] if kind in TYPES and elements:
@@ -108,7 +131,7 @@ def _header(data: bytes, name: str) -> tuple[str, list[Element], bytes]:
     _check_names([element.name for element in elements], "elements", name)
     for element in elements:
         _check_names([prop.name for prop in element.properties], f"properties of {element.name!r}", name)
-    return form, elements, body
+    return form, elements, line_end.end() if line_end else end.end()
 
 
 def _check_names(names: list[str], what: str, name: str) -> None:
@@ -117,18 +140,117 @@ def _check_names(names: list[str], what: str, name: str) -> None:
         raise BadInput(f"{name}: its header has two {what} called {twice!r}; expected different names. It is damaged")
 
 
-# -- columns ----------------------------------------------------------------------------------------------------------
+# -- the tables --------------------------------------------------------------------------------------------------------
 
 
-def _stack(vertex: Columns, *names: str) -> np.ndarray | None:
-    if any(name not in vertex or isinstance(vertex[name], Ragged) for name in names):
-        return None
-    return np.stack([vertex[name] for name in names], axis=1).astype(np.float64)
+def _tables(data: bytes, at: int, form: str, elements: list[Element], name: str) -> dict[str, Columns]:
+    if form != "ascii":
+        source = BinarySource(data, name, "<" if "little" in form else ">", at)
+        tables = {element.name: source.table(element) for element in elements}
+        whole = not source.left_over()
+    else:
+        tables, whole = _of_text(data[at:], elements, name)
+    if not whole:
+        notice(f"{name}: there is more in the file than its header says; the rest is ignored")
+    return tables
+
+
+def _of_text(body: bytes, elements: list[Element], name: str) -> tuple[dict[str, Columns], bool]:
+    """The tables of an ASCII file, and whether they are all that is in it.
+
+    A number belongs where it stands among all numbers. Some writers give a row more numbers than their header says:
+    where that comes out wrong and there are as many lines as rows, each line is a row.
+    """
+    try:
+        source = NumberSource(numbers(body), name)
+    except ValueError:
+        wrong = first_word_that_is_no_number(body)
+        raise BadInput(
+            f"{name}: holds {wrong!r} where a number belongs; expected the numbers of a PLY file. The file is cut off "
+            "or damaged"
+        ) from None
+    try:
+        tables = {element.name: source.table(element) for element in elements}
+        if not source.left_over():
+            return tables, True
+    except BadInput:
+        by_lines = _by_lines(source, body, elements)
+        if not by_lines:
+            raise
+        tables = by_lines
+    else:
+        by_lines = _by_lines(source, body, elements)
+    if by_lines:
+        notice(f"{name}: has rows of more numbers than its header says; each line is read as a row without the rest")
+            f"{name}: has rows of more numbers than its header says; each line is read as a row, the rest is ignored"
+        )
+    return by_lines or tables, bool(by_lines)
+
+
+def _by_lines(source: NumberSource, body: bytes, elements: list[Element]) -> dict[str, Columns]:
+    """The tables if each row has a line of its own, or nothing."""
+    per_line = words_of(plain_text(body)).per_line
+    ends = np.cumsum(per_line)[per_line > 0]
+    if len(ends) != sum(element.count for element in elements) or ends[-1] != len(source.cells):
+        return {}
+    starts, tables, line = np.concatenate([[0], ends[:-1]]), {}, 0
+    for element in elements:
+        own = slice(line, line := line + element.count)
+        columns = source.rows(element, starts[own], ends[own])
+        if columns is None:
+            return {}
+        tables[element.name] = columns
+    return tables
+
+
+# -- columns -----------------------------------------------------------------------------------------------------------
+
+
+def _plain_columns(columns: Columns) -> list[str]:
+    return [title for title, column in columns.items() if not isinstance(column, Ragged)]
+
+
+def _taken(vertex: Columns, choices: list[tuple[str, ...]]) -> np.ndarray | None:
+    """Three columns, out of ``vertex``, as (v, 3) float64: those of the first choice that is there."""
+    titles = {title.lower(): title for title in _plain_columns(vertex)}
+    for choice in choices:
+        if all(title in titles for title in choice):
+            stacked = np.empty((len(vertex[titles[choice[0]]]), 3))
+            for k, title in enumerate(choice):
+                stacked[:, k] = vertex.pop(titles[title])
+            return stacked
+    return None
 
 
 def _colors(vertex: Columns) -> np.ndarray | None:
-    colors = _stack(vertex, "red", "green", "blue")
+    kinds = {title: column.dtype.kind for title, column in vertex.items() if not isinstance(column, Ragged)}
+    colors = _taken(vertex, COLORS)
     if colors is None:
         return None
-    kind = np.asarray(vertex["red"]).dtype
-    return colors / np.iinfo(kind).max if kind.kind in "ui" else colors
+    taken = kinds.keys() - vertex.keys()
+    return between_0_and_1(colors, whole=all(kinds[title] in "ui" for title in taken))
+
+
+def _indices(face: Columns, name: str) -> Ragged | None:
+    """The vertex indices of faces or strips, out of ``face``."""
+    if not face:
+        return None
+    lists = [title for title in face if title in INDICES]
+    lists = lists or [title for title, column in face.items() if isinstance(column, Ragged)]
+    found = face.pop(lists[0]) if lists else None
+    if found is not None and not isinstance(found, Ragged):
+        raise BadInput(f"{name}: the vertex indices of its faces are no list; {EXPECTED}")
+    return found
+
+
+def _name_the_rest(vertex: Columns, face: Columns, others: dict[str, Columns], name: str) -> None:
+    """Say what of the file is not read, but for what faces often have besides."""
+    rest = [f"{title} of vertices" for title in vertex]
+    rest += [f"{title} of faces" for title in face if title.lower() not in OF_FACES]
+    rest += [f"element {title}" for title, columns in others.items() if any(map(_length, columns.values()))]
+    if rest:
+        notice(f"{name}: not read of it: {', '.join(rest)}")
+
+
+def _length(column: np.ndarray | Ragged) -> int:
+    return len(column.sizes if isinstance(column, Ragged) else column)

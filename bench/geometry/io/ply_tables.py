@@ -45,8 +45,8 @@ class Source:
     file, or the numbers of an ASCII file.
     """
 
-    def __init__(self, name: str, cells: np.ndarray):
-        self.name, self.cells, self.at = name, cells, 0
+    def __init__(self, name: str, cells: np.ndarray, at: int = 0):
+        self.name, self.cells, self.at = name, cells, at
 
     def width(self, kind: str) -> int:
         """How many cells a number of a type takes."""
@@ -154,29 +154,42 @@ class Source:
                 if not (numbers == alike).all():
                     return None
             else:
-                columns[prop.name] = Ragged(alike, _as_list(numbers)) if prop.length else _as_column(numbers, kind)
+                columns[prop.name] = Ragged(alike, as_indices(numbers)) if prop.length else _as_column(numbers, kind)
         self.at += element.count * row
         return columns
 
     def _unlike(self, element: Element, sizes: np.ndarray) -> Columns:
         """A table whose lists have these sizes, gathered column by column."""
-        remaining = iter(sizes)
         lengths = self._lengths(element, sizes)
-        at = self.at + np.cumsum(lengths) - lengths  # where the next property of each row begins
+        ends = self.at + np.cumsum(lengths)
+        columns = self.rows(element, ends - lengths, ends)
+        assert columns is not None  # the sizes were read from the same cells
+        self.at = int(ends[-1])
+        return columns
+
+    def rows(self, element: Element, starts: np.ndarray, ends: np.ndarray) -> Columns | None:
+        """A table whose rows begin at cells ``starts``, (rows,), and have ended at ``ends``.
+
+        None if a row does not fit in there, or the size of a list is none.
+        """
+        at = starts
         columns: Columns = {}
         for prop in element.properties:
             width = self.width(prop.type)
+            after = at + self.width(prop.length or prop.type)
+            if (after > ends).any():
+                return None
             if prop.length:
-                own = next(remaining)
-                at += self.width(prop.length)
+                own = as_indices(self._numbers(at, prop.length))
+                if ((own < 0) | (after + width * own > ends)).any():
+                    return None
                 within = np.arange(own.sum()) - np.repeat(np.cumsum(own) - own, own)
-                values = self._numbers(np.repeat(at, own) + width * within, prop.type)
-                columns[prop.name] = Ragged(own, _as_list(values))
-                at += width * own
+                values = self._numbers(np.repeat(after, own) + width * within, prop.type)
+                columns[prop.name] = Ragged(own, as_indices(values))
+                at = after + width * own
             else:
                 columns[prop.name] = _as_column(self._numbers(at, prop.type), prop.type)
-                at += width
-        self.at += int(lengths.sum())
+                at = after
         return columns
 
     def _numbers(self, at: np.ndarray, kind: str) -> np.ndarray:
@@ -185,11 +198,11 @@ class Source:
 
 
 class BinarySource(Source):
-    """A binary body; ``order`` is ``<`` or ``>``."""
+    """The bytes of a file from ``at`` on; ``order`` is ``<`` or ``>``."""
 
-    def __init__(self, body: bytes, name: str, order: str):
-        super().__init__(name, np.frombuffer(body, dtype=np.uint8))
-        self.body, self.order = body, order
+    def __init__(self, data: bytes, name: str, order: str, at: int = 0):
+        super().__init__(name, np.frombuffer(data, dtype=np.uint8), at)
+        self.body, self.order = data, order
 
     def width(self, kind: str) -> int:
         """How many bytes a number of a type takes."""
@@ -211,16 +224,11 @@ class BinarySource(Source):
         return bool(self.body[self.at :].strip())
 
 
-class AsciiSource(Source):
-    """An ASCII body: every number as float64, whatever lines they stand in."""
+class NumberSource(Source):
+    """The numbers of an ASCII file, (n,) float64, whatever lines they stand in."""
 
-    def __init__(self, body: bytes, name: str):
-        try:
-            super().__init__(name, np.array(body.split(), dtype=np.float64))
-        except ValueError as error:
-            raise BadInput(
-                f"{name}: {error}; expected the numbers of a PLY file. The file is cut off or damaged"
-            ) from None
+    def __init__(self, numbers: np.ndarray, name: str, at: int = 0):
+        super().__init__(name, numbers, at)
 
     def width(self, kind: str) -> int:
         """A number is a cell."""
@@ -232,7 +240,7 @@ class AsciiSource(Source):
 
     @functools.cached_property
     def _whole(self) -> np.ndarray:
-        return _as_list(self.cells)
+        return as_indices(self.cells)
 
     def decoded(self, cells: np.ndarray, kind: str) -> np.ndarray:
         """The numbers as they are: the file may hold more digits than the type that it names."""
@@ -248,7 +256,7 @@ def _as_column(numbers: np.ndarray, kind: str) -> np.ndarray:
         return numbers.astype("f8" if kind in ("f4", "f8") else kind)
 
 
-def _as_list(numbers: np.ndarray) -> np.ndarray:
+def as_indices(numbers: np.ndarray) -> np.ndarray:
     """Whole numbers, as indices are; what is none becomes -1, which names no vertex."""
     if numbers.dtype.kind == "f":
         numbers = np.where((numbers == np.rint(numbers)) & (np.abs(numbers) < 2**53), numbers, -1)

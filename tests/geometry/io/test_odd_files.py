@@ -15,6 +15,7 @@ from bench.commands.score import load
 from bench.geometry.check import FARTHEST
 from bench.geometry.io.files import load_cloud, load_mesh
 from bench.geometry.io.ply import read_ply
+from bench.notices import collected
 from bench.text import shortened
 
 CODES = {"uchar": "B", "char": "b", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d"}
@@ -181,19 +182,16 @@ def ragged(form: str, count: int, types: tuple[str, str, str], seed: int = 0) ->
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
 @pytest.mark.parametrize("types", [("uchar", "int", "uchar"), ("int", "uchar", "double"), ("ushort", "uint", "float")])
 def test_rows_of_all_sizes_are_those_of_a_loop(form, types):
-    from bench.geometry.io.ply import _header
-    from bench.geometry.io.ply_tables import AsciiSource, BinarySource
+    from bench.geometry.io.ply import _header, _tables
 
     data, lists, numbers = ragged(form, 500, types)
-    form, elements, body = _header(data, "name")
-    source = (
-        AsciiSource(body, "name") if form == "ascii" else BinarySource(body, "name", "<" if "little" in form else ">")
-    )
-    _, face, more = (source.table(element) for element in elements)
+    form, elements, at = _header(data, "name")
+    with collected() as notices:
+        _, face, more = _tables(data, at, form, elements, "name").values()
     assert face["vertex_indices"].sizes.tolist() == [len(one) for one in lists]
     assert face["vertex_indices"].values.tolist() == [value for one in lists for value in one]
     assert set(face["before"]) == {0.5} and set(face["flag"]) == {7}
-    assert more["number"].tolist() == numbers and not source.left_over()
+    assert more["number"].tolist() == numbers and not notices
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary_big_endian"])
