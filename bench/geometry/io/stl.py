@@ -7,6 +7,8 @@ import re
 import numpy as np
 
 from ...errors import BadInput
+from ...notices import notice
+from .plain import decoded, first_word_that_is_no_number, numbers
 from .raw import RawGeometry
 
 HEADER, FACET = 84, 50  # bytes
@@ -16,37 +18,61 @@ CUT_OFF = "The file is cut off; copy or export it again"
 def read_stl(data: bytes, name: str) -> RawGeometry:
     """The merged triangles of a binary or ASCII STL file. The normals of facets are not read: the corners know them.
 
+    A binary file has as many triangles as its length says, whatever number it names, and an ASCII file needs no
+    ``endsolid``, if all facets are whole. A notice says where these are not as they should be.
+
     Raises
     ------
     BadInput
-        If it is no STL file, or shorter than it promises.
+        If it is no STL file, or ends within a facet.
     """
     promised = int.from_bytes(data[80:HEADER], "little") if len(data) >= HEADER else -1
     # A binary file may begin with "solid" too, so its length is asked first.
-    looks_ascii = data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1024]
-    if looks_ascii and len(data) != HEADER + promised * FACET:
-        return merge_equal(_ascii(data, name))
-    if promised < 0 or (not looks_ascii and _is_text(data)):
-        raise BadInput(f"{name}: is no STL file; expected 'solid' and facets, or a binary header of {HEADER} bytes")
-    if len(data) < HEADER + promised * FACET:
-        there = (len(data) - HEADER) // FACET
+    if len(data) != HEADER + promised * FACET:
+        text = decoded(data).lstrip()
+        if text[:5].lower() == b"solid" and b"\0" not in text[:1024]:
+            return merge_equal(_ascii(text, name))
+        if promised < 0 or _is_text(data):
+            raise BadInput(f"{name}: is no STL file; expected 'solid' and facets, or a binary header of {HEADER} bytes")
+    there, rest = divmod(len(data) - HEADER, FACET)
+    if rest and (promised > there or not promised):
         raise BadInput(f"{name}: ends early: it promises {promised} triangles, {there} are there. {CUT_OFF}")
+    if not rest and promised != there:
+        notice(
+            f"{name}: its header says {promised} triangles, but it holds {there}, all whole, which are read. Export it "
+            "again if there should be more"
+        )
+        promised = there
+    elif rest or promised < there:
+        notice(f"{name}: there is more in the file than the {promised} triangles of its header; the rest is ignored")
     kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    with np.errstate(invalid="ignore"):  # of NaN, which is refused later
+    with np.errstate(invalid="ignore"):  # of NaN, which is left out later
         return merge_equal(np.frombuffer(data, kind, promised, HEADER)["corners"].astype(np.float64))
 
 
-def _ascii(data: bytes, name: str) -> np.ndarray:
-    corners = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data, re.IGNORECASE)
-    facets = len(re.findall(rb"\bfacet\s+normal\b", data, re.IGNORECASE))
-    if not re.search(rb"\bendsolid\b", data, re.IGNORECASE):
-        raise BadInput(f"{name}: ends early: 'solid' without 'endsolid' after {facets} facets. {CUT_OFF}")
-    if len(corners) != 3 * facets:
-        raise BadInput(f"{name}: {len(corners)} corners for {facets} facets; expected three each. The file is damaged")
+def _ascii(text: bytes, name: str) -> np.ndarray:
+    """The corners (f, 3, 3) of all facets, of whatever solid."""
+    begins = [match.end() for match in re.finditer(rb"\bfacet\s+normal\b", text, re.IGNORECASE)]
+    ends = len(re.findall(rb"\bend\s*facet\b", text, re.IGNORECASE))
+    closed = re.search(rb"\bend\s*solid\b", text[begins[-1] if begins else 0 :], re.IGNORECASE)
+    if not closed and ends != len(begins):
+        raise BadInput(f"{name}: ends early: 'solid' without 'endsolid' after {len(begins)} facets. {CUT_OFF}")
+    places = re.findall(rb"\bvertex\s+(\S+\s+\S+\s+\S+)", text, re.IGNORECASE)
+    if len(places) != 3 * len(begins):
+        raise BadInput(
+            f"{name}: {len(places)} corners for {len(begins)} facets; expected three each. The file is damaged"
+        )
+    joined = b" ".join(places)
     try:
-        return np.array(corners, dtype=np.float64).reshape(-1, 3, 3)
-    except ValueError as error:
-        raise BadInput(f"{name}: {error}; expected an STL file with three numbers for each vertex") from None
+        corners = numbers(joined)
+    except ValueError:
+        wrong = first_word_that_is_no_number(joined)
+        raise BadInput(f"{name}: holds {wrong!r}; expected an STL file with three numbers for each vertex") from None
+    if not closed:
+        notice(
+            f"{name}: has no 'endsolid' at its end; its {len(begins)} facets are whole. Export it again if more belong"
+        )
+    return corners.reshape(-1, 3, 3)
 
 
 def _is_text(data: bytes) -> bool:
