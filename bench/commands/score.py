@@ -136,12 +136,9 @@ def load(path: str) -> PointCloud | Trimesh:
     BadInput
         Naming the file and what was expected of it.
     """
-    from ..geometry.io.files import MESH_READERS, load_cloud, load_mesh
+    from ..geometry.io.files import load_geometry
 
-    cloud = load_cloud(path)  # says what is wrong with a file that cannot be read
-    reader = MESH_READERS.get(Path(path).suffix.lower())
-    has_faces = reader is not None and len(reader(Path(path).read_bytes(), path).faces)
-    return load_mesh(path) if has_faces else cloud
+    return load_geometry(path)
 
 
 def _show(notices: list[str]) -> None:

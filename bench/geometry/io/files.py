@@ -27,6 +27,7 @@ from ..normals import completed
 from .obj import read_obj
 from .off import read_off
 from .ply import read_ply, write_ply
+from .polygons import finite_triangles
 from .raw import NO_FACES, RawGeometry
 from .stl import read_stl
 
@@ -47,14 +48,7 @@ def load_mesh(path: str | Path) -> Trimesh:
     BadInput
         If the file cannot be read, is damaged, or holds no surface.
     """
-    from trimesh import Trimesh
-
-    raw = _read(path, MESH_READERS, "a mesh file")
-    if not len(raw.faces):
-        raise BadInput(f"{path}: has {len(raw.vertices)} vertices but no faces; expected a triangle mesh")
-    mesh = Trimesh(raw.vertices, raw.faces, process=False)
-    check_mesh(mesh, str(path))
-    return mesh
+    return _mesh(_read(path, MESH_READERS, "a mesh file"), str(path))
 
 
 def load_cloud(path: str | Path) -> PointCloud:
@@ -71,13 +65,38 @@ def load_cloud(path: str | Path) -> PointCloud:
     BadInput
         If the file cannot be read, is damaged, or holds fewer than three points that differ.
     """
+    return _cloud(_read(path, CLOUD_READERS, "a point cloud or mesh file"), str(path))
+
+
+def load_geometry(path: str | Path) -> Trimesh | PointCloud:
+    """Read a file once: a mesh as :func:`load_mesh` does if it has faces, otherwise a cloud as :func:`load_cloud` does.
+
+    Raises
+    ------
+    BadInput
+        As these do.
+    """
     raw = _read(path, CLOUD_READERS, "a point cloud or mesh file")
-    check_points(raw.vertices, str(path), at_least=3)
+    return (_mesh if len(raw.faces) else _cloud)(raw, str(path))
+
+
+def _mesh(raw: RawGeometry, name: str) -> Trimesh:
+    from trimesh import Trimesh
+
+    if not len(raw.faces):
+        raise BadInput(f"{name}: has {len(raw.vertices)} vertices but no faces; expected a triangle mesh")
+    mesh = Trimesh(*finite_triangles(raw.vertices, raw.faces, name), process=False)
+    check_mesh(mesh, name)
+    return mesh
+
+
+def _cloud(raw: RawGeometry, path: str) -> PointCloud:
+    check_points(raw.vertices, path, at_least=3)
     colors = raw.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
         notice(f"{path}: its colours are not in 0..1; they are left out")
         colors = None
-    normals = None if raw.normals is None else completed(raw.vertices, raw.normals, str(path))
+    normals = None if raw.normals is None else completed(raw.vertices, raw.normals, path)
     return PointCloud(raw.vertices, normals, colors)
 
 

@@ -42,18 +42,45 @@ def triangulate(sizes: np.ndarray, corners: np.ndarray, vertices: np.ndarray, na
         )
     if (sizes < 3).any():
         notice(f"{name}: {int((sizes < 3).sum())} faces of fewer than 3 corners are left out")
+    if (sizes == 3).all():
+        return corners.reshape(-1, 3).astype(np.int64, copy=False)
     starts = np.cumsum(sizes) - sizes
     triangles = np.maximum(sizes - 2, 0)
     rows = np.cumsum(triangles) - triangles  # where the triangles of each polygon begin
     first = np.repeat(starts, triangles)
     step = np.arange(len(first)) - np.repeat(rows, triangles) + 1
     faces = corners[np.stack([first, first + step, first + step + 1], axis=1)].astype(np.int64).reshape(-1, 3)
-    with np.errstate(invalid="ignore", over="ignore"):  # coordinates that are not finite are refused later
+    with np.errstate(invalid="ignore", over="ignore"):  # triangles with coordinates that are not finite go later
         _turn_diagonals(faces, rows[sizes == 4], vertices)
         large = np.flatnonzero(sizes > 4)
         if len(large):
             _cut_ears(faces, rows[large], starts[large], sizes[large], corners, vertices)
     return faces
+
+
+def finite_triangles(vertices: np.ndarray, faces: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (v, 3) and faces (f, 3) without vertices that are NaN or infinite and the triangles that have such.
+
+    Raises
+    ------
+    BadInput
+        If no triangle is left. A notice says how many are left out.
+    """
+    finite = np.isfinite(vertices).all(axis=1)
+    if finite.all():
+        return vertices, faces
+    kept = finite[faces].all(axis=1)
+    lost, bad = len(faces) - int(kept.sum()), len(finite) - int(finite.sum())
+    if not kept.any():
+        raise BadInput(
+            f"{name}: {bad} of {len(finite)} vertices are NaN or infinite, and all {lost} triangles have one; expected "
+            "finite coordinates. Export it again"
+        )
+    notice(
+        f"{name}: {bad} of {len(finite)} vertices are NaN or infinite; they and the {lost} of {len(faces)} triangles "
+        "that have one are left out"
+    )
+    return vertices[finite], (np.cumsum(finite) - 1)[faces[kept]]
 
 
 def _turn_diagonals(faces: np.ndarray, rows: np.ndarray, V: np.ndarray) -> None:
