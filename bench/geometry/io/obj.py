@@ -210,5 +210,5 @@ def _wrong(words: list[bytes]) -> str:
     if words and words[0] in (b"f", b"fo"):
         for word in words[1:]:
             if not CORNER.fullmatch(word):
-                return f"a face has the corner {word.decode('utf-8', errors='replace')!r}; expected 'f 1 2 3'"
+                return f"{word.decode('utf-8', errors='replace')!r} is no corner of a face ('f 1 2 3')"
     return ""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import BadInput, UsageError
+from .plain import decoded
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -57,10 +58,10 @@ def save_with_vertices(source: str | Path, vertices: np.ndarray, path: str | Pat
     """
     source, path = Path(source), Path(path)
     try:
-        text = source.read_text(encoding="utf-8", errors="surrogateescape")
+        text = decoded(source.read_bytes()).decode("utf-8", errors="surrogateescape")
     except OSError as error:
         raise BadInput(f"{source}: cannot be read ({error.strerror})") from None
-    lines = text.replace("\\\n", " ").splitlines()
+    lines = text.replace("\\\r\n", " ").replace("\\\n", " ").splitlines()
     numbers = [k for k, line in enumerate(lines) if line.split()[:1] == ["v"]]
     if len(numbers) != len(vertices):
         raise BadInput(f"{source}: has {len(numbers)} vertices; expected the {len(vertices)} of the mesh to be written")

@@ -43,6 +43,8 @@ def read_off(data: bytes, name: str) -> RawGeometry:
     binary = BINARY.match(data)
     if binary:
         letters = _letters(binary[1] + b"OFF", name)
+        if "n" in letters:
+            raise BadInput(f"{name}: is a binary nOFF file; expected one of three dimensions. Convert it to PLY")
         tables = _of_binary(data, binary.end(), letters, name)
     else:
         text = without_comments(plain_text(data))
@@ -50,7 +52,10 @@ def read_off(data: bytes, name: str) -> RawGeometry:
         if not word and not re.match(rb"\s*\d+\s+\d", text):
             raise BadInput(f"{name}: does not begin with 'OFF'; {EXPECTED}")
         letters = _letters(word[0].strip() if word else b"OFF", name)
-        tables = _of_text(text[word.end() if word else 0 :], letters, bool(word), name)
+        text = text[word.end() if word else 0 :]
+        if "n" in letters:
+            text = _of_three_dimensions(text, letters, name)
+        tables = _of_text(text, letters, bool(word), name)
     points, normals, colors = _parts(tables.vertex, letters, name)
     return RawGeometry(points, triangulate(tables.face.sizes, tables.face.values, points, name), normals, colors)
 
@@ -60,11 +65,18 @@ def _letters(word: bytes, name: str) -> list[str]:
     text = word.decode("ascii")
     # A small n means any dimension, and a large one normals; in a word of small letters it is normals.
     found = re.findall("ST|[CNn4]", text[:-3] if text.endswith("OFF") else text[:-3].upper())[::-1]
-    if "n" in found:
-        raise BadInput(f"{name}: is an OFF file of any dimension ({text}); expected one of three. Convert it to PLY")
     if len(set(found)) < len(found):
         raise BadInput(f"{name}: cannot read the letters of {text!r}; {EXPECTED}")
     return found
+
+
+def _of_three_dimensions(text: bytes, letters: list[str], name: str) -> bytes:
+    """The text of an nOFF file without its first number, which is that of dimensions."""
+    three = re.match(rb"\s*3\s", text)
+    if not three or "4" in letters:
+        raise BadInput(f"{name}: has places of another dimension (nOFF); expected three. Convert it to PLY")
+    letters.remove("n")
+    return text[three.end() :]
 
 
 # -- binary ------------------------------------------------------------------------------------------------------------
@@ -117,21 +129,22 @@ def _of_text(text: bytes, letters: list[str], named: bool, name: str) -> _Tables
     found = _by_lines(values, lines, vertices, faces) if len(lines) >= vertices + faces else None
     if found and len(lines) == vertices + faces:
         return found
+    more = f"{name}: there is more in the file than its first line says; the rest is ignored"
     try:
         by_words, all_read = _by_words(values, vertices, faces, letters, name)
     except BadInput:
         if found and named:
+            notice(more)
             return found
         if not faces or len(lines) != vertices + faces:
             raise
         raise BadInput(f"{name}: has a face that names fewer corners than its first number says; {EXPECTED}") from None
-    if found and named and not all_read:
-        return found
-    if not all_read:
-        if not named:
-            raise BadInput(f"{name}: does not begin with 'OFF'; {EXPECTED}")
-        notice(f"{name}: there is more in the file than its first line says; the rest is ignored")
-    return by_words
+    if all_read:
+        return by_words
+    if not named:
+        raise BadInput(f"{name}: does not begin with 'OFF'; {EXPECTED}")
+    notice(more)
+    return found or by_words
 
 
 def _by_lines(values: np.ndarray, lines: np.ndarray, vertices: int, faces: int) -> _Tables | None:
@@ -179,6 +192,8 @@ def _parts(table: np.ndarray, letters: list[str], name: str) -> tuple[np.ndarray
     if missing > 0 and letters:
         notice(f"{name}: its vertices have fewer numbers than {''.join(letters[::-1])}OFF says; only places are read")
         return points, None, None
+    if missing < 0:
+        notice(f"{name}: its vertices have more numbers than {''.join(letters[::-1])}OFF says; the rest is not read")
     at = 3
     for letter in letters:
         part = table[:, at : at + widths[letter]]

@@ -129,6 +129,8 @@ def _header(data: bytes, name: str) -> tuple[str, list[Element], int]:
     if not form or any(not element.properties for element in elements):
         raise BadInput(f"{name}: its header names no format, or an element without properties; {EXPECTED}")
     _check_names([element.name for element in elements], "elements", name)
+    if any(e.name in VERTICES and any(p.length and p.name in INDICES[:3] for p in e.properties) for e in elements):
+        raise BadInput(f"{name}: its header has no line 'element face' before the list of vertex indices; {EXPECTED}")
     for element in elements:
         _check_names([prop.name for prop in element.properties], f"properties of {element.name!r}", name)
     return form, elements, line_end.end() if line_end else end.end()
@@ -169,22 +171,20 @@ def _of_text(body: bytes, elements: list[Element], name: str) -> tuple[dict[str,
             f"{name}: holds {wrong!r} where a number belongs; expected the numbers of a PLY file. The file is cut off "
             "or damaged"
         ) from None
+    tables, fault = None, None
     try:
         tables = {element.name: source.table(element) for element in elements}
         if not source.left_over():
             return tables, True
-    except BadInput:
-        by_lines = _by_lines(source, body, elements)
-        if not by_lines:
-            raise
-        tables = by_lines
-    else:
-        by_lines = _by_lines(source, body, elements)
+    except BadInput as error:
+        fault = error
+    by_lines = _by_lines(source, body, elements)
     if by_lines:
         notice(f"{name}: has rows of more numbers than its header says; each line is read as a row without the rest")
-            f"{name}: has rows of more numbers than its header says; each line is read as a row, the rest is ignored"
-        )
-    return by_lines or tables, bool(by_lines)
+        return by_lines, True
+    if fault:
+        raise fault
+    return tables, False
 
 
 def _by_lines(source: NumberSource, body: bytes, elements: list[Element]) -> dict[str, Columns]:
