@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from bench import BadInput, Shape, ShapePair, UsageError, register
+from bench.geometry.io.suffixes import MESH_SUFFIXES as SUFFIXES
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-SUFFIXES = (".ply", ".obj", ".stl", ".off")
 EXPECTED = f"expected a mesh file, a folder of them, or a pattern such as 'scans/*.ply' ({' '.join(SUFFIXES)})"
 # Parameters that came later: cells that do without them are called as before (docs/write-a-plugin.md).
 LATER = {"since": "0.2"}

@@ -26,9 +26,11 @@ from ..cloud import PointCloud
 from ..normals import completed
 from .obj import read_obj
 from .off import read_off
+from .plain import decoded
 from .ply import read_ply, write_ply
 from .polygons import finite_triangles
 from .raw import NO_FACES, RawGeometry
+from .scenes import read_3mf, read_dae, read_glb, read_gltf
 from .stl import read_stl
 
 if TYPE_CHECKING:
@@ -38,10 +40,11 @@ MOST_MESSAGE = 400  # letters of a message besides the name of the file: a damag
 
 
 def load_mesh(path: str | Path) -> Trimesh:
-    """Read a triangle mesh from a PLY, OBJ, STL or OFF file.
+    """Read a triangle mesh from a PLY, OBJ, STL or OFF file, or from a scene (GLB, glTF, 3MF, COLLADA).
 
     Vertices and their order are the file's; polygons become triangles that keep their area; the corners of an STL file
-    become common vertices where they are exactly equal. Coordinates are float64.
+    and of a scene become common vertices where they are exactly equal. Coordinates are float64. Vertices that are NaN
+    or infinite, and the triangles that have one, are left out with a notice.
 
     Raises
     ------
@@ -185,7 +188,9 @@ def _read(path: str | Path, readers: dict[str, Callable[[bytes, str], RawGeometr
 
 def _suffix_of_content(data: bytes) -> str:
     """What the first bytes say, where they say something."""
-    head = data[:1024].lstrip()
+    head = decoded(data[:1024]).lstrip()
+    if head[:4] == b"glTF":
+        return ".glb"
     if head[:3] == b"ply":
         return ".ply"
     if head.split(None, 1)[:1] and head.split(None, 1)[0].upper() in (b"OFF", b"COFF", b"NOFF", b"STOFF"):
@@ -216,8 +221,8 @@ def _read_xyz(data: bytes, name: str) -> RawGeometry:
 
 
 MESH_READERS = {".ply": read_ply, ".obj": read_obj, ".stl": read_stl, ".off": read_off}
+MESH_READERS |= {".glb": read_glb, ".gltf": read_gltf, ".3mf": read_3mf, ".dae": read_dae}
 CLOUD_READERS = MESH_READERS | {".xyz": _read_xyz, ".txt": _read_xyz}
-MESH_SUFFIXES = tuple(MESH_READERS)
 
 
 # -- writing -----------------------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...errors import BadInput
 from ...notices import notice
+from .merging import merge_equal
 from .plain import decoded, first_word_that_is_no_number, numbers
 from .raw import RawGeometry
 
@@ -47,15 +48,15 @@ def read_stl(data: bytes, name: str) -> RawGeometry:
         notice(f"{name}: there is more in the file than the {promised} triangles of its header; the rest is ignored")
     kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     with np.errstate(invalid="ignore"):  # of NaN, which is left out later
-        return merge_equal(np.frombuffer(data, kind, promised, HEADER)["corners"].astype(np.float64))
+        return merge_equal(np.frombuffer(data, kind, promised, HEADER)["corners"].astype(np.float64).reshape(-1, 3))
 
 
 def _ascii(text: bytes, name: str) -> np.ndarray:
-    """The corners (f, 3, 3) of all facets, of whatever solid."""
+    """The corners (3 f, 3) of all facets, of whatever solid."""
     begins = [match.end() for match in re.finditer(rb"\bfacet\s+normal\b", text, re.IGNORECASE)]
-    ends = len(re.findall(rb"\bend\s*facet\b", text, re.IGNORECASE))
+    ends = [match.end() for match in re.finditer(rb"\bend\s*facet\b", text, re.IGNORECASE)]
     closed = re.search(rb"\bend\s*solid\b", text[begins[-1] if begins else 0 :], re.IGNORECASE)
-    if not closed and ends != len(begins):
+    if not closed and (len(ends) != len(begins) or text[ends[-1] if ends else 0 :].strip()):
         raise BadInput(f"{name}: ends early: 'solid' without 'endsolid' after {len(begins)} facets. {CUT_OFF}")
     places = re.findall(rb"\bvertex\s+(\S+\s+\S+\s+\S+)", text, re.IGNORECASE)
     if len(places) != 3 * len(begins):
@@ -72,24 +73,9 @@ def _ascii(text: bytes, name: str) -> np.ndarray:
         notice(
             f"{name}: has no 'endsolid' at its end; its {len(begins)} facets are whole. Export it again if more belong"
         )
-    return corners.reshape(-1, 3, 3)
+    return corners.reshape(-1, 3)
 
 
 def _is_text(data: bytes) -> bool:
     head = data[:1024]
     return b"\0" not in head and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head)
-
-
-def merge_equal(corners: np.ndarray) -> RawGeometry:
-    """Triangles (f, 3, 3) as a mesh in which exactly equal corners are one vertex, numbered by first appearance."""
-    points = corners.reshape(-1, 3) + 0.0  # -0.0 and 0.0 are one place
-    order = np.lexsort(points.T)
-    differs = (points[order[1:]] != points[order[:-1]]).any(axis=1)
-    group = np.empty(len(points), dtype=np.int64)
-    group[order] = np.concatenate([[0], np.cumsum(differs)])[: len(points)]
-    # lexsort is stable: the first of each group is its first appearance.
-    first = order[np.concatenate([[True], differs])[: len(points)]]
-    rank = np.empty(len(first), dtype=np.int64)
-    by_appearance = np.argsort(first)
-    rank[by_appearance] = np.arange(len(first))
-    return RawGeometry(points[first[by_appearance]], rank[group].reshape(-1, 3))
