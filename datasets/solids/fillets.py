@@ -44,7 +44,8 @@ def polygon(corners: Sequence[tuple[float, float]], radii: Sequence[float] | flo
     Parameters
     ----------
     corners : (n, 2) array
-    radii : of the arcs, one a corner or one for all; each above 0 and short of the sides
+    radii : of the arcs, one a corner or one for all; each short of the sides
+        Where it is 0 the corner is sharp: that is for outlines whose edges stay sharp, too.
     """
     corner = np.asarray(corners, dtype=np.float64)
     ahead = np.roll(corner, -1, axis=0) - corner
@@ -53,15 +54,24 @@ def polygon(corners: Sequence[tuple[float, float]], radii: Sequence[float] | flo
     turn = np.arctan2(before[:, 0] * ahead[:, 1] - before[:, 1] * ahead[:, 0], (before * ahead).sum(axis=1))
     points, normals = [], []
     for k, radius in enumerate(np.broadcast_to(radii, len(corner))):
+        if not radius:
+            points.append(corner[k : k + 1])
+            normals.append(_right(before[k] + ahead[k])[None])
+            continue
         sign = np.sign(turn[k])
-        left = np.array([-before[k, 1], before[k, 0]])
-        centre = corner[k] - before[k] * radius * np.tan(abs(turn[k]) / 2) + sign * radius * left
-        start = np.arctan2(*(-sign * left)[::-1])
+        out = sign * _right(before[k])
+        centre = corner[k] - before[k] * radius * np.tan(abs(turn[k]) / 2) - radius * out
+        start = np.arctan2(*out[::-1])
         angles = start + np.linspace(0, turn[k], max(2, round(abs(turn[k]) / ARC)) + 1)
         out = np.column_stack([np.cos(angles), np.sin(angles)])
         points.append(centre + radius * out)
         normals.append(sign * out)
     return Loop(np.concatenate(points), np.concatenate(normals))
+
+
+def _right(direction: np.ndarray) -> np.ndarray:
+    """The unit vector to the right of a direction (2,)."""
+    return np.array([direction[1], -direction[0]]) / np.linalg.norm(direction)
 
 
 def box(width: float, depth: float, radius: float) -> Loop:
