@@ -23,7 +23,7 @@ EXPECTED = f"expected a mesh file, a folder of them, or a pattern such as 'scans
 LATER = {"since": "0.2"}
 
 
-@register("dataset", requires=("trimesh",))
+@register("dataset", requires=("trimesh",), own=True)
 @dataclass(frozen=True)
 class Files:
     """Your meshes: a file, a folder or a glob pattern of PLY, OBJ, STL and OFF.
@@ -120,6 +120,10 @@ class Files:
             f"dataset files: split={split} has no meshes, since all of dataset.path={self.path} are test data. Name "
             "others with dataset.train_path=FOLDER, or give a share of them to the train split: dataset.train_share=0.5"
         )
+
+    def count(self, split: str) -> int:
+        """How many meshes a split has."""
+        return sum(found.split == split for found in self._named().values())
 
     def state(self) -> dict[str, str]:
         """The SHA-256 of each file's content by the id of its shape, so that an edited file is a changed input."""

@@ -94,7 +94,7 @@ def item_functions(dataset: Any) -> tuple[str, ...]:
     """The functions of a dataset that take a split alone, ``shapes`` first: ``("shapes", "pairs", "transfers")``."""
     found = []
     for name in dir(dataset):
-        function = None if name.startswith("_") or name == "check" else getattr(dataset, name, None)
+        function = None if name.startswith("_") or name in ("check", "count") else getattr(dataset, name, None)
         if callable(function) and list(inspect.signature(function).parameters) == ["split"]:
             found.append(name)
     return tuple(sorted(found, key=lambda name: (name != "shapes", name)))

@@ -56,15 +56,17 @@ def run(args: argparse.Namespace) -> int:
     for cell, settings in cells_of(jobs, refused):
         there, state, reasons = look_up(results, cell, settings)
         rest = seconds_to_do(cell, there, pace)
-        guess = "" if there == cell.cases else "?" if rest is None else duration(rest)
-        lines.append((cell.id, cell.title, f"{there}/{cell.cases}", state, guess))
+        guess = "" if there == cell.planned else "?" if rest is None else duration(rest)
+        lines.append(
+            (cell.id, cell.title, f"{there}/{cell.planned}", state, "; ".join(filter(None, (guess, cell.left_out))))
+        )
         seconds.append(rest)
         stale.append(reasons)
-        devices |= {cell.device} if there < cell.cases and runs_here(overrides) else set()
-        planned, finished = planned + cell.cases, finished + there
-        if cell.training and there < cell.cases and (line := line_of_training(results, cell.training)):
+        devices |= {cell.device} if there < cell.planned and runs_here(overrides) else set()
+        planned, finished = planned + cell.planned, finished + there
+        if cell.training and there < cell.planned and (line := line_of_training(results, cell.training)):
             trainings[cell.training.id] = line
-        unknown += cell.cases - there if rest is None else 0
+        unknown += cell.planned - there if rest is None else 0
     for note in results.damaged:
         print(f"warning: {note}", file=sys.stderr)
     width = max([len(line[1]) for line in lines], default=0)
@@ -126,10 +128,10 @@ def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str, tuple[str
 
     stands = standing(results, cell, ingredients(cell))
     rows, stored = standing_rows(results, cell, stands, settings)
-    count = min(len(rows), cell.cases)
+    count = min(len(rows), cell.planned)
     if stored and count == len(stored.rows):
         failed = sum(row["status"] != "ok" for row in stored.rows)
-        return cell.cases, f"{failed} failed" if failed else "finished", ()
+        return cell.planned, f"{failed} failed" if failed else "finished", ()
     if stored and settings.rerun != "always" and any(lacks_output(results, row, settings) for row in stored.rows):
         return count, "no outputs", ()
     if count:

@@ -252,7 +252,7 @@ def check_devices(requests: list[list[str]], sweeps: list[list[list[str]]], resu
                 check_device(device)
         except UsageError:
             for cell, settings in cells_of(jobs, []):
-                if look_up(results, cell, settings)[0] < cell.cases:
+                if look_up(results, cell, settings)[0] < cell.planned:
                     check_device(cell.device)
 
 

@@ -234,7 +234,7 @@ class _Job:
         CannotStart
             If no worker can begin, whatever the method.
         """
-        self.reporter.cell_begins(self.cell, self.cell.cases, len(self.rows))
+        self.reporter.cell_begins(self.cell, self.cell.planned, len(self.rows))
         deaths = starts = 0
         tried = set()  # cases whose fork server was killed once
         while True:
@@ -378,7 +378,7 @@ class _Job:
 
     def no_plan(self, row: dict[str, Any]) -> None:
         """The cases could not even be listed: one row has the reason, or that of each where they are known."""
-        missing = [index for index in range(len(self.ids) or self.cell.cases) if index not in self.rows]
+        missing = [index for index in range(len(self.ids) or self.cell.planned) if index not in self.rows]
         for index in missing if self.ids else missing[:1]:
             name = self.ids[index] if self.ids else f"case-{index:03d}"
             self.keep({"case": name, "case_index": index} | row)

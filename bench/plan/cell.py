@@ -59,6 +59,22 @@ class Cell(Resolved):
         """Twelve hexadecimal digits: equal wherever the same cell is planned."""
         return id_of(self.to_json())
 
+    @functools.cached_property
+    def planned(self) -> int:
+        """How many cases there are to do: ``cases``, or as many as the dataset says that it has, if these are fewer."""
+        return self.cases if self._there is None else min(self.cases, self._there)
+
+    @property
+    def left_out(self) -> str:
+        """``2 of 6 cases left out (cases=4)``; empty where none are, or nobody counts them."""
+        rest = (self._there or 0) - self.cases
+        return f"{rest} of {self._there} cases left out (cases={self.cases})" if rest > 0 else ""
+
+    @functools.cached_property
+    def _there(self) -> int | None:
+        count = getattr(self.dataset.made, "count", None)
+        return count(self.split) if callable(count) else None
+
     @property
     def variant(self) -> str:
         """What differs from the defaults of the method, and from its usual training."""

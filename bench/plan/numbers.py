@@ -8,7 +8,8 @@ from ..errors import UsageError
 from ..text import cut
 
 # The least and the most of whole numbers. A seed is one word of 32 bits of the generators: larger ones would repeat.
-WHOLE_NUMBERS = {"cases": (1, 100_000), "threads": (1, 1024), "seed": (0, 2**32 - 1)}
+ALL_CASES = 100_000  # as many cases as a dataset has
+WHOLE_NUMBERS = {"cases": (1, ALL_CASES), "threads": (1, 1024), "seed": (0, 2**32 - 1)}
 
 
 def check_whole_number(key: str, value: Any) -> None:

@@ -402,6 +402,7 @@ def register(
     options
         Of a metric: ``version`` (int), ``better`` (``lower``, ``higher``, ``reference``, or a mapping from score to
         one of them), ``outputs`` (tuple of ``"mesh"``, ``"cloud"``), ``floor`` (bool: score a perfect output too).
+        Of a dataset: ``own`` (bool: its files are the user's, and a run takes all of them where no number is given).
         Of a sensor: ``gives`` (``"cloud"``, ``"views"``, or a word of your own that a task ``takes``).
 
     Raises
@@ -463,7 +464,11 @@ def _check_class(kind: str, name: str, cls: type) -> None:
 
 
 def _check_options(kind: str, name: str, options: Mapping[str, Any]) -> None:
-    known = {"metric": ("version", "better", "outputs", "floor"), "sensor": ("version", "gives")}
+    known = {
+        "dataset": ("version", "own", "scans"),
+        "metric": ("version", "better", "outputs", "floor"),
+        "sensor": ("version", "gives"),
+    }
     known = known.get(kind, ("version",))
     for option in options:
         if option not in known:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from ..plan.keys import Base
+from ..plan.numbers import ALL_CASES
 from ..text import cut
 
 if TYPE_CHECKING:
@@ -20,10 +21,30 @@ CONFIG_NAME = "config"
 VERSION_BASE = "1.3"
 
 
+def usual_cases(count: int, *, _root_: DictConfig) -> int:
+    """How many cases a profile takes of the chosen dataset: ``count``, but all of the user's own files.
+
+    Profiles say ``cases: ${usual_cases:4}``; what the user gives stands in place of it.
+    """
+    from ..plugins.registry import registry
+
+    name = (_root_.get("dataset") or {}).get("_name_")
+    own = name in registry().names("dataset") and registry().find("dataset", name).options.get("own")
+    return ALL_CASES if own else int(count)
+
+
+def register_resolvers() -> None:
+    """Let configs use :func:`usual_cases`."""
+    from omegaconf import OmegaConf
+
+    OmegaConf.register_new_resolver("usual_cases", usual_cases, replace=True)
+
+
 def register_base() -> None:
     """Put the typed base, and every plugin, into Hydra's config store; those that are new since the last call."""
     from ..plugins.registry import KINDS, registry
 
+    register_resolvers()
     _register(tuple((kind, *registry().names(kind)) for kind in KINDS))
 
 
@@ -59,7 +80,10 @@ def compose(overrides: Sequence[str]) -> DictConfig:
     from hydra import compose as hydra_compose
 
     with hydra_ready(), in_words(overrides):
-        return hydra_compose(CONFIG_NAME, overrides=list(overrides))
+        config = hydra_compose(CONFIG_NAME, overrides=list(overrides))
+        if "cases" in config:
+            config.cases = config.cases  # the number, where a profile has asked for the usual one
+        return config
 
 
 def resolved(overrides: Sequence[str]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..errors import UsageError, did_you_mean
+from .quoting import quoted_files
 
 OURS = ("-m", "--multirun", "--plugin", "--no-leaderboard", "--help")
 SHOW = ("--cfg", "--info", "--hydra-help")  # what is shown; the other flags say how
@@ -20,6 +21,8 @@ VALUES: dict[str, tuple[str, ...] | None] = {
 
 def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
     """The overrides among the words of a command line, and the flags that Hydra knows, with their values.
+
+    Names of files among the overrides are quoted where Hydra needs it.
 
     Raises
     ------
@@ -43,7 +46,7 @@ def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
         _check_value(flag, flags[flag])
     if flags and sum(flag in SHOW for flag in flags) != 1:
         raise UsageError(f"{' '.join(flags)}: expected one of {', '.join(SHOW)}, and with --cfg --resolve or --package")
-    return overrides, [part for flag, value in flags.items() for part in (flag, value) if part]
+    return quoted_files(overrides), [part for flag, value in flags.items() for part in (flag, value) if part]
 
 
 def _check_value(flag: str, value: str) -> None:

@@ -141,6 +141,6 @@ def summary(planned: int, finished: int, seconds: Sequence[float | None], unknow
 
 def seconds_to_do(cell: Cell, finished: int, pace: Pace) -> float | None:
     """Seconds of a cell's cases that are not finished; None where nobody knows."""
-    to_do = cell.cases - finished
+    to_do = cell.planned - finished
     one = pace.seconds(cell) if to_do else 0.0
     return None if one is None else to_do * one

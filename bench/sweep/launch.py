@@ -40,13 +40,16 @@ def job(config: DictConfig) -> None:
     """What Hydra calls for every job."""
     from omegaconf import OmegaConf
 
-    values = OmegaConf.to_container(config, resolve=True)
-    session = Session(Path(os.path.expanduser(values["results"])).absolute(), values["session"])
+    from .composition import register_resolvers
+
+    session = Session(Path(os.path.expanduser(config.results)).absolute(), config.session)
     here = session.owner[0] == os.getpid()
     if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
         _ignore_interrupts()
         isolate_imports()
-        load_plugins(values["plugins"], warn=False)
+        load_plugins(list(config.plugins), warn=False)
+    register_resolvers()
+    values = OmegaConf.to_container(config, resolve=True)
 
     def alive() -> None:
         if not here and not session.is_watched():

@@ -53,7 +53,7 @@ def look_ahead(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results:
     seconds = {job: seconds_to_do(entry[0], done[job], pace) if entry else 0.0 for job, entry in cells.items()}
     kinds = [_kind(job) for job in jobs]
     every = _spread(seconds, kinds)
-    planned = {job: entry[0].cases if entry else 0 for job, entry in cells.items()}
+    planned = {job: entry[0].planned if entry else 0 for job, entry in cells.items()}
     unknown = sum(planned[job] - done[job] for job in chosen if seconds[job] is None)
     workers = workers_of(overrides, max((entry[0].threads for entry in cells.values() if entry), default=1))
     cases, finished, unknown = (
@@ -65,7 +65,7 @@ def look_ahead(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results:
 
 def _finished(results: Results, cell: Cell, settings: Settings) -> int:
     rows, _ = standing_rows(results, cell, standing(results, cell, ingredients(cell)), settings)
-    return min(len(rows), cell.cases)
+    return min(len(rows), cell.planned)
 
 
 def _kind(job: Sequence[str]) -> str:
@@ -96,6 +96,7 @@ def likely_cells(jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Cell, Settings
     """
     first = dict(_parsed(jobs[0]))
     base = resolved(jobs[0])
+    cases: dict[str, int] = {}  # by dataset: a profile takes all of the user's own files
     for job in jobs:
         words = _parsed(job)
         values = copy.deepcopy(base)
@@ -103,6 +104,10 @@ def likely_cells(jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Cell, Settings
         for key, value in changed:
             _change(values, key, value)
         chosen = {key for key, _ in changed if key in KINDS}
+        if "dataset" in chosen:
+            name = values["dataset"]["_name_"]
+            cases[name] = cases[name] if name in cases else resolved(job)["cases"]
+            values["cases"] = dict(words).get("cases", cases[name])
         for key, value in words:  # a plugin that was chosen anew has lost what the words give to it
             if key.partition(".")[0] in chosen and "." in key:
                 _change(values, key, value)

@@ -18,6 +18,7 @@ from ..plugins import presets
 from ..plugins.registry import KINDS, Plugin, registry
 from ..plugins.schema import check_value
 from ..text import cut
+from .quoting import hint
 
 
 def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
@@ -26,7 +27,10 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
         key = override.key_or_group
         values = _values(override)
         if override.is_sweep_override() and not multirun and not key.startswith("hydra"):
-            raise UsageError(f"{override.input_line}: several values are a sweep; add -m: detailbench run -m ...")
+            raise UsageError(
+                f"{override.input_line}: several values are a sweep; add -m: detailbench run -m ..."
+                + (f"; {hint(override.input_line)}" if "." in key else "")
+            )
         if key.startswith("hydra"):
             if "/" in key and not all(value is None or isinstance(value, str) for value in values):
                 raise UsageError(f"{override.input_line}: expected a name, as in hydra/launcher=joblib")
@@ -83,7 +87,7 @@ def _parse(overrides: Sequence[str]) -> list[Any]:
         except OverrideParseException as error:
             raise UsageError(
                 f"cannot read {cut(text, 200)!r}: expected key=value, for instance method=poisson or limit.seconds=60 "
-                f"({cut(str(error).splitlines()[0], 200)})"
+                f"({cut(str(error).splitlines()[0], 200)})" + (f"; {hint(text)}" if is_override(text) else "")
             ) from error
         except RecursionError as error:
             raise UsageError(f"cannot read {cut(text, 200)!r}: nested too deeply") from error

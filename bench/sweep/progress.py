@@ -27,7 +27,8 @@ def line_of(cell: Cell, outcome: Outcome) -> str:
     """What became of a cell, in one line."""
     rows = outcome.record.rows
     seconds = sum(row["seconds"] or 0.0 for row in rows)
-    text = f"{cell.title}: {outcome.record.solved}/{len(rows)} solved"
+    left_out = f" ({cell.left_out})" if cell.left_out else ""
+    text = f"{cell.title}: {outcome.record.solved}/{len(rows)} solved{left_out}"
     if outcome.cached == len(rows):
         return f"{text}, all there already"
     there = f", {outcome.cached} there already" if outcome.cached else ""
