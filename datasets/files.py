@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import functools
-import glob
-import hashlib
 import os
-import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from bench import BadInput, Shape, ShapePair, UsageError, register
+from bench import BadInput, PointCloud, Shape, ShapePair, UsageError, register
 from bench.geometry.io.suffixes import MESH_SUFFIXES as SUFFIXES
+
+from .common.own_files import UNREADABLE, expanded, find, safe_ids, sha256
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
 EXPECTED = f"expected a mesh file, a folder of them, or a pattern such as 'scans/*.ply' ({' '.join(SUFFIXES)})"
+CLOUDS = (
+    "Points alone have no truth to be scored against: name them as the scans of dataset=paired beside their references "
+    "(dataset.input=SCANS dataset.reference=TRUTHS), or apply a method to them: detailbench apply method=NAME IN OUT"
+)
 # Parameters that came later: cells that do without them are called as before (docs/write-a-plugin.md).
 LATER = {"since": "0.2"}
 
@@ -127,9 +129,9 @@ class Files:
 
     def state(self) -> dict[str, str]:
         """The SHA-256 of each file's content by the id of its shape, so that an edited file is a changed input."""
-        state = {f"{id} ({found.file.name})": _sha256(found.file) for id, found in self._named().items()}
+        state = {f"{id} ({found.file.name})": sha256(found.file) for id, found in self._named().items()}
         if self.target_path:
-            state |= {f"target {file.name}": _sha256(file) for file in _files("target_path", self.target_path)}
+            state |= {f"target {file.name}": sha256(file) for file in _files("target_path", self.target_path)}
         return state
 
     def _named(self) -> dict[str, _Found]:
@@ -150,24 +152,14 @@ class _Found(NamedTuple):
 
 def _by_id(found: list[_Found]) -> dict[str, _Found]:
     """The files by ids that are unique (also where upper and lower case are one) and safe as file names."""
-    named: dict[str, _Found] = {}
-    taken: set[str] = set()
-    for one in found:
-        stem = re.sub(r"[^A-Za-z0-9._-]+", "_", one.file.stem).strip("._-")[:80] or "mesh"
-        id, number = stem, 1
-        while id.lower() in taken:
-            number += 1
-            id = f"{stem}-{number}"
-        taken.add(id.lower())
-        named[id] = one
-    return named
+    return dict(zip(safe_ids(one.file.stem for one in found), found, strict=True))
 
 
 def _refuse_common(found: Iterable[_Found]) -> None:
     """Raise :class:`UsageError` with both names for a content that is in both splits."""
     files: dict[str, dict[str, Path]] = {"test": {}, "train": {}}
     for one in found:
-        files[one.split].setdefault(_sha256(one.file), one.file)
+        files[one.split].setdefault(sha256(one.file), one.file)
     for content in files["test"].keys() & files["train"].keys():
         if not content.startswith(UNREADABLE):
             raise UsageError(
@@ -182,37 +174,31 @@ def _files(key: str, path: str) -> list[Path]:
     if not parts:
         raise UsageError(f"dataset.{key} is empty; {EXPECTED}")
     # A file whose name holds the separator is meant as it stands.
-    if Path(os.path.expanduser(path)).exists():
+    if expanded(path).exists():
         parts = [path]
     return sorted({file for part in parts for file in _matches(key, part)})
 
 
 def _matches(key: str, part: str) -> list[Path]:
-    path = Path(os.path.expanduser(part))
-    if path.is_file():
-        if path.suffix.lower() not in SUFFIXES:
-            raise UsageError(f"dataset.{key}={part}: unknown suffix {path.suffix!r}; {EXPECTED}")
-        return [path]
-    if path.is_dir():
-        try:
-            found, where = list(path.iterdir()), "the folder"
-        except OSError as error:
-            raise UsageError(f"dataset.{key}={part}: the folder cannot be read ({error.strerror})") from error
-    else:
-        found, where = [Path(name) for name in glob.glob(str(path), recursive=True)], "the pattern"
-        if not found:
-            raise UsageError(f"dataset.{key}={part}: no such file or folder, and no file matches; {EXPECTED}")
-    files = [file for file in found if file.suffix.lower() in SUFFIXES and file.is_file()]
-    if not files:
-        raise UsageError(f"dataset.{key}={part}: {where} holds no mesh file ({len(found)} others); {EXPECTED}")
-    return files
+    path = expanded(part)
+    try:
+        return find(f"dataset.{key}={part}", path, SUFFIXES, EXPECTED)
+    except UsageError as error:
+        from bench.geometry.io.files import CLOUD_READERS
+
+        if path.suffix.lower() in CLOUD_READERS and path.suffix.lower() not in SUFFIXES:
+            raise UsageError(f"{error}. {CLOUDS}") from None
+        raise
 
 
 def _reader(file: Path) -> Callable[[], Trimesh]:
     def read() -> Trimesh:
-        from bench.geometry.io.files import load_mesh
+        from bench.geometry.io.files import load_geometry
 
-        return load_mesh(file)
+        mesh = load_geometry(file)
+        if isinstance(mesh, PointCloud):
+            raise BadInput(f"{file}: has {len(mesh):,} points but no faces; expected a triangle mesh. {CLOUDS}")
+        return mesh
 
     return read
 
@@ -235,22 +221,5 @@ def _same_faces(source: Shape, target: Shape) -> Callable[[], Trimesh]:
 
 def _share(file: Path) -> float:
     """A number from 0 to 1 that depends on a file's content alone; 1 for a file that cannot be read."""
-    content = _sha256(file)
+    content = sha256(file)
     return 1.0 if content.startswith(UNREADABLE) else int(content[:13], 16) / 16**13
-
-
-UNREADABLE = "unreadable"
-
-
-def _sha256(file: Path) -> str:
-    try:
-        stat = file.stat()
-        return _sha256_of(file, stat.st_mtime_ns, stat.st_size)
-    except OSError as error:
-        return f"{UNREADABLE} ({error.strerror})"  # its case says so; the others go on
-
-
-@functools.lru_cache(maxsize=100_000)  # every cell of a sweep asks; gigabytes of scans are read once
-def _sha256_of(file: Path, mtime_ns: int, size: int) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

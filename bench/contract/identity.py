@@ -19,4 +19,6 @@ def shape_digest(shape: Shape) -> str:
     total.update(f"{surface.__module__}.{surface.__qualname__} {shape.exactness}".encode())
     for array in (np.asarray(shape.mesh.vertices, dtype=np.float64), np.asarray(shape.mesh.faces, dtype=np.int64)):
         total.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
+    if shape.cloud is not None and shape.cloud.normals is not None:
+        total.update(shape.cloud.normals.tobytes())
     return total.hexdigest()

@@ -53,6 +53,12 @@ def noun_of(plugin: Plugin, sensor: Any) -> type | None:
     return getattr(sensor, "noun", None)
 
 
+def gives_scans(plugin: Plugin, sensor: Any) -> bool:
+    """Whether a sensor, or the first step of a chain, gives the scan that came with a shape: ``sensor=scan``."""
+    parts = (plugin, *getattr(sensor, "plugins", ()))
+    return any(part.options.get("scans") for part in parts)
+
+
 def needs_a_source(plugin: Plugin, sensor: Any) -> bool:
     """Whether a sensor is an effect that cannot be used alone: only clouds are made for an effect by its base."""
     alone = getattr(plugin.cls, "sense", None) is not Effect.sense

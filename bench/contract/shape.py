@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ..geometry.cloud import Frame
+from ..geometry.cloud import Frame, PointCloud
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -75,9 +75,10 @@ class Shape:
     ----------
     id : str
         Unique in its dataset and split, usable as a file name (``bumps-test-003``).
-    mesh : Trimesh, or a function without arguments that makes it
+    mesh : Trimesh or PointCloud, or a function without arguments that makes it
         Give the function where making the mesh costs time: a resumed run then skips finished shapes at no cost, and
-        a shape that cannot be made fails alone.
+        a shape that cannot be made fails alone. A cloud, of a scanner better than the one that is tried, is all that
+        is known of some shapes: its points are the truth, and what needs a surface is left out.
     surface : Surface, optional
         What the dataset knows exactly (analytic samples and closest points). Without it the mesh is the truth.
     tags : tuple of str
@@ -91,30 +92,50 @@ class Shape:
         Named arrays that belong to the mesh, a row per vertex or per face, in the coordinates of the dataset: part
         labels, skinning weights, a displacement and the base that it was applied to. Or a row per column of another
         one: the joints of skinning weights.
+    scan : PointCloud, or a function without arguments that makes it
+        A scan that came with the shape, in the coordinates of the mesh: what ``sensor=scan`` gives. A dataset whose
+        shapes have one is registered with ``scans=True``.
     """
 
     def __init__(
         self,
         id: str,
-        mesh: Trimesh | Callable[[], Trimesh],
+        mesh: Trimesh | PointCloud | Callable[[], Trimesh | PointCloud],
         *,
         surface: Surface | None = None,
         tags: tuple[str, ...] = (),
         info: Mapping[str, Any] | None = None,
         exactness: str = "mesh",
         attributes: Mapping[str, np.ndarray] | Callable[[], Mapping[str, np.ndarray]] | None = None,
+        scan: PointCloud | Callable[[], PointCloud] | None = None,
     ):
         if exactness not in EXACTNESS:
             raise ValueError(f"exactness: expected one of {', '.join(EXACTNESS)}; got {exactness!r}")
         self.id, self.tags, self.info, self.exactness = id, tuple(tags), dict(info or {}), exactness
-        self._mesh, self._surface, self._attributes = mesh, surface, attributes or {}
+        self._mesh, self._surface, self._attributes, self._scan = mesh, surface, attributes or {}, scan
 
     @property
-    def mesh(self) -> Trimesh:
-        """The mesh, made on first use."""
+    def cloud(self) -> PointCloud | None:
+        """The points, where they are all that is known of the shape; None where it has a mesh. Made on first use."""
         if callable(self._mesh):
             self._mesh = self._mesh()
-        return self._mesh
+        return self._mesh if isinstance(self._mesh, PointCloud) else None
+
+    @cached_property
+    def mesh(self) -> Trimesh:
+        """The mesh, made on first use; one of vertices alone where the shape is a cloud."""
+        if self.cloud is None:
+            return self._mesh
+        from trimesh import Trimesh
+
+        return Trimesh(self.cloud.points, process=False)
+
+    @property
+    def scan(self) -> PointCloud | None:
+        """The scan that came with the shape, made on first use; None where there is none."""
+        if callable(self._scan):
+            self._scan = self._scan()
+        return self._scan
 
     @property
     def attributes(self) -> Mapping[str, np.ndarray]:
@@ -125,11 +146,12 @@ class Shape:
 
     @property
     def surface(self) -> Surface:
-        """The exact surface if the dataset gave one, otherwise the mesh as a surface."""
+        """The exact surface if the dataset gave one, otherwise the mesh, or the points of a cloud, as a surface."""
         if self._surface is None:
+            from ..geometry.cloud_surface import CloudSurface
             from ..geometry.mesh_surface import MeshSurface
 
-            self._surface = MeshSurface(self.mesh)
+            self._surface = MeshSurface(self.mesh) if self.cloud is None else CloudSurface(self.cloud)
         return self._surface
 
     @cached_property
@@ -148,12 +170,13 @@ class Shape:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the dataset knows more than the mesh."""
+        """Whether the dataset knows more than the mesh, or the points."""
+        from ..geometry.cloud_surface import CloudSurface
         from ..geometry.mesh_surface import MeshSurface
 
-        return not isinstance(self.surface, MeshSurface)
+        return not isinstance(self.surface, (MeshSurface, CloudSurface))
 
-    def replace_mesh(self, mesh: Trimesh | Callable[[], Trimesh]) -> Shape:
+    def replace_mesh(self, mesh: Trimesh | PointCloud | Callable[[], Trimesh | PointCloud]) -> Shape:
         """This shape with another mesh, or another way to make it; all else is shared."""
         return Shape(
             self.id,
@@ -163,41 +186,51 @@ class Shape:
             info=self.info,
             exactness=self.exactness,
             attributes=lambda: self.attributes,
+            scan=None if self._scan is None else lambda: self.scan,
         )
 
     def renamed(self, id: str, **info: Any) -> Shape:
         """This shape under another id, with more ``info``; it is made when it is asked for, as before."""
         return Shape(
             id,
-            lambda: self.mesh,
+            lambda: self.mesh if self.cloud is None else self.cloud,
             surface=self._surface,
             tags=self.tags,
             info={**self.info, **info},
             exactness=self.exactness,
             attributes=lambda: self.attributes,
+            scan=None if self._scan is None else lambda: self.scan,
         )
 
     def framed(self) -> tuple[Shape, Frame]:
         """This shape in the one frame of all cases, and the frame: box centre at the origin, farthest vertex at 1.
 
-        Vertices that no face uses are kept, and have no part in the frame.
+        Vertices that no face uses are kept, and have no part in the frame. A scan that came with the shape goes into
+        the same frame, that of the truth: it is not normalised by itself.
 
         Raises
         ------
         BadInput
-            If the mesh has no faces, or vertices that are not finite, or no extent.
+            If the mesh has no faces, or vertices that are not finite, or no extent; if a cloud has not three points.
         """
         from trimesh import Trimesh
 
-        from ..geometry.check import check_mesh
+        from ..geometry.check import check_mesh, check_points
         from ..geometry.used import used_vertices
 
-        check_mesh(self.mesh, self.id)
+        if self.cloud is None:
+            check_mesh(self.mesh, self.id)
+        else:
+            check_points(self.cloud.points, self.id, at_least=3)
         frame = Frame.of(used_vertices(self.mesh))
-        mesh = Trimesh(frame.apply(self.mesh.vertices), self.mesh.faces, process=False)
-        surface = None if self._surface is None or not self.is_exact else _FramedSurface(self._surface, frame)
-        framed = self.replace_mesh(mesh)
-        framed._surface = surface
+        moved = frame.apply(self.mesh.vertices)
+        cloud = self.cloud
+        framed = self.replace_mesh(
+            Trimesh(moved, self.mesh.faces, process=False) if cloud is None else replace(cloud, points=moved)
+        )
+        framed._surface = None if self._surface is None or not self.is_exact else _FramedSurface(self._surface, frame)
+        if self._scan is not None:
+            framed._scan = lambda: replace(self.scan, points=frame.apply(self.scan.points))
         return framed, frame
 
     def __repr__(self) -> str:

@@ -21,6 +21,7 @@ from ..contract.run import Run
 from ..contract.shape import Shape
 from ..errors import InvalidOutput
 from ..geometry.cloud import PointCloud
+from ..geometry.comparison import NeedsSurface
 from ..notices import collected
 from ..plan.choice import Choice
 from .channel import Channel, plain
@@ -210,7 +211,8 @@ def score(
     metrics : metrics that score this kind of output
     output : PointCloud or mesh, in the frame of the case
     case : its seed and id seed the samples
-    floors : whether to score the perfect output too, with the metrics that have a floor
+    floors : whether to score the perfect output too, with the metrics that have a floor; never where the reference is
+        a cloud
     keys : fingerprints under which floors are cached, see :func:`bench.results.provenance.memory_keys`; only needed
         for a case that has a cache
 
@@ -220,6 +222,7 @@ def score(
         Whatever a metric raises, with a note that names the metric.
     """
     found = Scores({}, {}, {}, {})
+    floors = floors and case.reference.cloud is None  # of points nobody can draw another perfect sample
     for choice in metrics:
         metric, plugin = choice.build(), choice.plugin
         try:
@@ -227,6 +230,9 @@ def score(
             if not scores:
                 found.left_out[choice.name] = metric.why_not(output, case) if hasattr(metric, "why_not") else ""
             perfect = floor(choice, metric, output, case, keys) if floors and plugin.options.get("floor") else {}
+        except NeedsSurface:
+            found.left_out[choice.name] = "needs a reference that is a mesh"
+            continue
         except Exception as error:
             error.add_note(f"while scoring {choice.name}")
             raise

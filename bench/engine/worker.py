@@ -24,7 +24,7 @@ import numpy as np
 
 from ..contract.case import Case
 from ..contract.identity import shape_digest
-from ..contract.sensors import noun_of
+from ..contract.sensors import gives_scans, noun_of
 from ..contract.training import content_digest
 from ..errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from ..geometry.cloud import PointCloud
@@ -127,7 +127,7 @@ class _Session:
         task = cell.task.build()
         sensor = cell.sensor.build() if cell.sensor in cell.choices else None
         noun = noun_of(cell.sensor.plugin, sensor) if sensor is not None else None
-        if noun is not None:
+        if noun is not None and not gives_scans(cell.sensor.plugin, sensor):  # which the user has as files
             sensor = RememberedSensor(sensor, self.memo.at("sensor", self.spec["keys"]["sensor"]), noun)
         dataset = RememberedDataset(cell.dataset.build(), self.memo)
         recipes = list(task.recipes(dataset, sensor, split=cell.split, count=cell.cases, seed=cell.seed))
@@ -150,6 +150,8 @@ class _Session:
 
     def tags(self, case: Case) -> tuple[str, ...]:
         """What the reference's surface is like, as measured, and what kind of thing the dataset says it is."""
+        if case.reference.cloud is not None:  # traits are of surfaces
+            return case.tags
         mesh = case.reference.mesh
         memo = self.memo.at("traits", shape_digest(case.reference))
         known = memo.arrays("traits", lambda: measure_traits(mesh.vertices, mesh.faces).arrays())
@@ -161,7 +163,8 @@ class _Session:
         self.case = None
         try:
             self.channel.enter("case", index)
-            self.case = case = self.made(recipe)
+            with collected() as read:
+                self.case = case = self.made(recipe)
             row["tags"] = ",".join(self.tags(case))
             row |= conditions(task, case)
             self.check_training(case)
@@ -179,7 +182,7 @@ class _Session:
             reasons = [f"no {name}: {reason}" for name, reason in scores.left_out.items() if reason]
             said = row.get("message", "")
             notices = [text for text in notices if text not in said]  # a traced output may have been scored before
-            row["message"] = "; ".join(filter(None, [said, *notices, *reasons]))
+            row["message"] = "; ".join(filter(None, [*read, said, *notices, *reasons]))
         except NoWeights as error:
             return row | error.row
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
@@ -285,7 +288,14 @@ class _Session:
             # A metric of a user may refuse what the tasks never let through; it then has no worst score.
             with contextlib.suppress(Exception):
                 hopeless.append(metric.score(output, rough))
-        perfect = floor(choice, metric, outputs[0], case, self.spec["keys"]) if hopeless else {}
+        perfect = {}
+        if hopeless:
+            is_mesh = case.reference.cloud is None
+            perfect = (
+                floor(choice, metric, outputs[0], case, self.spec["keys"])
+                if is_mesh
+                else metric.score(case.reference.cloud, case)  # in count and kind, nobody can draw another
+            )
         worst = imputation.worst_scores(hopeless, perfect, choice.plugin.better)
         return {key: np.float64(value) for key, value in worst.items()}
 
@@ -307,7 +317,7 @@ class _Session:
         reference = reference_file(self.cell.dataset.name, case.id, case.reference)
         save(output, folder / kept)
         if not (folder / reference).exists():
-            save(case.reference.mesh, folder / reference)
+            save(case.reference.mesh if case.reference.cloud is None else case.reference.cloud, folder / reference)
         return {"output": kept, "reference": reference}
 
 

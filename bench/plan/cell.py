@@ -122,12 +122,12 @@ class Cell(Resolved):
             check_whole_number(key, config[key])
         one_of("split", config["split"], ("test", "train"))
         check_name(config["device"])
-        sensor = _sensor(config["sensor"], task)
         dataset = Choice.of("dataset", config["dataset"])
+        sensor = _sensor(config["sensor"], task, dataset)
         parts = {"task": task, "dataset": dataset, "sensor": sensor, "method": method}
         training = Training.of(config.get("training"), parts)
         if training and training.weights == TRAINED:
-            _sensor_fits(training.sensor, task)
+            _sensor_fits(training.sensor, task, training.dataset)
             check_dataset(training.dataset.build(), "train")
         cell = cls(
             **parts,
@@ -210,15 +210,23 @@ def one_of(key: str, value: str, known: tuple[str, ...]) -> None:
         raise UsageError(f"{key}={value}: not one of {', '.join(known)}. {did_you_mean(str(value), known)}")
 
 
-def _sensor(node: Mapping[str, Any], task: Choice) -> Choice:
-    """The chosen sensor, which must give what the task takes; none for a task without one."""
+USUAL_SENSOR = "samples"  # what conf/config.yaml chooses
+
+
+def _sensor(node: Mapping[str, Any], task: Choice, dataset: Choice) -> Choice:
+    """The chosen sensor, which must give what the task takes, of what the dataset has; none for a task without one."""
     from ..contract.sensors import taken_by
 
-    return NO_SENSOR if taken_by(task.made) == "none" else _sensor_fits(Choice.of("sensor", node), task)
+    if taken_by(task.made) == "none":
+        return NO_SENSOR
+    sensor = Choice.of("sensor", node)
+    if dataset.plugin.options.get("scans") and sensor == Choice.of("sensor", {"_name_": USUAL_SENSOR}):
+        sensor = Choice.of("sensor", {"_name_": "scan"})
+    return _sensor_fits(sensor, task, dataset)
 
 
-def _sensor_fits(sensor: Choice, task: Choice) -> Choice:
-    """The sensor, which must give what the task takes."""
+def _sensor_fits(sensor: Choice, task: Choice, dataset: Choice) -> Choice:
+    """The sensor, which must give what the task takes, of what the dataset has."""
     from ..contract.sensors import given_by, needs_a_source, taken_by
 
     takes = taken_by(task.made)
@@ -237,7 +245,26 @@ def _sensor_fits(sensor: Choice, task: Choice) -> Choice:
             f"sensor {sensor.name} only spoils {gives} that another sensor gives: "
             f"sensor=chain 'sensor.steps=[NAME,{sensor.name}]'"
         )
+    _check_scans(sensor, dataset)
     return sensor
+
+
+def _check_scans(sensor: Choice, dataset: Choice) -> None:
+    """Raise :class:`NotSolved` where one of both is about scans that came with the shapes, and the other is not."""
+    from ..contract.sensors import gives_scans
+
+    brings, gives = bool(dataset.plugin.options.get("scans")), gives_scans(sensor.plugin, sensor.made)
+    if brings and not gives:
+        raise NotSolved(
+            f"dataset {dataset.name} brings scans, and sensor {sensor.label} would make others: leave the sensor out, "
+            "put it behind the scan (sensor=chain 'sensor.steps=[scan,...]'), or scan the references with dataset=files"
+        )
+    if gives and not brings:
+        having = ", ".join(p.name for p in registry().all("dataset") if p.options.get("scans"))
+        raise NotSolved(
+            f"sensor {sensor.label} gives scans that come with the shapes, and dataset {dataset.name} has none. "
+            f"Datasets that have: {having or 'none'}"
+        )
 
 
 def _metrics(nodes: Mapping[str, Any], task: Choice) -> tuple[Choice, ...]:

@@ -402,8 +402,10 @@ def register(
     options
         Of a metric: ``version`` (int), ``better`` (``lower``, ``higher``, ``reference``, or a mapping from score to
         one of them), ``outputs`` (tuple of ``"mesh"``, ``"cloud"``), ``floor`` (bool: score a perfect output too).
-        Of a dataset: ``own`` (bool: its files are the user's, and a run takes all of them where no number is given).
-        Of a sensor: ``gives`` (``"cloud"``, ``"views"``, or a word of your own that a task ``takes``).
+        Of a dataset: ``own`` (bool: its files are the user's, and a run takes all of them where no number is given),
+        ``scans`` (bool: its shapes bring their scans, and go with the sensors that give these).
+        Of a sensor: ``scans`` (bool: it gives the scan that a shape brings), ``gives`` (``"cloud"``, ``"views"``, or a
+        word of your own that a task ``takes``).
 
     Raises
     ------
@@ -467,7 +469,7 @@ def _check_options(kind: str, name: str, options: Mapping[str, Any]) -> None:
     known = {
         "dataset": ("version", "own", "scans"),
         "metric": ("version", "better", "outputs", "floor"),
-        "sensor": ("version", "gives"),
+        "sensor": ("version", "gives", "scans"),
     }
     known = known.get(kind, ("version",))
     for option in options:

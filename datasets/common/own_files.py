@@ -1,0 +1,88 @@
+"""The user's own files: found by name, folder or pattern, called by ids that are safe, and told apart by content."""
+
+from __future__ import annotations
+
+import functools
+import glob
+import hashlib
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from bench import UsageError
+
+UNREADABLE = "unreadable"
+
+
+def safe_ids(stems: Iterable[str]) -> list[str]:
+    """The stems as ids that are unique (also where upper and lower case are one) and safe as file names."""
+    ids: list[str] = []
+    taken: set[str] = set()
+    for name in stems:
+        stem = re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._-")[:80] or "mesh"
+        id, number = stem, 1
+        while id.lower() in taken:
+            number += 1
+            id = f"{stem}-{number}"
+        taken.add(id.lower())
+        ids.append(id)
+    return ids
+
+
+def find(given: str, path: Path, suffixes: tuple[str, ...], expected: str, what: str = "mesh file") -> list[Path]:
+    """The files that one name, folder or pattern means, in any order.
+
+    Parameters
+    ----------
+    given : str
+        As the user gave it, with its parameter, for messages: ``dataset.path=scans``.
+    path : Path
+        The name, folder or pattern.
+    suffixes : tuple of str
+        Of the files that count, in lower case.
+    expected, what : str
+        For messages.
+
+    Raises
+    ------
+    UsageError
+        Where there is none.
+    """
+    if path.is_file():
+        if path.suffix.lower() not in suffixes:
+            raise UsageError(f"{given}: unknown suffix {path.suffix!r}; {expected}")
+        return [path]
+    if path.is_dir():
+        try:
+            found, where = list(path.iterdir()), "the folder"
+        except OSError as error:
+            raise UsageError(f"{given}: the folder cannot be read ({error.strerror})") from error
+    else:
+        found, where = [Path(name) for name in glob.glob(str(path), recursive=True)], "the pattern"
+        if not found:
+            raise UsageError(f"{given}: no such file or folder, and no file matches; {expected}")
+    files = [file for file in found if file.suffix.lower() in suffixes and file.is_file()]
+    if not files:
+        raise UsageError(f"{given}: {where} holds no {what} ({len(found)} others); {expected}")
+    return files
+
+
+def sha256(file: Path) -> str:
+    """The SHA-256 of a file's content; a text that begins with :data:`UNREADABLE` where it cannot be read."""
+    try:
+        stat = file.stat()
+        return _sha256_of(file, stat.st_mtime_ns, stat.st_size)
+    except OSError as error:
+        return f"{UNREADABLE} ({error.strerror})"  # its case says so; the others go on
+
+
+def expanded(path: str) -> Path:
+    """A path with the user's home in place of ``~``."""
+    return Path(os.path.expanduser(path))
+
+
+@functools.lru_cache(maxsize=100_000)  # every cell of a sweep asks; gigabytes of scans are read once
+def _sha256_of(file: Path, mtime_ns: int, size: int) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

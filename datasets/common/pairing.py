@@ -1,0 +1,87 @@
+"""Which file belongs to which: files of two patterns are matched by what the ``*`` of their patterns stand for.
+
+``scans/*_noisy.ply`` and ``truth/*.obj`` match ``a_noisy.ply`` with ``a.obj``. Where a folder or a file is named, the
+file's name without its suffix stands for it. Numbers match whatever zeros they begin with: ``stl024_total.ply`` and
+``ObsMask24_10.mat``. Of patterns with several ``*`` the last ones count, as many as both have.
+"""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from bench import UsageError
+
+Key = tuple[str, ...]  # what the stars of a pattern stand for
+
+
+def keys_of(pattern: Path, files: Iterable[Path]) -> dict[Path, Key]:
+    """What the stars of a pattern stand for in each of its files; the stem of a file where the pattern has none."""
+    text = str(pattern)
+    if not (glob.has_magic(text) and "*" in text) or pattern.exists():
+        return {file: (_plain(stem(file)),) for file in files}
+    expression = re.compile(_expression(text), re.DOTALL)
+    keys = {}
+    for file in files:
+        found = expression.fullmatch(str(file))
+        keys[file] = tuple(map(_plain, found.groups())) if found else (_plain(stem(file)),)
+    return keys
+
+
+def stem(file: Path) -> str:
+    """A file's name without its suffixes: ``a`` for ``a.ply`` and for ``a.xyz.npy``, ``a.b`` for ``a.b.ply``."""
+    name = file.stem
+    return name.removesuffix(".xyz") if file.suffix.lower() in (".npy", ".npz", ".gz") else name
+
+
+def partners(inputs: Mapping[Path, Key], others: Mapping[Path, Key], what: str) -> dict[Path, Path]:
+    """The one file of ``others`` that belongs to each of ``inputs``; a single other file belongs to all.
+
+    Inputs without one are left out.
+
+    Raises
+    ------
+    UsageError
+        Where two of ``others`` belong to an input.
+    """
+    if len(others) == 1:
+        return dict.fromkeys(inputs, next(iter(others)))
+    found: dict[Path, Path] = {}
+    depth = max((min(len(a), len(b)) for a in inputs.values() for b in list(others.values())[:1]), default=1)
+    known: dict[Key, list[Path]] = {}
+    for file, key in others.items():
+        known.setdefault(key[-depth:], []).append(file)
+    for file, key in inputs.items():
+        fitting = known.get(key[-depth:], [])
+        if len(fitting) > 1:
+            raise UsageError(
+                f"{file}: two files belong to it as its {what}, {fitting[0]} and {fitting[1]}; make the pattern of "
+                f"dataset.{what} narrower"
+            )
+        if fitting:
+            found[file] = fitting[0]
+    return found
+
+
+def _plain(text: str) -> str:
+    return str(int(text)) if text.isdecimal() else text
+
+
+def _expression(pattern: str) -> str:
+    """A regular expression with a group for each ``*`` and ``**`` of a pattern, as :mod:`glob` understands it."""
+    out = []
+    for part in re.findall(r"\*\*/?|\*|\?|\[!?\]?[^\]]*\]|[^*?\[]+|\[", pattern):
+        if part.startswith("**"):
+            out.append("(?:(.*)/)?" if part.endswith("/") else "(.*)")
+        elif part == "*":
+            out.append("([^/]*)")
+        elif part == "?":
+            out.append("[^/]")
+        elif part.startswith("[") and len(part) > 1:
+            inverse, letters = part[1] == "!", part[1:-1].removeprefix("!")
+            out.append("[" + "^" * inverse + re.escape(letters).replace(r"\-", "-") + "]")
+        else:
+            out.append(re.escape(part))
+    return "".join(out)

@@ -1,0 +1,31 @@
+"""No simulation: the scan that a dataset brings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench import BadInput, PointCloud, Shape, register
+
+
+@register("sensor", scans=True)
+@dataclass(frozen=True)
+class Scan:
+    """The scan that came with the shape, point for point as in its file: the sensor of ``dataset=paired``.
+
+    It is in the frame of its reference, and keeps its own normals and colours. In a chain, effects can make it worse:
+    ``sensor=chain 'sensor.steps=[scan,{gaussian:{sigma:0.01}}]'``.
+    """
+
+    def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud:
+        """The scan of a shape, in the frame of its case.
+
+        Raises
+        ------
+        BadInput
+            If no scan came with the shape.
+        """
+        if shape.scan is None:
+            raise BadInput(f"{shape.id}: no scan came with it; sensor=scan is for datasets that bring scans (paired)")
+        return shape.scan
