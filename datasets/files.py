@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -186,7 +187,8 @@ def _matches(key: str, part: str) -> list[Path]:
     except UsageError as error:
         from bench.geometry.io.files import CLOUD_READERS
 
-        if path.suffix.lower() in CLOUD_READERS and path.suffix.lower() not in SUFFIXES:
+        there = [path, *(path.iterdir() if path.is_dir() else map(Path, glob.iglob(str(path), recursive=True)))]
+        if any(file.suffix.lower() in CLOUD_READERS for file in there if file.is_file()):
             raise UsageError(f"{error}. {CLOUDS}") from None
         raise
 

@@ -12,7 +12,7 @@ import numpy as np
 from bench import BadInput, PointCloud, Shape, UsageError, register
 
 from .common.own_files import expanded, find, safe_ids, sha256
-from .common.pairing import keys_of, partners, stem
+from .common.pairing import Key, keys_of, partners, stem
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -33,8 +33,8 @@ class Paired:
 
     ``input`` and ``reference`` are patterns, folders or files. A scan and a reference belong together where their names
     do: by what the ``*`` of both patterns stand for (``scans/*_noisy.xyz`` and ``truth/*.obj``), or by the names
-    without suffixes where folders are given. One reference file alone is the truth of all scans. Both are in the same
-    coordinates; the case is in the frame of the reference, and the scan is not normalised by itself.
+    without suffixes where folders are given. A reference that is the name of one file is the truth of all scans. Both
+    are in the same coordinates; the case is in the frame of the reference, and the scan is not normalised by itself.
 
     What a method gets is the scan as it is (``sensor=scan``, which need not be said). Where the truth is a cloud,
     metrics that need a surface are left out, and the message of the row says so.
@@ -103,7 +103,7 @@ class Paired:
         splits = self._splits(inputs)
         inputs = {file: key for file, key in inputs.items() if file in splits}
         parts = [part for part in ("reference", "mask", "plane") if part == "reference" or getattr(self, part)]
-        found = {part: partners(inputs, self._found(part), part) for part in parts}
+        found = {part: self._partners(inputs, part) for part in parts}
         for part, files in found.items():
             if missing := [file for file in inputs if file not in files]:
                 raise UsageError(
@@ -115,7 +115,14 @@ class Paired:
         ids = safe_ids("-".join(inputs[pair.input]) for pair in pairs)
         return dict(zip(ids, pairs, strict=True))
 
-    def _found(self, part: str) -> dict[Path, tuple[str, ...]]:
+    def _partners(self, inputs: Mapping[Path, Key], part: str) -> dict[Path, Path]:
+        """The file of a parameter that belongs to each scan; one that is named itself belongs to all."""
+        files = self._found(part)
+        if self._at(getattr(self, part)).is_file():
+            return dict.fromkeys(inputs, next(iter(files)))
+        return partners(inputs, files, part)
+
+    def _found(self, part: str) -> dict[Path, Key]:
         """The files of a parameter, sorted, with what they are matched by."""
         pattern = getattr(self, part)
         if not pattern.strip():
@@ -137,7 +144,7 @@ class Paired:
     def _at(self, name: str) -> Path:
         return expanded(self.path) / expanded(name) if self.path else expanded(name)
 
-    def _splits(self, inputs: Mapping[Path, tuple[str, ...]]) -> dict[Path, str]:
+    def _splits(self, inputs: Mapping[Path, Key]) -> dict[Path, str]:
         """The split of each scan that is in one."""
         if not (self.test_names or self.train_names):
             return dict.fromkeys(inputs, "test")
@@ -200,14 +207,13 @@ class Paired:
         is_cloud = isinstance(geometry, PointCloud)
         points = np.asarray(geometry.points if is_cloud else geometry.vertices)
         inside = ((points >= self.crop[:3]) & (points <= self.crop[3:])).all(axis=1)
-        if is_cloud:
-            cut = geometry.of({name: array[inside] for name, array in geometry.arrays().items()})
-        else:
-            cut = geometry.submesh([np.flatnonzero(inside[geometry.faces].all(axis=1))], append=True, repair=False)
-        if not len(cut.points if is_cloud else cut.faces):
+        kept = inside if is_cloud else inside[geometry.faces].all(axis=1)
+        if not kept.any():
             low, high = points.min(axis=0).round(6).tolist(), points.max(axis=0).round(6).tolist()
             raise BadInput(f"{file}: has nothing within dataset.crop={self.crop}; it reaches from {low} to {high}")
-        return cut
+        if is_cloud:
+            return PointCloud.of({name: array[kept] for name, array in geometry.arrays().items()})
+        return geometry.submesh([np.flatnonzero(kept)], append=True, repair=False)
 
 
 class _Pair(NamedTuple):

@@ -57,6 +57,8 @@ class InnerSurface:
 
     def why_not(self, output: Trimesh, case: Case) -> str:
         """Why an output has no score."""
+        if case.reference.cloud is not None:
+            return "needs a reference that is a mesh"
         vertices, faces = np.asarray(case.reference.mesh.vertices), np.asarray(case.reference.mesh.faces)
         try:
             faces = oriented(vertices, faces)

@@ -54,6 +54,8 @@ class Iou:
 
     def why_not(self, output: Trimesh, case: Case) -> str:
         """Why an output has no score."""
+        if case.reference.cloud is not None:
+            return "needs a reference that is a mesh"
         try:
             _solids(output, case)
         except NoSides as error:

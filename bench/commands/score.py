@@ -109,18 +109,11 @@ def read(
     """The case that two files make, and the output in its frame."""
     from ..contract.case import Case
     from ..contract.shape import Shape
-    from ..geometry.cloud import Frame, PointCloud
-    from ..geometry.cloud_surface import CloudSurface
     from ..geometry.comparison import set_samples
     from ..geometry.io.files import load_mesh
 
     truth, result = load(reference), load(output)
-    if isinstance(truth, PointCloud):
-        frame = Frame.of(truth.points)
-        framed = PointCloud(frame.apply(truth.points), truth.normals)
-        shape = Shape(reference, _without_faces(framed.points), surface=CloudSurface(framed), exactness="mesh")
-    else:
-        shape, frame = Shape(reference, truth).framed()
+    shape, frame = Shape(reference, truth).framed()
     inputs = {"source": _moved(load_mesh(source), frame)} if source else {}
     case = Case(Path(reference).stem, inputs, shape, frame, seed)
     if samples:
@@ -164,22 +157,15 @@ def _moved(geometry: PointCloud | Trimesh, frame: Any) -> PointCloud | Trimesh:
     return Trimesh(frame.apply(geometry.vertices), geometry.faces, process=False)
 
 
-def _without_faces(points: Any) -> Trimesh:
-    from trimesh import Trimesh
-
-    return Trimesh(points, process=False)
-
-
 # -- scoring -----------------------------------------------------------------------------------------------------------
 
 
 def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tuple[dict[str, Score], dict[str, str]]:
     """Every score that can be computed, and why the other metrics have none."""
     from ..engine import call
-    from ..geometry.comparison import NeedsSurface
 
     kind = "mesh" if hasattr(output, "faces") else "cloud"
-    is_cloud = not len(case.reference.mesh.faces)
+    is_cloud = case.reference.cloud is not None
     scores: dict[str, Score] = {}
     left_out: dict[str, str] = {}
     for choice in metrics:
@@ -190,9 +176,6 @@ def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tu
         try:
             plugin.require()
             found = call.score([choice], output, case, floors=not is_cloud)
-        except NeedsSurface:
-            left_out[choice.name] = "needs a reference that is a mesh"
-            continue
         except MissingLibrary as error:
             left_out[choice.name] = str(error)
             continue

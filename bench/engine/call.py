@@ -182,6 +182,9 @@ def seed_globals(seed: int) -> None:
 # -- the score ---------------------------------------------------------------------------------------------------------
 
 
+NEEDS_MESH = "needs a reference that is a mesh"
+
+
 class Scores(NamedTuple):
     """What metrics say of one output: scores, floors where there are any, and the direction of each score."""
 
@@ -222,7 +225,8 @@ def score(
         Whatever a metric raises, with a note that names the metric.
     """
     found = Scores({}, {}, {}, {})
-    floors = floors and case.reference.cloud is None  # of points nobody can draw another perfect sample
+    of_points = floors and case.reference.cloud is not None
+    floors = floors and not of_points  # of points nobody can draw another perfect sample
     for choice in metrics:
         metric, plugin = choice.build(), choice.plugin
         try:
@@ -231,11 +235,14 @@ def score(
                 found.left_out[choice.name] = metric.why_not(output, case) if hasattr(metric, "why_not") else ""
             perfect = floor(choice, metric, output, case, keys) if floors and plugin.options.get("floor") else {}
         except NeedsSurface:
-            found.left_out[choice.name] = "needs a reference that is a mesh"
+            found.left_out[choice.name] = NEEDS_MESH
             continue
         except Exception as error:
             error.add_note(f"while scoring {choice.name}")
             raise
+        if of_points and (own := {key for key in scores if plugin.better(key) == "reference"}):
+            scores = {key: value for key, value in scores.items() if key not in own}
+            found.left_out[choice.name] = NEEDS_MESH
         found.values.update({key: float(value) for key, value in scores.items()})
         found.floors.update(perfect)
         found.directions.update({key: plugin.better(key) for key in scores})

@@ -28,6 +28,7 @@ from ..contract.sensors import gives_scans, noun_of
 from ..contract.training import content_digest
 from ..errors import BadInput, InvalidOutput, MissingLibrary, UsageError
 from ..geometry.cloud import PointCloud
+from ..geometry.comparison import NeedsSurface
 from ..geometry.traits import Traits, all_tags, measure_traits
 from ..notices import collected
 from ..plan.cell import Cell
@@ -179,7 +180,7 @@ class _Session:
                 scores = self.score(output, case)
             row |= sizes(output) | scores.columns | {"directions": json.dumps(scores.directions, sort_keys=True)}
             row |= self.keep(index, case, output)
-            reasons = [f"no {name}: {reason}" for name, reason in scores.left_out.items() if reason]
+            reasons = [f"no {names}: {reason}" for reason, names in grouped(scores.left_out).items()]
             said = row.get("message", "")
             notices = [text for text in notices if text not in said]  # a traced output may have been scored before
             row["message"] = "; ".join(filter(None, [*read, said, *notices, *reasons]))
@@ -288,14 +289,15 @@ class _Session:
             # A metric of a user may refuse what the tasks never let through; it then has no worst score.
             with contextlib.suppress(Exception):
                 hopeless.append(metric.score(output, rough))
-        perfect = {}
-        if hopeless:
-            is_mesh = case.reference.cloud is None
-            perfect = (
-                floor(choice, metric, outputs[0], case, self.spec["keys"])
-                if is_mesh
-                else metric.score(case.reference.cloud, case)  # in count and kind, nobody can draw another
-            )
+        if not hopeless:
+            return {}
+        try:
+            if case.reference.cloud is None:
+                perfect = floor(choice, metric, outputs[0], case, self.spec["keys"])
+            else:  # nobody can draw another sample of points
+                perfect = metric.score(case.reference.cloud, case)
+        except NeedsSurface:
+            return {}
         worst = imputation.worst_scores(hopeless, perfect, choice.plugin.better)
         return {key: np.float64(value) for key, value in worst.items()}
 
@@ -380,6 +382,14 @@ def conditions(task: Any, case: Case) -> dict[str, float]:
 
 
 # -- small things ------------------------------------------------------------------------------------------------------
+
+
+def grouped(left_out: Mapping[str, str]) -> dict[str, str]:
+    """The metrics that are left out for a reason, by the reason."""
+    names: dict[str, list[str]] = {}
+    for name, reason in left_out.items():
+        names.setdefault(reason, []).append(name)
+    return {reason: ", ".join(of) for reason, of in names.items() if reason}
 
 
 def sizes(output: Any) -> dict[str, int]:

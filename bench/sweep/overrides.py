@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..errors import UsageError, did_you_mean
+from ..plan.cell import USUAL_SENSOR
 from ..plan.keys import GROUPS, Base
 from ..plan.limits import Limits
 from ..plan.training import TrainingKeys
@@ -31,6 +32,8 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
                 f"{override.input_line}: several values are a sweep; add -m: detailbench run -m ..."
                 + (f"; {hint(override.input_line)}" if "." in key else "")
             )
+        if key == "sensor" and any(presets.resolve("sensor", str(name)) == USUAL_SENSOR for name in values):
+            _check_scans(overrides, override.input_line)
         if key.startswith("hydra"):
             if "/" in key and not all(value is None or isinstance(value, str) for value in values):
                 raise UsageError(f"{override.input_line}: expected a name, as in hydra/launcher=joblib")
@@ -55,6 +58,18 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
             _check_key("", head, [*(f.name for f in dataclasses.fields(Base)), *GROUPS], override.input_line)
             if override.is_delete() and head not in GROUPS:
                 raise UsageError(f"{override.input_line}: every run has {head}; leave this out for its usual value")
+
+
+def _check_scans(overrides: Sequence[str], line: str) -> None:
+    """Raise :class:`UsageError` where a simulation of scans is asked for, and each dataset brings its own."""
+    known = registry().names("dataset")
+    datasets = [presets.resolve("dataset", name) for name in chosen("dataset", overrides)]
+    plugins = [registry().find("dataset", name) for name in datasets if name in known]
+    if plugins and all(plugin.options.get("scans") for plugin in plugins):
+        raise UsageError(
+            f"{line}: dataset {plugins[0].name} brings its own scans: leave the sensor out, or simulate scans of the "
+            "references with dataset=files dataset.path=REFERENCES"
+        )
 
 
 def by_experiment(overrides: Sequence[str]) -> list[list[str]]:

@@ -37,17 +37,13 @@ def stem(file: Path) -> str:
 
 
 def partners(inputs: Mapping[Path, Key], others: Mapping[Path, Key], what: str) -> dict[Path, Path]:
-    """The one file of ``others`` that belongs to each of ``inputs``; a single other file belongs to all.
-
-    Inputs without one are left out.
+    """The one file of ``others`` that belongs to each of ``inputs``, by their keys. Inputs without one are left out.
 
     Raises
     ------
     UsageError
         Where two of ``others`` belong to an input.
     """
-    if len(others) == 1:
-        return dict.fromkeys(inputs, next(iter(others)))
     found: dict[Path, Path] = {}
     depth = max((min(len(a), len(b)) for a in inputs.values() for b in list(others.values())[:1]), default=1)
     known: dict[Key, list[Path]] = {}

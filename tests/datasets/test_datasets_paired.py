@@ -1,0 +1,287 @@
+"""The user's scans with their truths: matched, listed, cropped, read, run, and made again when a file changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from bench import BadInput, PointCloud, UsageError
+from bench.contract.task import CaseRecipe
+from bench.datasets.paired import Paired
+from bench.datasets.sensors.scan import Scan
+from bench.engine import call
+from bench.geometry.cloud_surface import CloudSurface
+from bench.geometry.io.files import save
+from bench.plan.cell import Cell
+from bench.plan.choice import Choice, NotSolved
+from bench.results.provenance import fingerprint, ingredients
+from bench.sweep.composition import resolved
+from bench.sweep.overrides import check_overrides
+from bench.tasks.denoise import Denoise
+from bench.tasks.upsample import Upsample
+
+NAMES = ("a", "b", "c")
+
+
+def scan_of(mesh: trimesh.Trimesh, count: int) -> PointCloud:
+    points, faces = trimesh.sample.sample_surface(mesh, count, seed=3)
+    return PointCloud(points, mesh.face_normals[faces], np.full((count, 3), 0.25))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Scans a, b and c with their meshes and denser clouds, in millimetres, far from the origin."""
+    for number, name in enumerate(NAMES):
+        mesh = trimesh.creation.icosphere(1, radius=50 + number)
+        mesh.vertices += (1000, 0, 0)
+        for kind, geometry in (("mesh", mesh), ("cloud", scan_of(mesh, 400)), ("scans", scan_of(mesh, 100))):
+            (tmp_path / kind).mkdir(exist_ok=True)
+            file = {"mesh": f"{name}.off", "cloud": f"{name}.ply", "scans": f"{name}_noisy.ply"}[kind]
+            save(geometry, tmp_path / kind / file)
+    return tmp_path
+
+
+def paired(folder: Path, **given) -> Paired:
+    return Paired(**{"path": str(folder), "input": "scans/*_noisy.ply", "reference": "mesh/*.off", **given})
+
+
+def matched(dataset: Paired, split: str = "test") -> list[tuple[str, str]]:
+    return [(shape.info["scan"], shape.info["file"]) for shape in dataset.shapes(split)]
+
+
+def recipes(dataset: Paired, task=None) -> Iterator[CaseRecipe]:
+    return (task or Denoise()).recipes(dataset, Scan(), split="test", count=9, seed=0)
+
+
+ALL = [(f"{name}_noisy.ply", f"{name}.off") for name in NAMES]
+
+
+# --- which file belongs to which --------------------------------------------------------------------------------------
+
+
+def test_stars_match(folder):
+    assert matched(paired(folder)) == ALL
+    assert [shape.id for shape in paired(folder).shapes("test")] == list(NAMES)
+    assert matched(paired(folder, input="scans/[ab]_noisy.ply", reference="mesh/a.off")) == [
+        ALL[0],
+        ("b_noisy.ply", "a.off"),
+    ]
+
+
+def test_names_match_where_folders_are_given(folder):
+    for file in (folder / "scans").iterdir():
+        file.rename(file.with_name(file.name.replace("_noisy", "")))
+    assert matched(paired(folder, input="scans", reference="mesh")) == [(f"{n}.ply", f"{n}.off") for n in NAMES]
+    assert matched(paired(folder, input="scans", reference="**/*.off")) == [(f"{n}.ply", f"{n}.off") for n in NAMES]
+
+
+def test_without_a_common_folder(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    assert matched(Paired(input="scans/*_noisy.ply", reference="mesh/*.off")) == ALL
+    assert matched(Paired(input=str(folder / "scans/*_noisy.ply"), reference="mesh/*.off")) == ALL
+
+
+def test_folders_may_be_what_matches(tmp_path):
+    for name in NAMES:
+        (tmp_path / name).mkdir()
+        for file in ("scan.ply", "truth.ply"):
+            save(scan_of(trimesh.creation.icosphere(1), 9), tmp_path / name / file)
+    dataset = paired(tmp_path, input="*/scan.ply", reference="*/truth.ply")
+    assert [pair.reference.parent.name for pair in dataset._named().values()] == list(NAMES) == list(dataset._named())
+
+
+def test_numbers_match_with_and_without_zeros(tmp_path):
+    for name in ("in/scan24_x.ply", "in/scan105_x.ply", "ref/stl024_total.ply", "ref/stl105_total.ply"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    dataset = paired(tmp_path, input="in/scan*_x.ply", reference="ref/stl*_total.ply")
+    assert matched(dataset) == [("scan105_x.ply", "stl105_total.ply"), ("scan24_x.ply", "stl024_total.ply")]
+
+
+def test_the_last_stars_count_where_one_pattern_has_more(tmp_path):
+    for name in ("scan/x/a.ply", "scan/y/b.ply", "mesh/a.ply", "mesh/b.ply"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    dataset = paired(tmp_path, input="scan/*/*.ply", reference="mesh/*.ply")
+    assert matched(dataset) == [("a.ply", "a.ply"), ("b.ply", "b.ply")]
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"input": ""}, "dataset.input is empty; expected a point cloud"),
+        ({"reference": ""}, "dataset.reference is empty; expected a mesh or a point cloud"),
+        ({"path": "nowhere"}, r"dataset.path=nowhere: no such folder; expected one that holds scans/\*_noisy.ply"),
+        ({"input": "scan/*.ply"}, r"scan/\*.ply \(in dataset.path=.*no file matches.*the folder is to hold"),
+        ({"reference": "mesh/[ab].off"}, r"1 of 3 scans have none \(c_noisy.ply\).*test_names=FILE"),
+        ({"reference": "mesh/[a].off"}, r"2 of 3 scans have none \(b_noisy.ply, c_noisy.ply\)"),
+        ({"reference": "**/*.off"}, "two files belong to it as its reference"),
+    ],
+)
+def test_what_does_not_fit_is_told(folder, given, says):
+    if "**" in given.get("reference", ""):
+        (folder / "mesh" / "more").mkdir()
+        (folder / "mesh" / "more" / "a.off").touch()
+    with pytest.raises(UsageError, match=says):
+        list(paired(folder, **given).shapes("test"))
+
+
+# --- splits -----------------------------------------------------------------------------------------------------------
+
+
+def test_lists_make_the_splits(folder):
+    (folder / "test.txt").write_text("# comment\na_noisy\n\n")
+    (folder / "train.txt").write_text("\ufeffb\nc_noisy.ply\n")
+    both = paired(folder, test_names="test.txt", train_names="train.txt")
+    assert matched(both) == ALL[:1] and matched(both, "train") == ALL[1:]
+    assert (both.count("test"), both.count("train")) == (1, 2)
+    assert matched(paired(folder, train_names="train.txt")) == ALL[:1]
+    only = paired(folder, test_names="test.txt")
+    assert matched(only) == ALL[:1] and only.count("train") == 0
+    with pytest.raises(UsageError, match=r"split=train has none of the 1 pairs.*train_names=FILE"):
+        only.check("train")
+    # What is listed needs a reference, the others do not.
+    assert matched(paired(folder, test_names="test.txt", reference="mesh/[a].off")) == ALL[:1]
+
+
+def test_wrong_lists_are_told(folder):
+    (folder / "test.txt").write_text("a\nz\n")
+    with pytest.raises(UsageError, match=r"test_names=test.txt: 1 of 2 names are of no scan \(z\)"):
+        paired(folder, test_names="test.txt").check()
+    (folder / "train.txt").write_text("a\n")
+    (folder / "test.txt").write_text("a\n")
+    with pytest.raises(UsageError, match="a_noisy.ply: is in both lists"):
+        paired(folder, test_names="test.txt", train_names="train.txt").check()
+    with pytest.raises(UsageError, match="test_names=none.txt: cannot be read .*a text file with the name of a scan"):
+        paired(folder, test_names="none.txt").check()
+
+
+# --- cases ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("reference", ["mesh/*.off", "cloud/*.ply"])
+def test_the_scan_is_in_the_frame_of_the_reference_with_all_it_has(folder, reference):
+    case = next(recipes(paired(folder, reference=reference))).build()
+    cloud, truth = case.input["cloud"], case.reference
+    assert np.linalg.norm(truth.mesh.vertices, axis=1).max() == pytest.approx(1)
+    original = scan_of(trimesh.creation.icosphere(1, radius=50).apply_translation((1000, 0, 0)), 100)
+    np.testing.assert_allclose(case.frame.invert(cloud.points), original.points, atol=1e-9)
+    np.testing.assert_allclose(cloud.normals, original.normals, atol=1e-9)
+    np.testing.assert_allclose(cloud.colors, original.colors, atol=0.01)
+    assert (truth.cloud is None) == reference.endswith(".off")
+    assert isinstance(truth.surface, CloudSurface) == (truth.cloud is not None) and not truth.is_exact
+
+
+def test_a_cloud_as_truth_scores_what_a_search_by_hand_finds(folder):
+    case = next(recipes(paired(folder, reference="cloud/*.ply"))).build()
+    cloud = case.input["cloud"]
+    metrics = [Choice.of("metric", {"_name_": name}) for name in ("chamfer_l1_mean", "p2f_mean", "iou")]
+    found = call.score(metrics[:2], cloud, case)
+    apart = np.linalg.norm(cloud.points[:, None] - case.reference.cloud.points, axis=2)
+    by_hand = (apart.min(axis=0).mean() + apart.min(axis=1).mean()) / 2
+    assert found.values == {"chamfer_l1_mean": pytest.approx(by_hand, rel=1e-9)}
+    assert found.floors == {} and found.left_out == {"p2f_mean": "needs a reference that is a mesh"}
+    mesh = trimesh.creation.icosphere(1)
+    assert call.score(metrics[2:], mesh, case).left_out == {"iou": "needs a reference that is a mesh"}
+    topology = Choice.of("metric", {"_name_": "topology"})  # its numbers are compared with those of the reference
+    assert call.score([topology], mesh, case).values == {}
+
+
+def test_the_ratio_of_upsampling_is_the_task_s(folder):
+    case = next(recipes(paired(folder, reference="cloud/*.ply"), Upsample(ratio=4))).build()
+    assert case.input["ratio"] * len(case.input["cloud"]) == len(case.reference.cloud)
+
+
+def test_what_is_known_of_a_pair(folder):
+    shape = next(paired(folder, units="mm", licence="CC BY 4.0").shapes("test"))
+    assert shape.info == {"file": "a.off", "scan": "a_noisy.ply", "units": "mm", "licence": "CC BY 4.0"}
+
+
+def test_both_are_cropped(folder):
+    box = [1000.0, -100.0, -100.0, 1100.0, 100.0, 100.0]
+    for reference in ("mesh/*.off", "cloud/*.ply"):
+        shape = next(paired(folder, reference=reference, crop=box).shapes("test"))
+        assert 0 < len(shape.scan) < 100 and shape.scan.points[:, 0].min() >= 1000 <= shape.mesh.vertices[:, 0].min()
+        assert shape.scan.normals.shape == shape.scan.points.shape
+    with pytest.raises(BadInput, match=r"a.off: has nothing within dataset.crop=.*it reaches from \[950"):
+        _ = next(paired(folder, crop=[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]).shapes("test")).mesh
+    with pytest.raises(ValueError, match="crop: expected six numbers"):
+        paired(folder, crop=[0.0, 1.0])
+
+
+def test_a_damaged_file_fails_as_its_own_case(folder):
+    (folder / "scans" / "b_noisy.ply").write_text("nothing")
+    first, second, third = recipes(paired(folder))
+    first.build(), third.build()
+    with pytest.raises(BadInput, match="b_noisy.ply"):
+        second.build()
+
+
+def test_an_edited_file_is_a_changed_input(folder):
+    before = paired(folder).state()
+    assert len(before) == 6 and "b scan (b_noisy.ply)" in before
+    save(scan_of(trimesh.creation.icosphere(1), 50), folder / "scans" / "b_noisy.ply")
+    after = paired(folder).state()
+    assert [name for name in before if before[name] != after[name]] == ["b scan (b_noisy.ply)"]
+
+
+# --- cells ------------------------------------------------------------------------------------------------------------
+
+
+def cell(folder: Path, *words: str) -> Cell:
+    own = [f"dataset.path={folder}", "dataset.input='scans/*_noisy.ply'", "dataset.reference='cloud/*.ply'"]
+    return Cell.from_config(resolved(["dataset=paired", *own, "task=denoise", "method=identity", *words]))
+
+
+def test_the_sensor_is_the_scan_unless_an_effect_comes_after_it(folder):
+    assert cell(folder).sensor == Choice.of("sensor", {"_name_": "scan"}) and cell(folder).planned == 3
+    worse = cell(folder, "sensor=chain", "sensor.steps=[scan,{gaussian:{sigma:0.1}}]")
+    (case, *_) = [
+        r.build() for r in Denoise().recipes(worse.dataset.made, worse.sensor.made, split="test", count=1, seed=0)
+    ]
+    clean = next(recipes(worse.dataset.made)).build()
+    moved = case.input["cloud"].points - clean.input["cloud"].points
+    assert moved.std() == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_simulated_sensor_is_refused(folder):
+    for words in (["sensor=noisy"], ["sensor=uniform"], ["sensor.count=100"]):
+        with pytest.raises(NotSolved, match=r"dataset paired brings scans.*dataset=files"):
+            cell(folder, *words)
+    with pytest.raises(UsageError, match=r"sensor=samples: dataset paired brings its own scans: leave the sensor out"):
+        check_overrides(["dataset=paired", "sensor=samples"], multirun=False)
+    check_overrides(["dataset=paired,bumps", "sensor=samples"], multirun=True)
+    with pytest.raises(NotSolved, match="dataset bumps has none. Datasets that have: .*paired"):
+        Cell.from_config(resolved(["sensor=scan", "task=denoise", "method=identity"]))
+
+
+def test_an_edited_file_is_another_fingerprint(folder):
+    before = fingerprint(ingredients(cell(folder)))
+    assert fingerprint(ingredients(cell(folder))) == before
+    save(scan_of(trimesh.creation.icosphere(1), 50), folder / "cloud" / "b.ply")
+    assert fingerprint(ingredients(cell(folder))) != before
+
+
+def test_a_run_is_kept_explained_and_reproduced(folder, shell):
+    """The truths are clouds: no floors, but worst scores; kept references are clouds, with their normals."""
+    words = ["dataset=paired", f"dataset.path={folder}", "dataset.input=scans/*_noisy.ply", "task=denoise"]
+    words += ["dataset.reference=cloud/*.ply", "method=identity", "outputs=first", "metric=[chamfer_l1_mean,p2f_mean]"]
+    done = shell.call("run", *words, f"results={shell.results}")
+    assert done.returncode == 0, done.stderr
+    rows = shell.rows()
+    assert list(rows["case"]) == list(NAMES) and set(rows["status"]) == {"ok"}
+    assert set(rows["message"]) == {"no p2f_mean: needs a reference that is a mesh"}
+    assert (rows["worst.chamfer_l1_mean"] > rows["score.chamfer_l1_mean"]).all()
+    assert "floor.chamfer_l1_mean" not in rows or rows["floor.chamfer_l1_mean"].isna().all()
+    (kept,) = shell.results.glob("outputs/references/*.ply")
+    assert b"element face" not in kept.read_bytes()[:400] and b"nx" in kept.read_bytes()[:400]
+    cell_id = rows["cell"][0]
+    again = shell.call("reproduce", cell_id, f"results={shell.results}")
+    assert "reproduced: every status and score agrees" in again.stdout, again.stdout + again.stderr
+    save(scan_of(trimesh.creation.icosphere(1), 50), folder / "scans" / "b_noisy.ply")
+    why = shell.call("why", cell_id, f"results={shell.results}")
+    assert "file b scan (b_noisy.ply) has other content" in why.stdout, why.stdout + why.stderr
