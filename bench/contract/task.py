@@ -152,12 +152,12 @@ class Task:
         cloud = load_cloud(paths[0])
         check_points(cloud.points, str(paths[0]), at_least=3)
         frame = Frame.of(cloud.points)
-        return self.input(PointCloud(frame.apply(cloud.points), cloud.normals, cloud.colors)), frame
+        return self.input(cloud.moved(frame.apply(cloud.points))), frame
 
     def restore(self, output: Any, frame: Frame) -> Any:
         """An output in the coordinates of the user's file."""
         if isinstance(output, PointCloud):
-            return PointCloud(frame.invert(output.points), output.normals, output.colors)
+            return output.moved(frame.invert(output.points))
         output = output.copy()
         output.vertices = frame.invert(output.vertices)
         return output

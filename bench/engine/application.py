@@ -7,7 +7,7 @@ a message.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -146,7 +146,7 @@ def _with_normals_of(source: str, value: Any) -> Any:
     if not isinstance(value, PointCloud) or value.normals is None:
         return value
     if source == "estimate":
-        return PointCloud(value.points, None, value.colors)
+        return replace(value, normals=None)
     share = disagreement(value.points, value.normals)
     if share > UNORIENTED:
         notice(

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from ..errors import BadInput
 
-if TYPE_CHECKING:
-    pass
+SCALAR = "scalar_"  # before the names of scalars among the arrays of a cloud
 
 
 def _rows_of_three(name: str, values: Any) -> np.ndarray:
@@ -35,6 +35,8 @@ class PointCloud:
     points : (N, 3) float64 array
     normals : (N, 3) float64 array of unit length, or None
     colors : (N, 3) float64 array in 0..1, or None
+    scalars : mapping of names to (N,) float64 arrays, or None for an empty one
+        Further numbers of each point: intensity, time, class, ... They may be NaN where a point has none.
 
     Raises
     ------
@@ -46,6 +48,7 @@ class PointCloud:
     points: np.ndarray
     normals: np.ndarray | None = None
     colors: np.ndarray | None = None
+    scalars: Mapping[str, np.ndarray] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _rows_of_three("points", self.points))
@@ -57,6 +60,18 @@ class PointCloud:
             if len(values) != len(self.points):
                 raise BadInput(f"PointCloud.{name}: {len(values)} rows for {len(self.points)} points")
             object.__setattr__(self, name, values)
+        scalars = {str(name): self._scalar(name, values) for name, values in (self.scalars or {}).items()}
+        object.__setattr__(self, "scalars", MappingProxyType(scalars))
+
+    def _scalar(self, name: str, values: Any) -> np.ndarray:
+        array = np.array(values, dtype=np.float64)
+        if array.shape != (len(self.points),):
+            raise BadInput(f"PointCloud.scalars[{name!r}]: expected shape ({len(self.points)},), got {array.shape}")
+        array.setflags(write=False)
+        return array
+
+    def __reduce__(self) -> tuple[Any, ...]:  # the read-only view of the scalars cannot be pickled
+        return PointCloud.of, (self.arrays(),)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -64,15 +79,26 @@ class PointCloud:
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays by name, without those that are None; :meth:`of` makes the same cloud of them."""
         given = {"points": self.points, "normals": self.normals, "colors": self.colors}
+        given |= {SCALAR + name: values for name, values in self.scalars.items()}
         return {name: array for name, array in given.items() if array is not None}
 
     @classmethod
     def of(cls, arrays: Mapping[str, np.ndarray]) -> PointCloud:
         """The inverse of :meth:`arrays`."""
-        return cls(arrays["points"], arrays.get("normals"), arrays.get("colors"))
+        scalars = {name.removeprefix(SCALAR): array for name, array in arrays.items() if name.startswith(SCALAR)}
+        return cls(arrays["points"], arrays.get("normals"), arrays.get("colors"), scalars)
+
+    def subset(self, rows: np.ndarray) -> PointCloud:
+        """The points at ``rows``, an (N,) bool array or an array of indices, with all that belongs to them."""
+        return PointCloud.of({name: array[rows] for name, array in self.arrays().items()})
+
+    def moved(self, points: np.ndarray) -> PointCloud:
+        """The cloud with its points at other places, (N, 3); all that belongs to them stays."""
+        return PointCloud.of(self.arrays() | {"points": points})
 
     def __repr__(self) -> str:
         extras = [name for name in ("normals", "colors") if getattr(self, name) is not None]
+        extras += self.scalars
         return f"PointCloud({len(self)} points{''.join(', ' + e for e in extras)})"
 
 
