@@ -45,9 +45,7 @@ def with_normals(cloud: PointCloud) -> PointCloud:
         If normals must be estimated and fewer than three points differ.
     """
     normals = None if cloud.normals is None else completed(cloud.points, cloud.normals, "the input")
-    return PointCloud.of(
-        cloud.arrays() | {"normals": oriented_normals(cloud.points) if normals is None else normals}
-    )
+    return PointCloud.of(cloud.arrays() | {"normals": oriented_normals(cloud.points) if normals is None else normals})
 
 
 def completed(points: np.ndarray, normals: np.ndarray, name: str) -> np.ndarray | None:

@@ -8,7 +8,6 @@ degenerate faces among good ones.
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import re
 import uuid
@@ -32,6 +31,7 @@ from .polygons import finite_triangles
 from .raw import NO_FACES, RawGeometry
 from .scenes import read_3mf, read_dae, read_glb, read_gltf
 from .stl import read_stl
+from .tables import read_pts, read_pwn, read_table
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -94,13 +94,26 @@ def _mesh(raw: RawGeometry, name: str) -> Trimesh:
 
 
 def _cloud(raw: RawGeometry, path: str) -> PointCloud:
+    raw = _finite(raw, path)
     check_points(raw.vertices, path, at_least=3)
     colors = raw.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
         notice(f"{path}: its colours are not in 0..1; they are left out")
         colors = None
     normals = None if raw.normals is None else completed(raw.vertices, raw.normals, path)
-    return PointCloud(raw.vertices, normals, colors)
+    return PointCloud(raw.vertices, normals, colors, raw.scalars)
+
+
+def _finite(raw: RawGeometry, name: str) -> RawGeometry:
+    """The points whose coordinates are numbers; scanners write NaN where they saw nothing."""
+    good = np.isfinite(raw.vertices).all(axis=1)
+    if good.all() or not good.any():
+        return raw
+    bad = len(good) - int(good.sum())
+    notice(f"{name}: {bad:,} of {len(good):,} points are NaN or infinite; they are left out")
+    arrays = (None if array is None else array[good] for array in (raw.normals, raw.colors))
+    scalars = None if raw.scalars is None else {key: values[good] for key, values in raw.scalars.items()}
+    return RawGeometry(raw.vertices[good], NO_FACES, *arrays, scalars)
 
 
 def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
@@ -202,27 +215,13 @@ def _suffix_of_content(data: bytes) -> str:
     return ".obj" if re.search(rb"^v\s+[-+.\d]", head, re.MULTILINE) else ""
 
 
-def _read_xyz(data: bytes, name: str) -> RawGeometry:
-    text = data.decode("utf-8", errors="replace").replace(",", " ").replace(";", " ")
-    if not re.search(r"^[ \t]*[^\s#/]", text, re.MULTILINE):
-        raise BadInput(f"{name}: holds no numbers; expected lines of 3 or 6: x y z, or x y z nx ny nz")
-    try:
-        table = np.loadtxt(io.StringIO(text), dtype=np.float64, comments=("#", "//"), ndmin=2)
-    except ValueError as error:
-        raise BadInput(f"{name}: {error}; expected lines of 3 or 6 numbers: x y z, or x y z nx ny nz") from None
-    if table.shape[1] not in (3, 6):
-        raise BadInput(f"{name}: has {table.shape[1]} columns; expected 3 (x y z) or 6 (x y z nx ny nz)")
-    points, rest = table[:, :3], table[:, 3:]
-    if not rest.size:
-        return RawGeometry(points, NO_FACES)
-    if (rest == np.rint(rest)).all() and rest.min() >= 0 and 1 < rest.max() <= 255:
-        return RawGeometry(points, NO_FACES, None, rest / 255)
-    return RawGeometry(points, NO_FACES, rest)
-
-
 MESH_READERS = {".ply": read_ply, ".obj": read_obj, ".stl": read_stl, ".off": read_off}
 MESH_READERS |= {".glb": read_glb, ".gltf": read_gltf, ".3mf": read_3mf, ".dae": read_dae}
-CLOUD_READERS = MESH_READERS | {".xyz": _read_xyz, ".txt": _read_xyz}
+CLOUD_READERS = MESH_READERS | {
+    **dict.fromkeys((".xyz", ".txt", ".asc", ".csv", ".tsv", ".dat", ".xyzn", ".xyzrgb"), read_table),
+    ".pts": read_pts,
+    ".pwn": read_pwn,
+}
 
 
 # -- writing -----------------------------------------------------------------------------------------------------------
