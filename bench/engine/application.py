@@ -127,7 +127,7 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
         output = call()
         channel.enter("write", 0)
         with collected() as written:
-            restored = solver.restore(output, frame)
+            restored = solver.restore(_with_attributes_of(inputs, output), frame)
             solver.save(restored, asked["output"], asked["inputs"])
             row = call.columns | {"output": _words([restored])}
         row["message"] = "; ".join(filter(None, [*notices, row["message"], *written]))
@@ -156,6 +156,16 @@ def _with_normals_of(source: str, value: Any) -> Any:
     return value
 
 
+def _with_attributes_of(inputs: Mapping[str, Any], output: Any) -> Any:
+    """An output with the colours and scalars of the cloud that it was made from."""
+    from ..geometry.attributes import carried
+    from ..geometry.cloud import PointCloud
+
+    source = inputs.get("cloud")
+    makes_geometry = isinstance(output, PointCloud) or hasattr(output, "faces")
+    return carried(source, output) if isinstance(source, PointCloud) and makes_geometry else output
+
+
 def _words(values: Iterable[Any]) -> str:
     """Inputs or outputs in words: ``20,000 points with normals``; numbers and what is not given are left out."""
     return "; ".join(filter(None, map(_in_words, values)))
@@ -165,5 +175,7 @@ def _in_words(value: Any) -> str:
     if hasattr(value, "faces"):
         return f"{len(value.vertices):,} vertices, {len(value.faces):,} faces"
     if hasattr(value, "points"):
-        return f"{len(value.points):,} points{' with normals' if value.normals is not None else ''}"
+        names = {"normals": value.normals, "colours": value.colors}
+        extras = [*(name for name, array in names.items() if array is not None), *value.scalars]
+        return f"{len(value.points):,} points{' with ' if extras else ''}{', '.join(extras)}"
     return repr(value) if hasattr(value, "arrays") else ""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -106,9 +107,27 @@ def color_scale(triple: np.ndarray, *, named: bool = False) -> float:
 
 def are_normals(triple: np.ndarray) -> bool:
     """Whether the vectors (n, 3) have unit length, within a few per cent; some may be zero or not finite."""
-    lengths = np.linalg.norm(triple[np.isfinite(triple).all(axis=1)], axis=1)
+    lengths = np.linalg.norm(np.clip(triple[np.isfinite(triple).all(axis=1)], -9, 9), axis=1)  # no square is infinite
     lengths = lengths[lengths > 0]
     return bool(len(lengths) and (np.abs(lengths - 1) > UNIT_LENGTH).mean() <= MOST_OTHER)
+
+
+def names_for(scalars: Iterable[str], taken: Iterable[str]) -> list[str]:
+    """Names of scalars as a file can have them: letters, digits and ``_``, none twice, none that is ``taken``."""
+    used, names = set(taken) | {"x", "y", "z"}, []
+    for scalar in scalars:
+        plain = re.sub(r"\W+", "_", scalar, flags=re.ASCII).strip("_") or "scalar"
+        plain = f"scalar_{plain}" if plain in used or plain[0].isdigit() else plain
+        name = next(n for k in itertools.count(1) if (n := plain if k == 1 else f"{plain}_{k}") not in used)
+        used.add(name)
+        names.append(name)
+    return names
+
+
+def smallest_float(values: np.ndarray) -> str:
+    """``f4`` if that keeps all values, otherwise ``f8``."""
+    with np.errstate(over="ignore"):
+        return "f4" if np.array_equal(values, values.astype(np.float32), equal_nan=True) else "f8"
 
 
 def _by_name(names: Sequence[str]) -> dict[str, list[int]] | None:

@@ -31,6 +31,7 @@ from .polygons import finite_triangles
 from .raw import NO_FACES, RawGeometry
 from .scenes import read_3mf, read_dae, read_glb, read_gltf
 from .stl import read_stl
+from .table_writer import lines, write_csv, write_xyz
 from .tables import read_pts, read_pwn, read_table
 
 if TYPE_CHECKING:
@@ -229,29 +230,25 @@ CLOUD_READERS = MESH_READERS | {
 
 def _raw(geometry: Trimesh | PointCloud) -> RawGeometry:
     if isinstance(geometry, PointCloud):
-        return RawGeometry(geometry.points, NO_FACES, geometry.normals, geometry.colors)
-    return RawGeometry(np.asarray(geometry.vertices, dtype=np.float64), np.asarray(geometry.faces))
+        return RawGeometry(geometry.points, NO_FACES, geometry.normals, geometry.colors, dict(geometry.scalars))
+    vertices, faces = np.asarray(geometry.vertices, dtype=np.float64), np.asarray(geometry.faces)
+    return RawGeometry(vertices, faces, None, _colors(geometry))
 
 
-def _lines(form: str, table: np.ndarray) -> str:
-    """One line for each row; 17 digits bring back the very same float64."""
-    return (form * len(table)) % tuple(table.ravel().tolist())
+def _colors(mesh: Trimesh) -> np.ndarray | None:
+    """The colours of the vertices, (v, 3) in 0..1, where the mesh has some."""
+    return mesh.visual.vertex_colors[:, :3] / 255 if mesh.visual.kind == "vertex" else None
 
 
 def _write_obj(mesh: Trimesh) -> bytes:
-    vertices = _lines("v %.17g %.17g %.17g\n", np.asarray(mesh.vertices))
-    return (vertices + _lines("f %d %d %d\n", np.asarray(mesh.faces) + 1)).encode("ascii")
+    colors = _colors(mesh)
+    table = np.asarray(mesh.vertices) if colors is None else np.hstack([mesh.vertices, colors])
+    return lines("v" + " %.17g" * table.shape[1], table) + lines("f %d %d %d", np.asarray(mesh.faces) + 1)
 
 
 def _write_off(mesh: Trimesh) -> bytes:
-    head = f"OFF\n{len(mesh.vertices)} {len(mesh.faces)} 0\n"
-    body = _lines("%.17g %.17g %.17g\n", np.asarray(mesh.vertices)) + _lines("3 %d %d %d\n", np.asarray(mesh.faces))
-    return (head + body).encode("ascii")
-
-
-def _write_xyz(cloud: PointCloud) -> bytes:
-    table = cloud.points if cloud.normals is None else np.hstack([cloud.points, cloud.normals])
-    return _lines(" ".join(["%.17g"] * table.shape[1]) + "\n", table).encode("ascii")
+    head = f"OFF\n{len(mesh.vertices)} {len(mesh.faces)} 0\n".encode()
+    return head + lines("%.17g %.17g %.17g", np.asarray(mesh.vertices)) + lines("3 %d %d %d", np.asarray(mesh.faces))
 
 
 def _exported(kind: str) -> Callable[[Trimesh], bytes]:
@@ -276,5 +273,6 @@ MESH_WRITERS: dict[str, Callable[[Trimesh], bytes]] = {
 }
 CLOUD_WRITERS: dict[str, Callable[[PointCloud], bytes]] = {
     ".ply": lambda cloud: write_ply(_raw(cloud)),
-    ".xyz": _write_xyz,
+    **dict.fromkeys((".xyz", ".txt", ".asc"), write_xyz),
+    ".csv": write_csv,
 }

@@ -13,6 +13,7 @@ import numpy as np
 from ...errors import BadInput
 from ...notices import notice
 from .colors import between_0_and_1
+from .columns import names_for, smallest_float
 from .plain import decoded, first_word_that_is_no_number, numbers, plain_text, words_of
 from .ply_tables import BinarySource, Columns, Element, NumberSource, Property, Ragged
 from .polygons import triangulate
@@ -77,7 +78,10 @@ def read_ply(data: bytes, name: str) -> RawGeometry:
 
 
 def write_ply(raw: RawGeometry) -> bytes:
-    """The content of a binary PLY file: coordinates and normals as double, colours as uchar."""
+    """The content of a binary PLY file: coordinates and normals as double, colours as uchar.
+
+    Scalars are properties of their names: float where that keeps them, otherwise double.
+    """
     columns = [("x", "f8"), ("y", "f8"), ("z", "f8")]
     blocks = [raw.vertices]
     if raw.normals is not None:
@@ -86,10 +90,14 @@ def write_ply(raw: RawGeometry) -> bytes:
     if raw.colors is not None:
         columns += [("red", "u1"), ("green", "u1"), ("blue", "u1")]
         blocks.append(np.rint(np.clip(raw.colors, 0, 1) * 255))
+    if raw.scalars:
+        names = names_for(raw.scalars, [column for column, _ in columns])
+        columns += zip(names, map(smallest_float, raw.scalars.values()), strict=True)
+        blocks.append(np.stack(list(raw.scalars.values()), axis=1))
     table = np.empty(len(raw.vertices), dtype=[(column, "<" + kind) for column, kind in columns])
     for (column, _), values in zip(columns, np.concatenate(blocks, axis=1).T, strict=True):
         table[column] = values
-    words = {"f8": "double", "u1": "uchar"}
+    words = {"f4": "float", "f8": "double", "u1": "uchar"}
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
     header += [f"property {words[kind]} {column}" for column, kind in columns]
     faces = np.empty(len(raw.faces), dtype=[("size", "u1"), ("corners", "<i4", 3)])
