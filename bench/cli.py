@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from .errors import DetailbenchError, Terminated, code_of, did_you_mean
+from .notices import show_as_lines
 from .safe_path import isolate_imports
 from .text import shortened, shown_streams
 
@@ -83,6 +84,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     isolate_imports()
     arguments = list(sys.argv[1:] if argv is None else argv)
     open_streams()
+    show_as_lines()
     with shown_streams():
         return _ended(arguments)
 

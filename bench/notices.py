@@ -10,12 +10,26 @@ import contextlib
 import warnings
 from collections.abc import Iterator
 from contextvars import ContextVar
+from typing import Any
 
 _collector: ContextVar[list[str] | None] = ContextVar("notices", default=None)
 
 
 class InputWarning(UserWarning):
     """What a :func:`notice` is where nobody collects them."""
+
+
+def show_as_lines() -> None:
+    """Let a notice that nobody collects be one plain line on stderr, without the line of code that it comes from."""
+    warnings.formatwarning = _formatted
+
+
+_format = warnings.formatwarning
+
+
+def _formatted(message: Any, category: type[Warning], *where: Any, **more: Any) -> str:
+    is_notice = issubclass(category, InputWarning)
+    return f"note: {message}\n" if is_notice else _format(message, category, *where, **more)
 
 
 def notice(text: str) -> None:

@@ -164,10 +164,10 @@ class _Session:
         self.case = None
         try:
             self.channel.enter("case", index)
-            with collected() as read:
+            with collected() as read:  # of the user's own files, say
                 self.case = case = self.made(recipe)
-            row["tags"] = ",".join(self.tags(case))
-            row |= conditions(task, case)
+                row["tags"] = ",".join(self.tags(case))
+                row |= conditions(task, case)
             self.check_training(case)
             call, before = self.measured_call(index, case, task), state()
             try:
@@ -256,7 +256,8 @@ class _Session:
         self.channel.enter("worst", index)
         case, self.case = self.case, None
         try:
-            row = self.worst(self.made(recipe) if case is None else case, task)
+            with collected():  # the case's row has said it all
+                row = self.worst(self.made(recipe) if case is None else case, task)
         except Exception as error:  # the boundary: the case has its row, and does without these values
             print(f"{recipe.id}: cannot score hopeless outputs: {error!r}", file=sys.stderr)
             return

@@ -21,7 +21,9 @@ What makes it honest:
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -517,12 +519,15 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def failures(rows: pd.DataFrame) -> pd.DataFrame:
-    """What was not solved: one row per group, contender and status, with how many and the first message.
+    """What was not solved: one row per group, contender, status and kind of message, with how many and the first.
+
+    Messages that differ only in names of files and in numbers are of one kind.
 
     Returns
     -------
     DataFrame
-        Columns ``task, dataset, sensor, split, method, variant, threads, device, host, status, count, message``.
+        Columns ``task, dataset, sensor, split, method, variant, threads, device, host, status, count, message, case``;
+        the last is the case of the message.
     """
     return _told(rows[(rows["status"] != "ok").to_numpy()])
 
@@ -534,7 +539,15 @@ def notes(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _told(rows: pd.DataFrame) -> pd.DataFrame:
-    """How many rows of each group, contender and status there are, and the first message."""
+    """How many rows of each group, contender, status and kind of message there are, and the first message."""
     rows = prepared(rows).sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
-    grouped = rows.groupby([*GROUP, *CONTENDER, "status"], sort=True)["message"]
-    return grouped.agg(count="size", message="first").reset_index()
+    kinds = [_kind(message, case) for message, case in zip(rows["message"], rows["case"], strict=True)]
+    grouped = rows.assign(kind=kinds).groupby([*GROUP, *CONTENDER, "status", "kind"], sort=False)
+    told = grouped.agg(count=("message", "size"), message=("message", "first"), case=("case", "first")).reset_index()
+    return told.sort_values([*GROUP, *CONTENDER, "status"], kind="stable").drop(columns="kind").reset_index(drop=True)
+
+
+def _kind(message: Any, case: Any) -> str:
+    """A message without what differs between cases: names of files, numbers."""
+    text = "" if message is None or message != message else str(message)
+    return re.sub(rf"\S*[/\\]\S*|\b{re.escape(str(case))}\b|[-+.\d]*\d[-+.,\de]*", "#", text)

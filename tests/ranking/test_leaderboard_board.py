@@ -211,12 +211,25 @@ def test_settings_that_make_no_sense(wrong):
         leaderboard(table({"a": units(1, 2)}), **wrong)
 
 
-def test_failures_are_listed_with_their_first_message():
-    frame = table({"a": units(None, 1, None), "b": units(1, 1, 1)})
-    frame.loc[0, "message"] = "first"
-    frame.loc[2, "message"] = "second"
+def test_failures_are_listed_by_kinds_of_messages():
+    frame = table({"a": units(None, 1, None, None, None), "b": units(1, 1, 1, 1, 1)})
+    said = [
+        "x/one.ply: ends after 3 rows",
+        "",
+        "nothing else",
+        "y/two.ply: ends after 1,234.5 rows",
+        "x/3.ply: is empty",
+    ]
+    frame.loc[frame["method"] == "a", "message"] = said
     got = failures(frame)
-    assert got[["method", "status", "count", "message"]].to_numpy().tolist() == [["a", "error", 2, "first"]]
+    assert got[["method", "status", "count", "message"]].to_numpy().tolist() == [
+        ["a", "error", 2, said[0]],
+        ["a", "error", 1, said[2]],
+        ["a", "error", 1, said[4]],
+    ]
+    text = remarks(leaderboard(frame), frame)
+    case = frame["case"][2]
+    assert all(message in text for message in (said[0], said[4], f"{case}: nothing else")) and said[3] not in text
 
 
 def test_notes_of_solved_cases_are_listed_below_failures():

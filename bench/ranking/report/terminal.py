@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 ARROWS = {"lower": "↓", "higher": "↑", "reference": "→ref", "difference": "|diff| ↓"}
 GAP = 2  # blanks between columns
 NOTES = 100  # columns that notes take even where the terminal is narrower
-MOST_MESSAGE = 200  # letters of a failure's message; the rest is in the record
+MOST_MESSAGE = 600  # letters of a failure's message; the rest is in the record
+MOST_REMARKS = 30  # messages of one caption
 
 
 def terminal(tables: list[Table], width: int = 120, color: bool = False) -> str:
@@ -114,7 +115,7 @@ def _score(metric: Metric, i: int):
 
 
 def remarks(board: pd.DataFrame, rows: pd.DataFrame, color: bool = False) -> str:
-    """What failed in the groups of a board, and what methods noted: how often, and the first message of each kind.
+    """What failed in the groups of a board, and what was noted: how often, and the first message of each kind.
 
     Empty if there is nothing.
     """
@@ -127,18 +128,27 @@ def remarks(board: pd.DataFrame, rows: pd.DataFrame, color: bool = False) -> str
     setups = {group: shown_setup(part.to_dict("records")) for group, part in lines.groupby(GROUP)}
     parts = []
     for caption, told in (("Not solved", failures(rows)), ("Solved, with a note", notes(rows))):
-        found = [line for line in told.to_dict("records") if tuple(line[c] for c in [*GROUP, *CONTENDER]) in contenders]
-        lines = [_remark(line, setups[tuple(line[name] for name in GROUP)]) for line in found]
+        several = told.duplicated([*GROUP, *CONTENDER], keep=False)  # messages: which case is each of?
+        found = [
+            (line, named)
+            for line, named in zip(told.to_dict("records"), several, strict=True)
+            if tuple(line[c] for c in [*GROUP, *CONTENDER]) in contenders
+        ]
+        lines = [_remark(line, setups[tuple(line[name] for name in GROUP)], named) for line, named in found]
+        lines, more = lines[:MOST_REMARKS], len(lines) - MOST_REMARKS
+        lines += [Text(f"  and {more} other messages; the rows of the results have them all")] if more > 0 else []
         parts += [Text(f"\n{caption}", style="bold"), *lines] if lines else []
     return _print(parts, color) if parts else ""
 
 
-def _remark(told: dict[str, Any], shown: tuple[str, ...]) -> Text:
+def _remark(told: dict[str, Any], shown: tuple[str, ...], name_case: bool) -> Text:
     """One line of what failed or was noted."""
     from rich.text import Text
 
     message = one_line(" ".join(str(told["message"] or "").split()))
     message = message if len(message) <= MOST_MESSAGE else message[: MOST_MESSAGE - 1] + "…"
+    case = one_line(str(told["case"]))
+    message = f"{case}: {message}" if message and name_case and case not in message else message
     where = title_of(*(told[name] for name in GROUP))
     what = "" if told["status"] == "ok" else f" {told['status']}"
     who = label(told["method"], told["variant"], setup(told, shown))
