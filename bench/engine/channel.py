@@ -93,6 +93,7 @@ EVENTS = {
     "result": {"row": _is_result},
     "worst": {"index": _is_index, "row": lambda value: isinstance(value, dict) and _are_worst(value)},
     "progress": {"done": _is_number, "total": _is_number},
+    "doing": {"what": _is_text},
     "pause": {},
     "resume": {},
     "replace": {},

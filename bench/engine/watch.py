@@ -175,7 +175,7 @@ class Worker:
     def _hear(self, event: dict[str, Any]) -> None:
         kind, now = event["event"], time.monotonic()
         if self._finished_at is not None:
-            if kind in ("progress", "pause", "resume"):  # of a thread that a method has left
+            if kind in ("progress", "doing", "pause", "resume"):  # of a thread that a method has left
                 return
             raise NoEvent(f"an event {kind!r} after 'done'")
         if kind == "pause":

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import BadInput
 from ..notices import notice
+from ..stages import stage
 from .cloud import PointCloud
 from .neighbourhood_size import REGION, SIZES, choose_size
 from .neighbours import curve_order
@@ -100,8 +101,9 @@ def oriented_normals(points: np.ndarray, k: int = 0) -> np.ndarray:
     distinct, inverse = np.unique(points, axis=0, return_inverse=True)
     if len(distinct) < 3:
         raise BadInput(f"{len(points)} points, of which {len(distinct)} differ: normals need at least 3")
-    found = estimate_normals(distinct, k)
-    return orient_normals(found.flattened, found.normals, found.neighbours)[inverse.ravel()]
+    with stage("normals"):
+        found = estimate_normals(distinct, k)
+        return orient_normals(found.flattened, found.normals, found.neighbours)[inverse.ravel()]
 
 
 def estimate_normals(points: np.ndarray, k: int = 0) -> Estimate:

@@ -186,10 +186,10 @@ class Follow:
 
 
 class Steps:
-    """A bar for one method call, on a terminal."""
+    """A bar for one method call after the other, on a terminal: what is done, and how far it is."""
 
     def __init__(self, title: str):
-        self._title = title
+        self._title, self._doing = title, ""
         self._progress: Any = None
         self._live = contextlib.ExitStack()
 
@@ -209,7 +209,27 @@ class Steps:
     def __exit__(self, *exception: object) -> None:
         self._live.close()
 
+    def begin(self, title: str) -> None:
+        """The next call begins."""
+        self._title, self._doing = title, ""
+        if self._progress:
+            self._progress.reset(self._bar, total=None, description=shown(title))
+
     def event(self, event: Mapping[str, Any]) -> None:
-        """Move the bar."""
-        if self._progress and event["event"] == "progress":
+        """Move the bar, or show the stage."""
+        if not self._progress:
+            return
+        if event["event"] == "progress":
             self._progress.update(self._bar, completed=event["done"], total=event["total"])
+        elif event["event"] == "doing" and event["what"] != self._doing:
+            self._doing = event["what"]
+            text = shown(f"{self._title}: {self._doing}" if self._doing else self._title)
+            self._progress.update(self._bar, description=text, completed=0, total=None)
+
+    def show(self, text: str) -> None:
+        """A line that stays, above the bar where there is one."""
+        if self._progress:
+            self._progress.console.print(shown(text), markup=False, highlight=False)
+        else:
+            sys.stderr.write(f"{text}\n")
+            sys.stderr.flush()
