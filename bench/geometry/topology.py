@@ -65,6 +65,17 @@ def count_topology(vertices: np.ndarray, faces: np.ndarray) -> TopologyCounts:
     return TopologyCounts(components, genus, boundary, bool((edges.sizes == 2).all()), flipped)
 
 
+def pieces(faces: np.ndarray) -> int:
+    """How many pieces (f, 3) faces are, that hang together through common vertices."""
+    F = np.asarray(faces, dtype=np.int64)
+    if not len(F):
+        return 0
+    used = np.zeros(int(F.max()) + 1, dtype=bool)
+    used[F] = True
+    count, _ = _components(len(used), F[:, :2].ravel(), F[:, 1:].ravel())
+    return count - int((~used).sum())
+
+
 def distinct_positions(V: np.ndarray) -> np.ndarray:
     """(v,) int array: the number of the position of each vertex, equal where (v, 3) coordinates are exactly equal."""
     order = np.lexsort(V.T)

@@ -138,11 +138,16 @@ def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
 def check_target(path: str | Path, kind: str) -> None:
     """Raise :class:`UsageError` where :func:`save` would, for a ``"mesh"`` or a ``"cloud"``, before it is made."""
     path = Path(path)
-    _writer(path, kind)
+    check_suffix(path, kind)
     if path.is_dir():
         raise UsageError(f"{path}: is a folder; expected the name of a file")
     with _beside(path) as temporary:
         temporary.touch()
+
+
+def check_suffix(path: str | Path, kind: str) -> None:
+    """Raise :class:`UsageError` unless a ``"mesh"`` or a ``"cloud"`` can be written as a file of this suffix."""
+    _writer(Path(path), kind)
 
 
 def _writer(path: Path, kind: str) -> Callable[[Any], bytes]:
@@ -232,23 +237,29 @@ def _raw(geometry: Trimesh | PointCloud) -> RawGeometry:
     if isinstance(geometry, PointCloud):
         return RawGeometry(geometry.points, NO_FACES, geometry.normals, geometry.colors, dict(geometry.scalars))
     vertices, faces = np.asarray(geometry.vertices, dtype=np.float64), np.asarray(geometry.faces)
-    return RawGeometry(vertices, faces, None, _colors(geometry))
+    return RawGeometry(vertices, faces, None, vertex_colors(geometry))
 
 
-def _colors(mesh: Trimesh) -> np.ndarray | None:
-    """The colours of the vertices, (v, 3) in 0..1, where the mesh has some."""
+def vertex_colors(mesh: Trimesh) -> np.ndarray | None:
+    """The colours of a mesh's vertices, (v, 3) in 0..1, if it has any."""
     return mesh.visual.vertex_colors[:, :3] / 255 if mesh.visual.kind == "vertex" else None
 
 
 def _write_obj(mesh: Trimesh) -> bytes:
-    colors = _colors(mesh)
+    colors = vertex_colors(mesh)
     table = np.asarray(mesh.vertices) if colors is None else np.hstack([mesh.vertices, colors])
     return lines("v" + " %.17g" * table.shape[1], table) + lines("f %d %d %d", np.asarray(mesh.faces) + 1)
 
 
 def _write_off(mesh: Trimesh) -> bytes:
+    _notice_of_colors(mesh, "OFF")
     head = f"OFF\n{len(mesh.vertices)} {len(mesh.faces)} 0\n".encode()
     return head + lines("%.17g %.17g %.17g", np.asarray(mesh.vertices)) + lines("3 %d %d %d", np.asarray(mesh.faces))
+
+
+def _notice_of_colors(mesh: Trimesh, kind: str) -> None:
+    if vertex_colors(mesh) is not None:
+        notice(f"{kind} has no colours; write a PLY, an OBJ or a GLB to keep them")
 
 
 def _exported(kind: str) -> Callable[[Trimesh], bytes]:
@@ -259,6 +270,8 @@ def _exported(kind: str) -> Callable[[Trimesh], bytes]:
                 f"{kind.upper()} rounds to float32, which at {furthest:.3g} from the origin is visible on a mesh "
                 f"{extent:.3g} across; write a PLY, or move the mesh to the origin"
             )
+        if kind == "stl":
+            _notice_of_colors(mesh, "STL")
         return mesh.export(file_type=kind)
 
     return export
