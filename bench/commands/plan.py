@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     folder = destination(overrides)
     overrides = settled(overrides, folder)
     multirun = args.multirun or is_sweep(overrides)
-    check_overrides(overrides, multirun=multirun)
+    check_overrides(overrides, multirun=multirun, command="plan")
     results = Results(folder)
     pace = Pace.of(results)
     lines, seconds, refused, stale = [], [], [], []

@@ -22,16 +22,18 @@ from ..text import cut
 from .quoting import hint
 
 
-def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
-    """Raise :class:`UsageError` for names and parameters that do not exist, and for a sweep without ``-m``."""
+def check_overrides(overrides: Sequence[str], *, multirun: bool, command: str = "run") -> None:
+    """Raise :class:`UsageError` for names and parameters that do not exist, and for a sweep without ``-m``.
+
+    ``command`` is the one that is asked for; only ``run`` and ``plan`` take sweeps.
+    """
     for override in _parse(overrides):
         key = override.key_or_group
         values = _values(override)
         if override.is_sweep_override() and not multirun and not key.startswith("hydra"):
-            raise UsageError(
-                f"{override.input_line}: several values are a sweep; add -m: detailbench run -m ..."
-                + (f"; {hint(override.input_line)}" if "." in key else "")
-            )
+            advice = f"add -m: detailbench {command} -m ..." if command in ("run", "plan") else "give one of them"
+            quoting = f"; {hint(override.input_line)}" if "." in key else ""
+            raise UsageError(f"{override.input_line}: several values are a sweep; {advice}{quoting}")
         if key == "sensor" and any(presets.resolve("sensor", str(name)) == USUAL_SENSOR for name in values):
             _check_scans(overrides, override.input_line)
         if key.startswith("hydra"):
@@ -55,6 +57,8 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool) -> None:
         elif head == "limit" and tail:
             _check_key("limit.", tail, [f.name for f in dataclasses.fields(Limits)], override.input_line)
         else:
+            if not is_key(head) and (owner := _owner(head, overrides)):
+                raise UsageError(f"{override.input_line}: there is no key {head!r}. Say {owner}.{head}=...")
             _check_key("", head, [*(f.name for f in dataclasses.fields(Base)), *GROUPS], override.input_line)
             if override.is_delete() and head not in GROUPS:
                 raise UsageError(f"{override.input_line}: every run has {head}; leave this out for its usual value")
@@ -89,6 +93,12 @@ def is_override(word: str) -> bool:
     """Whether a word of a command line is a key and its value, not the name of a file."""
     key, equals, _ = word.partition("=")
     return bool(equals) and key.lstrip("+").replace(".", "_").replace("@", "_").replace("/", "_").isidentifier()
+
+
+def is_key(key: str) -> bool:
+    """Whether the left side of an override names a key of a run, or a part of one."""
+    head = key.lstrip("+~").partition(".")[0].partition("/")[0]
+    return head in ("hydra", *GROUPS) or head in {f.name for f in dataclasses.fields(Base)}
 
 
 def _parse(overrides: Sequence[str]) -> list[Any]:
@@ -233,6 +243,17 @@ def _check_parameter(kind: str, tail: str, overrides: Sequence[str], override: A
     if parameter == tail and not override.is_delete():
         having = [p for p in (registry().find(kind, n) for n in names) if any(f.name == parameter for f in p.fields)]
         _check_values(having, parameter, override)
+
+
+def _owner(parameter: str, overrides: Sequence[str]) -> str:
+    """The kind of the plugin that has a parameter of this name, of those that are chosen or else of the tasks."""
+    for kind in ("method", "task", "dataset", "sensor"):
+        known = [presets.resolve(kind, name) for name in chosen(kind, overrides)]
+        names = registry().names(kind)
+        if any(f.name == parameter for name in known if name in names for f in registry().find(kind, name).fields):
+            return kind
+    tasks = registry().names("task")
+    return "task" if any(f.name == parameter for t in tasks for f in registry().find("task", t).fields) else ""
 
 
 def _check_values(plugins: Sequence[Plugin], parameter: str, override: Any) -> None:
