@@ -6,7 +6,8 @@ a message.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from ..errors import UsageError
 from ..plan.choice import Choice
 from ..plan.limits import Limits
 from ..plan.training import Training
+from .forkserver import CannotStart, ServerDied
 from .isolate import Isolation
 
 if TYPE_CHECKING:
@@ -38,26 +40,76 @@ class Application:
     limit: Limits = field(default_factory=Limits)
     plugins: tuple[str, ...] = ()
     verbose: bool = False
+    simplify: int = 0  # to so many faces at most; 0: as the method made it
+    colors: bool = False  # whether the output takes the colours of the nearest points of the input
     training: Training | None = None  # of a learned method: where its weights come from
     results: str = "results"  # where trained ones are looked for
 
 
-def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda event: None) -> dict[str, Any]:
-    """Run the application in a child process.
+class Applier:
+    """Applies one method to files, one after the other, each in a child of one fork server.
 
-    Returns
-    -------
-    dict
-        ``status`` and ``message`` like those of a row; with ``ok`` also ``seconds``, ``peak_rss_mb``, ``input`` and
-        ``output`` (in words).
-
-    Raises
-    ------
-    UsageError
-        If the method needs weights that are not there, with the command that makes some.
+    What the method needs is imported once. Inside ``with``, call it with an :class:`Application`; all of them have the
+    method, the plugins and the threads of the first.
     """
+
+    def __init__(self, first: Application):
+        self._first = first
+        self._isolation: Isolation | None = None
+
+    def __enter__(self) -> Applier:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._end()
+
+    def __call__(
+        self, job: Application, on_event: Callable[[dict[str, Any]], None] = lambda event: None
+    ) -> dict[str, Any]:
+        """Run the application in a child process.
+
+        Returns
+        -------
+        dict
+            ``status`` and ``message`` like those of a row; with ``ok`` also ``seconds``, ``peak_rss_mb``, ``input`` and
+            ``output`` (in words), ``stages`` (seconds by name), ``input_points``, ``output_points``, ``output_faces``
+            and ``pieces``, as far as there are such.
+
+        Raises
+        ------
+        UsageError
+            If the method needs weights that are not there, with the command that makes some.
+        """
+        arguments = _arguments(job)
+        try:
+            return self._call(job, arguments, on_event)
+        except CannotStart:
+            raise
+        except ServerDied:  # by what was applied before: a new one knows nothing of it
+            self._end()
+            return self._call(job, arguments, on_event)
+
+    def _call(
+        self, job: Application, arguments: Mapping[str, Any], on_event: Callable[[dict[str, Any]], None]
+    ) -> dict[str, Any]:
+        if self._isolation is None:
+            first = self._first
+            libraries = tuple(dict.fromkeys(library for plugin in first.method.parts for library in plugin.requires))
+            self._isolation = Isolation(libraries, first.plugins, first.threads)
+        return self._isolation.call(
+            "bench.engine.application:call", arguments, limit=job.limit, on_event=on_event, verbose=job.verbose
+        )
+
+    def _end(self) -> None:
+        if self._isolation is not None:
+            self._isolation.close()
+            self._isolation = None
+
+
+def _arguments(job: Application) -> dict[str, Any]:
+    """What the worker is told."""
     weights = _weights_of(job)
-    arguments = {
+    return {
         "task": asdict(job.task),
         "method": asdict(job.method),
         "inputs": list(job.inputs),
@@ -65,13 +117,10 @@ def apply(job: Application, on_event: Callable[[dict[str, Any]], None] = lambda 
         "seed": job.seed,
         "device": job.device,
         "normals": job.normals,
+        "simplify": job.simplify,
+        "colors": job.colors,
         "weights": str(weights) if weights else "",
     }
-    libraries = tuple(dict.fromkeys(library for plugin in job.method.parts for library in plugin.requires))
-    with Isolation(libraries, job.plugins, job.threads) as isolation:
-        return isolation.call(
-            "bench.engine.application:call", arguments, limit=job.limit, on_event=on_event, verbose=job.verbose
-        )
 
 
 def _weights_of(job: Application) -> Path | None:
@@ -92,49 +141,130 @@ def _weights_of(job: Application) -> Path | None:
 
 def call(spec: Mapping[str, Any], channel: Channel) -> None:
     """The worker's side: read, call, validate, write."""
-    from ..geometry.io.files import check_target
-    from ..notices import collected
-    from ..plugins.weights import load
+    from ..stages import listening
     from ..text import bounded
-    from .call import MeasuredCall
     from .channel import plain
-    from .devices import check_device
-    from .meter import Meter
     from .worker import failure
 
-    asked = spec["arguments"]
+    clock = _StageClock(channel)
     try:
-        channel.enter("prepare", 0)
-        task, method = Choice(**asked["task"]), Choice(**asked["method"])
-        check_device(asked["device"])
-        solver = task.build()
-        check_target(asked["output"], solver.output)  # nobody should wait for what cannot be written
-        channel.enter("case", 0)
-        with collected() as notices:
-            inputs, frame = solver.read(asked["inputs"])
-            inputs = {name: _with_normals_of(asked["normals"], value) for name, value in inputs.items()}
-        call = MeasuredCall(
-            task=task,
-            method=method,
-            solver=solver,
-            inputs=inputs,
-            seed=asked["seed"],
-            spec=spec,
-            meter=Meter(spec["memory_gb"], asked["device"]),
-            channel=channel,
-            weights=load(asked["weights"]) if asked.get("weights") else None,
-        )
-        output = call()
-        channel.enter("write", 0)
-        with collected() as written:
-            restored = solver.restore(_with_attributes_of(inputs, output), frame)
-            solver.save(restored, asked["output"], asked["inputs"])
-            row = call.columns | {"output": _words([restored])}
-        row["message"] = "; ".join(filter(None, [*notices, row["message"], *written]))
-        row |= {"status": "ok", "input": _words(inputs.values())}
+        with listening(clock):
+            row = _applied(spec, channel)
+        row |= {"status": "ok", "stages": clock.seconds}
     except BaseException as error:  # the boundary: shown as one message
         row = {"stage": channel.stage} | failure(error, channel.stage)
     channel.send("result", row=plain(bounded(row)))
+
+
+class _StageClock:
+    """Passes the names of stages on, and adds up the seconds of each."""
+
+    def __init__(self, channel: Channel):
+        self.seconds: dict[str, float] = {}
+        self._channel, self._current, self._since = channel, "", time.monotonic()
+
+    def __call__(self, name: str) -> None:
+        now = time.monotonic()
+        if self._current:
+            self.seconds[self._current] = self.seconds.get(self._current, 0.0) + now - self._since
+        self._current, self._since = name, now
+        self._channel.send("doing", what=name)
+
+
+def _applied(spec: Mapping[str, Any], channel: Channel) -> dict[str, Any]:
+    """The row of one call, whose output is written."""
+    from ..geometry.io.files import check_target
+    from ..notices import collected
+    from ..plugins.weights import load
+    from ..stages import stage
+    from .call import MeasuredCall
+    from .devices import check_device
+    from .meter import Meter
+
+    asked = spec["arguments"]
+    channel.enter("prepare", 0)
+    task, method = Choice(**asked["task"]), Choice(**asked["method"])
+    check_device(asked["device"])
+    solver = task.build()
+    check_target(asked["output"], solver.output)  # nobody should wait for what cannot be written
+    channel.enter("case", 0)
+    with collected() as notices, stage("reading"):
+        inputs, frame = solver.read(asked["inputs"])
+        inputs = {name: _with_normals_of(asked["normals"], value) for name, value in inputs.items()}
+    call = MeasuredCall(
+        task=task,
+        method=method,
+        solver=solver,
+        inputs=inputs,
+        seed=asked["seed"],
+        spec=spec,
+        meter=Meter(spec["memory_gb"], asked["device"]),
+        channel=channel,
+        weights=load(asked["weights"]) if asked.get("weights") else None,
+    )
+    with stage("solving"):
+        output = call()
+    channel.enter("write", 0)
+    with collected() as written:
+        restored = solver.restore(_with_attributes_of(inputs, output), frame)
+        if asked["simplify"]:
+            restored = _simplified(restored, asked)
+        if asked["colors"]:
+            restored = _colored(restored, [solver.restore(v, frame) for v in inputs.values() if _has_colors(v)])
+        with stage("writing"):
+            solver.save(restored, asked["output"], asked["inputs"])
+    message = "; ".join(filter(None, [*notices, call.columns["message"], *written]))
+    return call.columns | _sizes(inputs, restored) | {"message": message}
+
+
+def _simplified(mesh: Any, asked: Mapping[str, Any]) -> Any:
+    """The mesh with fewer faces, and a notice of what that costs."""
+    from ..geometry.simplify import mesh_distance, simplify
+    from ..notices import notice
+    from ..seeds import generator
+    from ..stages import stage
+
+    with stage("simplifying"):
+        fewer = simplify(mesh, asked["simplify"])
+        if fewer is mesh:
+            notice(f"not simplified: it has {len(mesh.faces):,} faces")
+        else:
+            distance = mesh_distance(mesh, fewer, generator(asked["seed"], "simplify"))
+            notice(f"simplified from {len(mesh.faces):,} to {len(fewer.faces):,} faces, at a distance of {distance}")
+    return fewer
+
+
+def _has_colors(value: Any) -> bool:
+    from ..geometry.cloud import PointCloud
+
+    return isinstance(value, PointCloud) and value.colors is not None
+
+
+def _colored(output: Any, clouds: Sequence[Any]) -> Any:
+    """The output with the colours of the nearest points of the input, if that has any."""
+    from ..geometry.nearest_colors import with_nearest_colors
+    from ..notices import notice
+
+    if not clouds:
+        notice("no colours: the input has none")
+        return output
+    return with_nearest_colors(output, clouds[0])
+
+
+def _sizes(inputs: Mapping[str, Any], output: Any) -> dict[str, Any]:
+    """The inputs and the output in words and in numbers."""
+    from .worker import sizes
+
+    found = {"input": _words(inputs.values()), "output": _words([output])} | sizes(output)
+    for value in inputs.values():
+        found.setdefault("input_points", sizes(value).get("output_points"))
+    if hasattr(output, "faces"):
+        from ..geometry.topology import pieces
+
+        found["pieces"] = pieces(output.faces)
+        if found["pieces"] > 1:
+            found["output"] += f", {found['pieces']:,} pieces"
+    return found
 
 
 def _with_normals_of(source: str, value: Any) -> Any:

@@ -30,6 +30,10 @@ class Isolation:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the server and everything below it."""
         self._server.close()
 
     def call(

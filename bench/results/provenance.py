@@ -36,7 +36,7 @@ def ingredients(cell: Cell) -> dict[str, Any]:
     and the geometry that they import), the versions of metrics, the packages that compute, what a dataset says of its
     own state (hashes of the user's files), and the contents of the files that plugins read (:mod:`reads`).
     """
-    parts = {"cell": cell.id} | _depends_on(cell.choices, cell.dataset)
+    parts = {"cell": cell.id} | depends_on(cell.choices, cell.dataset)
     if cell.training:
         parts[WEIGHTS] = weights_of(cell.training)
     return parts
@@ -55,7 +55,7 @@ def weights_of(training: Training) -> str | None:
 
 def training_ingredients(training: Training) -> dict[str, Any]:
     """All that decides what a training makes, like :func:`ingredients` for a cell."""
-    return {"training": training.id} | _depends_on(training.choices, training.dataset)
+    return {"training": training.id} | depends_on(training.choices, training.dataset)
 
 
 def examples_key(training: Training) -> str:
@@ -68,8 +68,8 @@ def examples_key(training: Training) -> str:
     return digest([parts, plugin.name, values, of, training.cases, training.seed])[:16]
 
 
-def _depends_on(choices: Iterable[Choice], dataset: Choice) -> dict[str, Any]:
-    """Sources, versions, packages, and the contents of files."""
+def depends_on(choices: Iterable[Choice], dataset: Choice | None = None) -> dict[str, Any]:
+    """Sources, versions, packages, and the contents of files; with a dataset also the state that it says it is in."""
     choices = tuple(choices)
     parts: dict[str, Any] = {}
     for choice in choices:
@@ -81,7 +81,7 @@ def _depends_on(choices: Iterable[Choice], dataset: Choice) -> dict[str, Any]:
                 parts[f"source of {choice.kind} {part.name}"] = source_digest(part.file)
     for package in sorted({*ALWAYS, *(r for c in choices for p in c.parts for r in p.requires)}):
         parts[f"package {package}"] = package_version(package)
-    state = getattr(dataset.build(), "state", None)
+    state = getattr(dataset.build(), "state", None) if dataset else None
     if state:
         parts.update({f"file {name}": value for name, value in state().items()})
     parts.update({f"content of {name}": value for name, value in contents(choices).items()})
