@@ -42,6 +42,8 @@ COMMANDS = {
 EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved,
 130 interrupted (143 by SIGTERM, 129 by SIGHUP)"""
 
+READ_CONFIGS = ("run", "plan", "list", "leaderboard", "train", "apply", "check")
+MOST_NAMES = 5  # of which it is said that they are in two places
 MOST_NAME = 500  # letters of a file's name in a message
 
 
@@ -224,7 +226,24 @@ def _main(arguments: list[str]) -> int:
         args, args.rest = parser.parse_known_args(arguments[1:])
     else:
         args = parser.parse_intermixed_args(arguments[1:])
+    if hasattr(args, "config_dir"):
+        from .plugins import config_files
+
+        config_files.use(args.config_dir)
+        if command in READ_CONFIGS and len(config_files.folders()) > 1:
+            _warn_of_names()
     return module.run(args)
+
+
+def _warn_of_names() -> None:
+    """Say which file counts where a name is in two places."""
+    from .plugins.presets import warnings
+
+    lines = warnings()
+    for line in lines[:MOST_NAMES]:
+        print(f"warning: {line}", file=sys.stderr)
+    if len(lines) > MOST_NAMES:
+        print(f"warning: {len(lines) - MOST_NAMES} more names are in two places", file=sys.stderr)
 
 
 def _usage_error(parser: argparse.ArgumentParser) -> Callable[[str], None]:
@@ -237,8 +256,15 @@ def _usage_error(parser: argparse.ArgumentParser) -> Callable[[str], None]:
 
 
 def add_plugin_argument(parser: argparse.ArgumentParser) -> None:
-    """``--plugin FILE``, the same in every command."""
+    """``--plugin FILE`` and ``--config-dir DIR``, the same in every command."""
     parser.add_argument("--plugin", metavar="FILE", action="append", default=[], help="also load the plugins in FILE")
+    parser.add_argument(
+        "--config-dir",
+        metavar="DIR",
+        action="append",
+        default=[],
+        help="also find experiments, conventions and presets in DIR, as those in ./conf are (DIR/experiment/NAME.yaml)",
+    )
 
 
 if __name__ == "__main__":

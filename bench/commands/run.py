@@ -30,6 +30,7 @@ from ..engine import forkserver
 from ..engine.affinity import available
 from ..engine.devices import check_device
 from ..errors import UsageError, code_of
+from ..plugins import config_files
 from ..plugins.listing import listing
 from ..plugins.registry import load_plugins
 from ..results.earlier import told
@@ -99,7 +100,9 @@ def _sweep(
     if ahead and ahead.text:
         print(ahead.text, file=sys.stderr)
     session = sweep.Session.new(results.folder)
-    private = [f"session='{session.name}'", *([f"plugins={_hydra_list(plugins)}"] if plugins else [])]
+    private = [f"session='{session.name}'"]
+    private += [f"plugins={_hydra_list(plugins)}"] if plugins else []
+    private += [f"config_dirs={_hydra_list(named)}"] if (named := config_files.named()) else []
     with session.open():
         interrupted = None
         try:

@@ -36,6 +36,7 @@ class Base:
     verbose: bool = False  # show what methods print
     limit: Limits = field(default_factory=Limits)
     plugins: list[str] = field(default_factory=list)  # set by --plugin
+    config_dirs: list[str] = field(default_factory=list)  # set by --config-dir
     session: str = "none"  # set by the front door
 
 

@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ..own_folder import cache_folder
-
-ENTRY_POINTS = "detailbench.plugins"
+from .config_files import ENTRY_POINTS, installed_folders
 
 
 def kept_modules() -> dict[str, dict[str, tuple[str, str]]] | None:
@@ -69,7 +68,9 @@ def stamp() -> str:
     entries = sorted((e.name, e.value) for e in importlib.metadata.entry_points(group=ENTRY_POINTS))
     modules = {value.partition(":")[0] for _, value in entries} | {"bench", "bench.conf"}
     facts = [sys.version, entries]
-    for file in sorted(file for module in modules for file in _sources(module)):
+    files = {file for module in modules for file in _sources(module)}
+    files.update(file for folder in installed_folders() for file in _files_below(folder.path))
+    for file in sorted(files):
         with contextlib.suppress(OSError):
             stat = os.stat(file)
             facts.append([file, stat.st_size, stat.st_mtime_ns])
@@ -88,8 +89,12 @@ def _sources(module: str) -> Iterator[str]:
         yield str(spec.origin)
         return
     for folder in spec.submodule_search_locations:
-        for path, _, names in os.walk(folder):
-            yield from (os.path.join(path, name) for name in names if name.endswith((".py", ".yaml", ".json")))
+        yield from _files_below(folder)
+
+
+def _files_below(folder: str) -> Iterator[str]:
+    for path, _, names in os.walk(folder):
+        yield from (os.path.join(path, name) for name in names if name.endswith((".py", ".yaml", ".json")))
 
 
 def _digest(value: Any) -> str:

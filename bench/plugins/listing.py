@@ -26,13 +26,36 @@ def listing(files: Sequence[str] = ()) -> dict[str, Any]:
         ``plugins`` and ``presets``: by kind, lists of facts; ``broken``: a list of origin, file and reason.
     """
     if files:
-        return _made(files)
+        return _with_own(_made(files))
     now = stamp()
     found = kept_listing(now)
     if found is None:
         found = _made(())
         keep(now, found)
+    return _with_own(found)
+
+
+def _with_own(found: dict[str, Any]) -> dict[str, Any]:
+    """The listing with the presets of the user's own folders, which are not kept: they depend on where one is."""
+    from . import presets
+
+    for kind, plugins in found["plugins"].items():
+        own = presets.own_presets(kind)
+        if not own:
+            continue
+        hidden = [preset for preset in found["presets"][kind] if preset["name"] not in own]
+        found["presets"][kind] = sorted([*hidden, *map(_preset, own.values())], key=lambda preset: preset["name"])
+        for facts in plugins:
+            mine = {p.name: {"help": p.help, **p.values} for p in own.values() if p.plugin == facts["name"]}
+            others = {name: preset for name, preset in facts.get("presets", {}).items() if name not in own}
+            if mine or others:
+                facts["presets"] = dict(sorted({**others, **mine}.items()))
+    found["broken"] += [{"origin": file, "file": file, "reason": reason} for file, reason in presets.broken()]
     return found
+
+
+def _preset(preset: Any) -> dict[str, Any]:
+    return preset._asdict() | {"values": dict(preset.values)}
 
 
 def _made(files: Sequence[str]) -> dict[str, Any]:
@@ -46,7 +69,7 @@ def _made(files: Sequence[str]) -> dict[str, Any]:
     check_configs()
     return {
         "plugins": {kind: [as_json(plugin) for plugin in found.all(kind)] for kind in KINDS},
-        "presets": {kind: [p._asdict() | {"values": dict(p.values)} for p in presets(kind).values()] for kind in KINDS},
+        "presets": {kind: [_preset(p) for p in presets(kind, own=False).values()] for kind in KINDS},
         "broken": [{"origin": b.origin, "file": str(b.file or ""), "reason": b.reason} for b in found.broken],
     }
 
@@ -75,7 +98,7 @@ def as_json(plugin: Plugin) -> dict[str, Any]:
     }
     if plugin.kind == "dataset":
         facts["shapes"] = catalog.known(plugin)
-    presets_of = list(presets(plugin.kind, of=plugin.name).values())
+    presets_of = list(presets(plugin.kind, of=plugin.name, own=False).values())
     if presets_of:
         facts["presets"] = {p.name: {"help": p.help, **p.values} for p in presets_of}
     if plugin.kind == "method":

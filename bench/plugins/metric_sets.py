@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import functools
 
+from ..errors import UsageError
+from .config_files import ConfigFile, file_of
 from .origins import installed
 
 FULL = "full"
@@ -19,11 +21,20 @@ def metric_set(name: str) -> list[str] | None:
     return installed("metric") if name == FULL else _of_file(name)
 
 
-@functools.cache
 def _of_file(name: str) -> list[str] | None:
-    from importlib.resources import files
+    file = file_of("metric", name)
+    return _defaults(file) if file else None
 
+
+@functools.cache
+def _defaults(file: ConfigFile) -> list[str]:
     import yaml
 
-    file = files("bench.conf") / "metric" / f"{name}.yaml"
-    return yaml.safe_load(file.read_text(encoding="utf-8"))["defaults"] if file.is_file() else None
+    try:
+        content = yaml.safe_load(file.text())
+    except yaml.YAMLError as error:
+        raise UsageError(f"{file.path}: cannot be read as YAML: {' '.join(str(error).split())}") from error
+    chosen = content.get("defaults") if isinstance(content, dict) else None
+    if not isinstance(chosen, list) or not all(isinstance(name, str) for name in chosen):
+        raise UsageError(f"{file.path}: expected the names of metrics, for instance defaults: [p2f_mean, hausdorff]")
+    return [name for name in chosen if name != "_self_"]

@@ -6,7 +6,8 @@
     defaults: [samples]                     <- the plugin
     noise: 0.01                             <- its parameters
 
-``sensor=noisy`` is ``sensor=samples sensor.noise=0.01``: the same cell, under the preset's name in tables.
+``sensor=noisy`` is ``sensor=samples sensor.noise=0.01``: the same cell, under the preset's name in tables. A preset may
+also name another one as its plugin, and change parameters of it. Where the files are: :mod:`config_files`.
 """
 
 from __future__ import annotations
@@ -15,9 +16,12 @@ import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from ..errors import UsageError, did_you_mean
+from . import config_files
+from .config_files import ConfigFile
 from .metric_sets import FULL
-from .registry import Plugin, registry
-from .schema import build, parameters
+from .registry import KINDS, Plugin, registry
+from .schema import build, parameters, variant
 
 
 class Preset(NamedTuple):
@@ -27,57 +31,164 @@ class Preset(NamedTuple):
     plugin: str
     values: Mapping[str, Any]
     help: str
+    file: str
+    origin: str
 
 
 def names(group: str) -> list[str]:
-    """The YAML files of a config group, without the suffix; of metrics also the set that is made of the plugins."""
-    from importlib.resources import files
-
-    folder = files("bench.conf") / group
+    """The names in a config group, sorted; of metrics also the set that is made of the plugins."""
     found = {FULL} if group == "metric" else set()
-    if folder.is_dir():
-        found |= {f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml")}
-    return sorted(found)
+    return sorted(found.union(files(group)))
 
 
-def presets(kind: str, of: str = "") -> dict[str, Preset]:
-    """The presets of a kind of plugin, by name; of all plugins, or of one."""
-    if kind == "metric":
-        return {}  # those of metrics choose several plugins
-    # A file that does not mention the plugin need not be parsed, which is slow.
-    found = {name: _read(kind, name) for name in names(kind) if of in _text(kind, name)}
+def files(group: str, *, own: bool = True) -> dict[str, ConfigFile]:
+    """The files of a group by name, without those that are called like a plugin, which counts instead."""
+    taken = registry().names(group) if group in KINDS else ()
+    return {name: file for name, file in config_files.files(group, own=own).items() if name not in taken}
+
+
+def warnings() -> list[str]:
+    """What is to be said of names that are in two places: which one is used."""
+    lines = config_files.hidden()
+    for kind in KINDS:
+        for name in sorted({*config_files.files(kind)}.difference(files(kind))):
+            file = config_files.files(kind)[name].path
+            lines.append(f"{kind}={name} is the {kind} itself, and {file} is not used: give the file another name")
+    return lines
+
+
+def presets(kind: str, of: str = "", *, own: bool = True) -> dict[str, Preset]:
+    """The presets of a kind of plugin, by name; of all plugins, or of one. Files of users that are wrong are left out.
+
+    Those are in :func:`broken`, and what is wrong with one is said where it is asked for. Without ``own`` they are
+    those that are installed.
+    """
+    found = files(kind, own=own) if kind != "metric" else {}  # those of metrics choose several plugins
+    return _presets(kind, of, found)
+
+
+def own_presets(kind: str) -> dict[str, Preset]:
+    """The presets in the user's own folders, by name; no other file is read."""
+    found = files(kind) if kind != "metric" else {}
+    return _presets(kind, "", {name: file for name, file in found.items() if file.folder.is_own})
+
+
+def _presets(kind: str, of: str, files: Mapping[str, ConfigFile]) -> dict[str, Preset]:
+    found = {}
+    for name, file in files.items():
+        # A file of ours that does not mention the plugin need not be parsed, which is slow.
+        if file.folder.origin == config_files.OURS and of not in _text(file):
+            continue
+        try:
+            found[name] = _read(kind, name, file)
+        except UsageError:
+            continue
     return {name: preset for name, preset in found.items() if of in ("", preset.plugin)}
 
 
+def broken() -> list[tuple[str, str]]:
+    """The files of users and of packages that are no presets, with the reason."""
+    found = []
+    for kind in KINDS:
+        for name, file in files(kind).items() if kind != "metric" else ():
+            if file.folder.origin != config_files.OURS:
+                try:
+                    _read(kind, name, file)
+                except UsageError as error:
+                    found.append((file.path, str(error).removeprefix(f"{file.path}: ")))
+    return found
+
+
 @functools.cache
-def _text(kind: str, name: str) -> str:
-    from importlib.resources import files
-
-    return (files("bench.conf") / kind / f"{name}.yaml").read_text(encoding="utf-8")
+def _text(file: ConfigFile) -> str:
+    return file.text()
 
 
 @functools.cache
-def _read(kind: str, name: str) -> Preset:
+def _read(kind: str, name: str, file: ConfigFile) -> Preset:
+    """What a file says, checked where it is not ours.
+
+    Raises
+    ------
+    UsageError
+        With the name of the file.
+    """
+    text = _text(file)
+    content = content_of(file.path, text)
+    chosen = content.pop("defaults", None)
+    plugins = [entry for entry in chosen if entry != "_self_"] if isinstance(chosen, list) else []
+    if len(plugins) != 1 or not isinstance(plugins[0], str) or plugins[0] == name:
+        raise UsageError(f"{file.path}: expected the {kind} that it is a preset of, for instance defaults: [NAME]")
+    plugin, values = plugins[0], content
+    if plugin not in registry().names(kind) and plugin in files(kind):
+        other = _read(kind, plugin, files(kind)[plugin])
+        plugin, values = other.plugin, {**other.values, **content}
+    if file.folder.origin != config_files.OURS:
+        _check(kind, plugin, values, file.path)
+    return Preset(name, plugin, values, help_of(text), file.path, file.folder.origin)
+
+
+def content_of(path: str, text: str) -> dict[str, Any]:
+    """The mapping that a YAML file holds.
+
+    Raises
+    ------
+    UsageError
+        If it is no YAML, or no mapping, with the place.
+    """
     from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
 
-    text = _text(kind, name)
-    content = OmegaConf.to_container(OmegaConf.create(text))
-    assert isinstance(content, dict)
-    plugin = next(entry for entry in content.pop("defaults") if entry != "_self_")
-    comment = [line.lstrip("# ").rstrip() for line in text.splitlines() if line.startswith("#")]
-    return Preset(name, plugin, content, " ".join(comment))
+    try:
+        content = OmegaConf.to_container(OmegaConf.create(text)) if text.strip() else {}
+    except (YAMLError, OmegaConfBaseException, AssertionError, ValueError) as error:
+        raise UsageError(f"{path}: cannot be read as YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: expected keys with values, one `key: value` on a line")
+    return content
+
+
+def help_of(text: str) -> str:
+    """The comment of a YAML file as one paragraph, without the line that says its package."""
+    lines = [line for line in text.splitlines() if line.startswith("#") and not line.startswith("# @package")]
+    return " ".join(line.lstrip("# ").rstrip() for line in lines)
+
+
+def _check(kind: str, plugin: str, values: Mapping[str, Any], path: str) -> None:
+    """Whether a preset's plugin is there and has these parameters; interpolations are left to Hydra."""
+    if plugin not in registry().names(kind):
+        raise UsageError(f"{path}: no {kind} is called {plugin!r}. {did_you_mean(plugin, registry().names(kind))}")
+    known = [f.name for f in registry().find(kind, plugin).fields]
+    for key in values:
+        if key not in known:
+            raise UsageError(f"{path}: {kind} {plugin} has no parameter {key!r}. {did_you_mean(str(key), known)}")
 
 
 def name_of(plugin: Plugin, values: Mapping[str, Any]) -> str | None:
-    """The preset that gives ``plugin`` just these parameters; the first by name where several do."""
-    return _known(plugin.kind, plugin.name).get(_key(values))
+    """The preset that gives ``plugin`` just these parameters; the first by name where several do.
+
+    A preset of the user's own is called ``NAME[parameters]``: its file may change, and results stay.
+    """
+    return _known(plugin.kind, plugin.name, config_files.folders()).get(_key(values))
 
 
 @functools.cache
-def _known(kind: str, name: str) -> dict[str, str]:
+def _known(kind: str, name: str, folders: tuple[config_files.Folder, ...]) -> dict[str, str]:
     plugin = registry().find(kind, name)
-    mine = reversed(presets(kind, name).values())
-    return {_key(parameters(plugin, build(plugin, preset.values))): preset.name for preset in mine}
+    found: dict[str, str] = {}
+    # The first one counts: ours before those of users, and of equals the first by name.
+    for preset in sorted(presets(kind, name).values(), key=lambda preset: preset.origin != config_files.OURS):
+        try:
+            values = parameters(plugin, build(plugin, preset.values))
+        except UsageError:
+            if preset.origin == config_files.OURS:
+                raise
+            continue  # what is wrong with it is said where it is chosen
+        changed = variant(plugin, values)
+        label = f"{preset.name}[{changed}]" if preset.origin == "own" and changed else preset.name
+        found.setdefault(_key(values), label)
+    return found
 
 
 def _key(values: Mapping[str, Any]) -> str:
@@ -90,4 +201,5 @@ def resolve(kind: str, name: str) -> str:
     """The plugin behind a name: that of the preset, or of the plugin itself."""
     if name in registry().names(kind):
         return name
-    return _read(kind, name).plugin if kind != "metric" and name in names(kind) else name
+    found = files(kind) if kind != "metric" else {}
+    return _read(kind, name, found[name]).plugin if name in found else name

@@ -13,7 +13,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError, did_you_mean
-from ..plugins.presets import names
+from ..plugins.config_files import ConfigFile
+from ..plugins.presets import content_of, files, names
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -129,31 +130,36 @@ def convention_names() -> list[str]:
     return names("convention")
 
 
-@cache
 def load_convention(name: str) -> Convention:
     """The convention of a name.
 
     Raises
     ------
     UsageError
-        For an unknown name, with the nearest right one.
+        For an unknown name, with the nearest right one, and for a file that describes none.
     """
-    from importlib.resources import files
-
-    import yaml
-
     if name not in convention_names():
         raise UsageError(f"no convention is called {name!r}. {did_you_mean(name, convention_names())}")
-    text = (files("bench.conf") / "convention" / f"{name}.yaml").read_text(encoding="utf-8")
-    content = yaml.safe_load(text)
-    (selected,) = (entry[METRIC] for entry in content["defaults"] if METRIC in entry)
-    described = content["convention"]
-    return Convention(
-        name=described["name"],
-        prints=described["prints"],
-        paper=described["paper"],
-        code=described["code"],
-        differs=described.get("differs", ""),
-        metrics=tuple(selected),
-        columns=tuple(Column(**column) for column in described["columns"]),
-    )
+    return _read(files("convention")[name])
+
+
+@cache
+def _read(file: ConfigFile) -> Convention:
+    content = content_of(file.path, file.text())
+    try:
+        (selected,) = (entry[METRIC] for entry in content["defaults"] if METRIC in entry)
+        described = content["convention"]
+        return Convention(
+            name=described["name"],
+            prints=described["prints"],
+            paper=described["paper"],
+            code=described["code"],
+            differs=described.get("differs", ""),
+            metrics=tuple(selected),
+            columns=tuple(Column(**column) for column in described["columns"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise UsageError(
+            f"{file.path}: expected defaults with '{METRIC}: [NAMES]', and a convention with name, prints, paper, "
+            f"code and columns such as {{title: TEXT, score: NAME, factor: NUMBER, digits: NUMBER}} ({error})"
+        ) from error

@@ -22,7 +22,8 @@ from functools import cache
 from typing import Any
 
 from ..errors import UsageError, did_you_mean
-from ..plugins.presets import names
+from ..plugins.config_files import ConfigFile
+from ..plugins.presets import content_of, files, names
 
 GROUP = "experiment"
 
@@ -98,7 +99,6 @@ def _word(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-@cache
 def load_published(experiment: str) -> Published:
     """The numbers that an experiment's file gives.
 
@@ -113,9 +113,14 @@ def load_published(experiment: str) -> Published:
     if described is None:
         known = [name for name in names(GROUP) if has_published(name)]
         raise UsageError(f"experiment {experiment} repeats no paper's table; these do: {', '.join(known)}")
-    lines = tuple(Line(**line) for line in described["lines"])
-    by = described.get("by")
-    return Published(described["source"], described["short"], described["convention"], lines, by)
+    try:
+        lines = tuple(Line(**line) for line in described["lines"])
+        return Published(described["source"], described["short"], described["convention"], lines, described.get("by"))
+    except (KeyError, TypeError) as error:
+        raise UsageError(
+            f"{files(GROUP)[experiment].path}: published: expected source, short, convention, and lines such as "
+            f"{{method: NAME, values: {{COLUMN: NUMBER}}}} ({error})"
+        ) from error
 
 
 def has_published(experiment: str) -> bool:
@@ -123,12 +128,11 @@ def has_published(experiment: str) -> bool:
     return _described(experiment) is not None
 
 
-@cache
 def _described(experiment: str) -> dict[str, Any] | None:
     """What the file of an experiment says under ``published``."""
-    from importlib.resources import files
+    return _content(files(GROUP)[experiment]).get("published")
 
-    import yaml
 
-    text = (files("bench.conf") / GROUP / f"{experiment}.yaml").read_text(encoding="utf-8")
-    return (yaml.safe_load(text) or {}).get("published")
+@cache
+def _content(file: ConfigFile) -> dict[str, Any]:
+    return content_of(file.path, file.text())

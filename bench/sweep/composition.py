@@ -43,8 +43,10 @@ def register_resolvers() -> None:
 def register_base() -> None:
     """Put the typed base, and every plugin, into Hydra's config store; those that are new since the last call."""
     from ..plugins.registry import KINDS, registry
+    from .config_source import register
 
     register_resolvers()
+    register()
     _register(tuple((kind, *registry().names(kind)) for kind in KINDS))
 
 

@@ -23,6 +23,7 @@ from ..engine.forkserver import CannotStart
 from ..errors import DetailbenchError, StoreError, Terminated, UsageError
 from ..plan.cell import Cell, NotSolved, check_root, settings_of
 from ..plan.keys import GROUPS
+from ..plugins import config_files
 from ..plugins.registry import load_plugins
 from ..safe_path import isolate_imports, safe_children
 from .session import Session
@@ -47,8 +48,9 @@ def job(config: DictConfig) -> None:
     if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
         _ignore_interrupts()
         isolate_imports()
+        config_files.use(list(config.config_dirs))
         load_plugins(list(config.plugins), warn=False)
-    register_resolvers()
+    register_resolvers()  # they ask which plugins there are
     values = OmegaConf.to_container(config, resolve=True)
 
     def alive() -> None:
