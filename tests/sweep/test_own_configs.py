@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -100,7 +99,7 @@ def test_a_folder_that_is_named_is_found_from_anywhere(own, tmp_path, monkeypatc
     ("folder", "message"),
     [
         ("nowhere", "no such folder"),
-        ("conf/experiment", "name the folder above, .*/conf$"),
+        ("conf/experiment", "name the folder above"),
         ("empty", "expected files"),
     ],
 )
@@ -217,8 +216,7 @@ def test_a_cell_of_a_preset_is_explained_and_repeated_where_the_preset_is_not(ow
     shutil.move(tmp_path / "r", elsewhere / "r")
     monkeypatch.chdir(elsewhere)
     capsys.readouterr()
-    assert cli.main(["list", "sensors", "--json"]) == 0
-    assert "rough" not in json.dumps(json.loads(capsys.readouterr().out)["sensor"])
+    assert "rough" not in presets.names("sensor")
     cell = next(Path("r", "cells").glob("**/*.parquet")).stem[:12]
     assert cli.main(["why", cell, "results=r"]) == 0
     assert "it would not be run again" in capsys.readouterr().out
