@@ -33,6 +33,7 @@ COMMANDS = {
     "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
     "train": "train a learned method, and keep its weights",
     "apply": "one method on one file",
+    "recommend": "which method serves a scan: a ranking without ground truth",
     "score": "two files: an output held against its reference",
     "check": "hold a plugin against the contract",
     "new": "write a new plugin and its test",

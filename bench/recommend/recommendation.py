@@ -1,0 +1,154 @@
+"""One answer for one or several scans: trials, evidence and ranks together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import DetailbenchError
+from .candidates import Candidate
+from .evidence import Evidence, evidence
+from .scan import NORMAL_MEDIAN, Scan
+from .trials import Setup, Trial, trials
+from .verdict import CRITERIA, Verdict, verdict
+
+OUTPUT = "OUT.ply"  # what the command line writes to
+
+
+@dataclass(frozen=True, eq=False)
+class Recommendation:
+    """What was found.
+
+    Attributes
+    ----------
+    scans, candidates, setup
+        What was asked.
+    solved : tuple of int
+        The candidates that solved all scans and their halves, in the order of ``verdict`` and ``evidence``.
+    trials : for each scan a list, in the order of the candidates
+    evidence : for each scan, of the solved ones
+    verdict : Verdict
+        Of the solved ones.
+    """
+
+    scans: Sequence[Scan]
+    candidates: Sequence[Candidate]
+    setup: Setup
+    solved: tuple[int, ...]
+    trials: list[list[Trial]]
+    evidence: list[Evidence]
+    verdict: Verdict
+
+    @property
+    def ranked(self) -> list[tuple[int, Candidate]]:
+        """Places in the verdict with their candidates, best first."""
+        return [(int(place), self.candidates[self.solved[place]]) for place in self.verdict.order]
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Labels of the other candidates, and why they have no rank."""
+        return {
+            candidate.label: next(row[i].why for row in self.trials if row[i].meshes is None)
+            for i, candidate in enumerate(self.candidates)
+            if i not in self.solved
+        }
+
+    @property
+    def tied(self) -> list[Candidate]:
+        """The candidates that nothing is surely better than, best first."""
+        return [candidate for place, candidate in self.ranked if self.verdict.low[place] == 1]
+
+    def command(self, candidate: Candidate) -> str:
+        """The line that applies a candidate to the first scan."""
+        return candidate.command(self.setup.task, self.scans[0].name, OUTPUT)
+
+    def costs(self, place: int) -> tuple[float, float]:
+        """The most seconds and megabytes of a call of a method, over the scans."""
+        found = [row[self.solved[place]] for row in self.trials]
+        return max(t.seconds for t in found), max(t.peak_mb for t in found)
+
+    def above_noise(self, place: int) -> float:
+        """Median distance of held-out points to the mesh, as a multiple of what the noise alone makes it.
+
+        The median of the scans; NaN where a scan has no noise that can be measured.
+        """
+        noises = [NORMAL_MEDIAN * scan.state.noise * scan.spacing for scan in self.scans]
+        held = [e.median_held[place] for e in self.evidence]
+        return float(np.median([h / n if n > 0 else np.nan for h, n in zip(held, noises, strict=True)]))
+
+
+def recommend(
+    scans: Sequence[Scan],
+    chosen: Sequence[Candidate],
+    setup: Setup,
+    on_done: Callable[[str], None] = lambda title: None,
+) -> Recommendation:
+    """Try candidates on scans and rank them.
+
+    Raises
+    ------
+    DetailbenchError
+        If fewer than two candidates solved all scans, with the reasons.
+    """
+    found = trials(scans, chosen, setup, on_done)
+    solved = tuple(i for i in range(len(chosen)) if all(row[i].meshes is not None for row in found))
+    if len(solved) < 2:
+        reasons = {chosen[i].label: row[i].why for row in found for i in range(len(chosen)) if row[i].why}
+        listed = "; ".join(f"{label}: {why}" for label, why in reasons.items())
+        raise DetailbenchError(
+            f"{len(solved)} of {len(chosen)} methods solved all scans; a ranking needs two. Raise --limit or --memory, "
+            f"lower --points, or name other methods. {listed}"
+        )
+    held = [evidence(s, [row[i].meshes for i in solved], setup.seed) for s, row in zip(scans, found, strict=True)]
+    ranks = verdict(held, [chosen[i].choice.name for i in solved], setup.seed)
+    return Recommendation(scans, chosen, setup, solved, found, held, ranks)
+
+
+def as_json(found: Recommendation) -> dict[str, Any]:
+    """All figures, lengths in radii of the scans; NaN is null."""
+    ranks = found.verdict
+
+    def entry(place: int, candidate: Candidate) -> dict[str, Any]:
+        seconds, peak_mb = found.costs(place)
+        return {
+            "method": candidate.label,
+            "rank": [int(ranks.low[place]), int(ranks.high[place])],
+            "score": float(ranks.score[place]),
+            **{
+                name.replace(" ", "_").replace("-", "_"): float(ranks.criteria[place, c])
+                for c, name in enumerate(CRITERIA)
+            },
+            "above_noise": _number(found.above_noise(place)),
+            "pieces": [int(e.pieces[place]) for e in found.evidence],
+            "open_edges": [int(e.open_edges[place]) for e in found.evidence],
+            "seconds": seconds,
+            "peak_mb": peak_mb,
+            "notes": sorted({row[found.solved[place]].note for row in found.trials} - {""}),
+            "command": found.command(candidate),
+        }
+
+    return {
+        "task": found.setup.task,
+        "seed": found.setup.seed,
+        "scans": [
+            {
+                "file": scan.name,
+                "points": scan.total,
+                "tried": len(scan.cloud),
+                "radius": float(scan.frame.radius),
+                "spacing": float(scan.spacing),
+                **scan.state._asdict(),
+            }
+            for scan in found.scans
+        ],
+        "tied_for_first": [candidate.label for candidate in found.tied],
+        "ranking": [entry(place, candidate) for place, candidate in found.ranked],
+        "failed": found.failed,
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,106 @@
+"""A recommendation as text for the terminal."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from textwrap import wrap
+
+from ..text import duration, one_line, shortened
+from .recommendation import Recommendation
+from .scan import Scan
+
+WIDTH = 100  # of notes
+MOST_MESSAGE = 200  # letters of a failure's message
+LEGEND = (
+    "A rank of 1-3: no method is surely better than this one, and all but three at most are surely worse. Lower is "
+    "better throughout; distances are in thousandths of the radius. score: held out plus others, relative to the best. "
+    "held out: between the mesh of a half and the points of the other half, mean of both directions. others: to the "
+    "meshes of other methods. halves: between the meshes of the two halves; does not count. x noise: median distance "
+    "of held-out points over what the noise alone makes it. pieces, open edges, seconds and memory are of the tried "
+    "points, and do not count."
+)
+
+
+def table(found: Recommendation) -> str:
+    """The scans, the methods with their ranks and why, and the command that applies the first."""
+    lines = [line for scan in found.scans for line in _wrapped(_state(scan))]
+    lines += ["", *_methods(found), ""]
+    for text in _notes(found):
+        lines += _wrapped(text)
+    lines += ["", *(f"  {one_line(found.command(candidate))}" for candidate in found.tied[:1])]
+    return "\n".join(lines)
+
+
+def _wrapped(text: str) -> list[str]:
+    return wrap(one_line(text), WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+
+
+def _state(scan: Scan) -> str:
+    state, unit = scan.state, scan.spacing * scan.frame.radius
+    tried = "" if len(scan.cloud) == scan.total else f", of which {len(scan.cloud):,} are tried"
+    normals = "no normals"
+    if state.normals:
+        normals = "normals"
+        if state.contradicting > 0.05:
+            normals += f", of which {state.contradicting:.0%} point the other way than those around them"
+    return (
+        f"{scan.name}: {scan.total:,} points{tried}, {unit:.3g} apart; noise about {state.noise * unit:.2g} "
+        f"({state.noise:.2f} spacings, rough detail included); {state.outliers:.1%} outliers; density varies by "
+        f"{state.density_variation:.0%}; {normals}"
+    )
+
+
+def _methods(found: Recommendation) -> list[str]:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    shown = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+    shown.add_column("method")
+    titles = ("rank", "score", "held out", "others", "halves", "x noise", "pieces", "open edges", "seconds", "peak MB")
+    for title in titles:
+        shown.add_column(title, justify="right")
+    verdict = found.verdict
+    for place, candidate in found.ranked:
+        low, high = verdict.low[place], verdict.high[place]
+        seconds, peak = found.costs(place)
+        above = found.above_noise(place)
+        cells = [
+            f"{low}-{high}" if low < high else f"{low}",
+            f"{verdict.score[place]:.2f}",
+            *(f"{1e3 * value:.3g}" for value in verdict.criteria[place]),
+            f"{above:.2f}" if above < 100 else "",
+            _most(e.pieces[place] for e in found.evidence),
+            _most(e.open_edges[place] for e in found.evidence),
+            f"{seconds:.2g}",
+            f"{peak:.0f}",
+        ]
+        shown.add_row(Text(one_line(candidate.label)), *cells)
+    text = io.StringIO()
+    Console(file=text, width=160, highlight=False).print(shown)
+    return [line.rstrip() for line in text.getvalue().splitlines()]
+
+
+def _most(values: Iterable[int]) -> str:
+    return f"{max(values):,}"
+
+
+def _notes(found: Recommendation) -> list[str]:
+    tied = found.tied
+    rest = f", tied with {', '.join(c.label for c in tied[1:])}" if len(tied) > 1 else ", surely better than the others"
+    tried = max(len(scan.cloud) for scan in found.scans)
+    largest = max(scan.total for scan in found.scans)
+    seconds = found.costs(found.ranked[0][0])[0] * largest / tried
+    texts = [
+        f"First: {tied[0].label}{rest}. On all {largest:,} points it takes about {duration(seconds)} if time grows "
+        "with their number.",
+        LEGEND,
+    ]
+    for label, why in found.failed.items():
+        texts.append(f"no rank: {label}: {shortened(one_line(why), MOST_MESSAGE)}")
+    for i, place in enumerate(found.solved):
+        notes = {row[place].note for row in found.trials} - {""}
+        texts += [f"{found.candidates[found.solved[i]].label}: {shortened(n, MOST_MESSAGE)}" for n in sorted(notes)]
+    return texts
