@@ -91,12 +91,13 @@ def test_every_method_preset_names_parameters_that_exist(name):
 
 
 def test_apply_takes_a_preset(tmp_path):
-    from bench.commands.apply import job_of
+    from bench.commands.apply import jobs_of
 
     scan = tmp_path / "scan.xyz"
     scan.write_text("0 0 0\n")
     words = ["method=idf_30", "method.steps=20"]
-    method = job_of(words, [str(scan), str(tmp_path / "out.ply")], ()).method
+    (job,) = jobs_of(words, [str(scan), str(tmp_path / "out.ply")], ())
+    method = job.method
     assert method.name == "idf"
     assert method.parameters["omega"] == 30
     assert method.parameters["steps"] == 20
