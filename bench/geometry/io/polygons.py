@@ -7,14 +7,16 @@ import numpy as np
 from ...errors import BadInput
 from ...notices import notice
 
-STRAIGHT = 1e-6  # sine of the angle by which a corner may turn back and still count as straight: what float32 rounds
+ROUNDING = 1e-6  # the share of an area by which triangles may overlap: what float32 rounds
+
+TOLERANCES = (0, 1e-6, 1e-4, 1e-3)  # of the extent of a polygon, tried in turn; the first is that of rounding
 
 
 def triangulate(sizes: np.ndarray, corners: np.ndarray, vertices: np.ndarray, name: str) -> np.ndarray:
     """Polygons as triangles, two fewer than corners each, in the order of the file.
 
-    Convex polygons become fans around their first corner. A quadrangle whose fan folds over gets the other diagonal if
-    that one does not, and larger polygons that are not convex are cut by ears (manifold3d) in the plane of their Newell
+    Polygons become fans around their first corner. A quadrangle whose fan folds over gets the other diagonal if that
+    one does not, and larger polygons whose fans fold over are cut by ears (manifold3d) in the plane of their Newell
     normal, so that the area of a flat polygon does not depend on where it begins. One that crosses itself has no area
     to keep; whatever becomes of it, it is as many triangles.
 
@@ -96,35 +98,46 @@ def _turn_diagonals(faces: np.ndarray, rows: np.ndarray, V: np.ndarray) -> None:
 def _cut_ears(
     faces: np.ndarray, rows: np.ndarray, starts: np.ndarray, sizes: np.ndarray, corners: np.ndarray, V: np.ndarray
 ) -> None:
-    """Replace the fans of polygons of five or more corners that are not convex."""
+    """Replace the fans of polygons of five or more corners that fold over."""
     ends = np.cumsum(sizes)
     begins = ends - sizes
     own = corners[np.arange(ends[-1]) + np.repeat(starts - begins, sizes)]  # the corners of these polygons alone
     P = V[own] - np.repeat(V[corners[starts]], sizes, axis=0)
-    following, before = np.arange(1, len(own) + 1), np.arange(-1, len(own) - 1)
-    following[ends - 1], before[begins] = begins, ends - 1
-    normals = np.add.reduceat(np.cross(P, P[following]), begins)  # Newell's
-    edges = P[following] - P
-    lengths = np.sqrt(_dot(edges, edges))
-    turn = _dot(np.cross(edges[before], edges), np.repeat(normals, sizes, axis=0))
-    straight = STRAIGHT * lengths[before] * lengths * np.repeat(np.sqrt(_dot(normals, normals)), sizes)
-    # A corner that is there twice turns in neither of its places.
-    suspect = np.logical_or.reduceat((turn < -straight) | (lengths == 0), begins)
-    for polygon in np.flatnonzero(suspect & normals.any(axis=1) & np.isfinite(normals).all(axis=1)):
+    following = np.arange(1, len(own) + 1)
+    following[ends - 1] = begins
+    crosses = np.cross(P, P[following])  # of the triangles of the fan; two of each polygon are 0
+    normals = np.add.reduceat(crosses, begins)  # Newell's
+    areas = _dot(crosses, np.repeat(normals, sizes, axis=0))
+    folded = np.add.reduceat(np.abs(areas), begins) > (1 + ROUNDING) * np.add.reduceat(areas, begins)
+    for polygon in np.flatnonzero(folded & normals.any(axis=1) & np.isfinite(normals).all(axis=1)):
         here = slice(begins[polygon], ends[polygon])
         row = rows[polygon]
         faces[row : row + sizes[polygon] - 2] = own[here][_ears(P[here], normals[polygon])]
 
 
 def _ears(P: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The triangles of one polygon (n, 3), as (n - 2, 3) indices of its corners."""
+    """The triangles of one polygon (n, 3), as (n - 2, 3) indices of its corners.
+
+    Corners that nearly coincide need a tolerance, or triangles overlap; how large a one, their areas tell.
+    """
     from manifold3d import triangulate as by_ears
 
     axis = int(np.abs(normal).argmax())
     axes = [(axis + 1) % 3, (axis + 2) % 3]
     if normal[axis] < 0:
         axes.reverse()  # counter-clockwise from either side
-    return by_ears([P[:, axes]])
+    flat = P[:, axes]
+    least, best = np.inf, np.empty((0, 3), dtype=np.int64)
+    for tolerance in TOLERANCES:
+        faces = by_ears([flat], tolerance * float(np.ptp(flat, axis=0).max()) if tolerance else -1.0)
+        b, c = flat[faces[:, 1]] - flat[faces[:, 0]], flat[faces[:, 2]] - flat[faces[:, 0]]
+        doubled = b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0]
+        covered, area = np.abs(doubled).sum(), abs(doubled.sum())
+        if covered < least:
+            least, best = covered, faces
+        if covered <= area * (1 + ROUNDING):
+            break
+    return best
 
 
 def _dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:

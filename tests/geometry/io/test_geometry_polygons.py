@@ -139,3 +139,29 @@ def test_many_polygons_cost_little():
     start = time.process_time()
     triangulate(sizes, corners, points, "name")
     assert time.process_time() - start < 0.5
+
+
+def spiral(turns, corners):
+    angle = np.linspace(0, 2 * np.pi * turns, corners)
+    arms = [np.column_stack([np.cos(angle), np.sin(angle)]) * (radius + angle)[:, None] for radius in (1, 3)]
+    return np.concatenate([arms[0], arms[1][::-1]])
+
+
+COMB = [(0, 0), *((x / 2, 5.0 * (x % 2)) for x in range(1, 12)), (6, 0), (6, -1), (0, -1)]
+
+
+@pytest.mark.parametrize("polygon", [spiral(3, 40), COMB, star(12, 0.3), L], ids=["spiral", "comb", "star", "L"])
+@pytest.mark.parametrize("bend", [0, 1e-9, 1e-5])
+def test_flat_polygons_with_corners_that_coincide_or_are_straight(polygon, bend):
+    """Each corner there twice, and one more in the middle of each edge, all off the plane by a little."""
+    polygon = np.asarray(polygon, dtype=float)
+    with_middles = np.stack([polygon, (polygon + np.roll(polygon, -1, axis=0)) / 2], axis=1).reshape(-1, 2)
+    many = np.repeat(with_middles, 2, axis=0)
+    rng = np.random.default_rng(5)
+    for start in range(0, len(many), 1 + len(many) // 12):
+        for turned in (np.roll(many, -start, axis=0), np.roll(many, -start, axis=0)[::-1]):
+            corners = np.column_stack([turned, bend * rng.normal(size=len(turned))]) @ TURN.T
+            faces = triangulate(np.array([len(corners)]), np.arange(len(corners)), corners, "name")
+            a, b, c = np.moveaxis(corners[faces], 1, 0)
+            area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+            assert len(faces) == len(corners) - 2 and area == pytest.approx(shoelace(polygon), rel=1e-12 + 100 * bend)
