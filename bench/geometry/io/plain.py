@@ -59,8 +59,8 @@ def numbers(text: bytes, kind: type = np.float64) -> np.ndarray:
         If a word is no number of this kind: that of Python, but for underscores. Whole numbers without an end become
         the largest.
     """
-    if not text.strip():
-        return np.empty(0, dtype=kind)
+    if not re.search(rb"\S", text):
+        return np.empty(0, dtype=kind)  # for which numpy gives one number
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)  # what older versions of numpy raise
         try:
