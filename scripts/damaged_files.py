@@ -1,5 +1,7 @@
 """Sound geometry files, and mutations that damage them; see fuzz_files.py."""
 
+import base64
+import json
 import random
 import re
 import struct
@@ -40,6 +42,43 @@ def _ply(form: str, polygons: list[tuple[int, ...]], extras: str = "", kind: str
     return "\n".join([*head, "end_header", ""]).encode() + body
 
 
+def _strips(form: str) -> bytes:
+    """A PLY file of triangle strips with a restart."""
+    sound = (
+        _ply(form, TRIANGLES[:1]).replace(b"element face 1", b"element tristrips 1").replace(b"list uchar", b"list int")
+    )
+    strip = (0, 1, 3, 2, -1, 4, 5, 8, 6, 7)
+    if form == "a":
+        return sound[: sound[:-1].rindex(b"\n") + 1] + f"{len(strip)} {' '.join(map(str, strip))}\n".encode()
+    return sound[:-13] + struct.pack(f"{form}{len(strip) + 1}i", len(strip), *strip)
+
+
+def _binary_off() -> bytes:
+    body = b"".join(struct.pack(f">{len(p) + 2}i", len(p), *p, 0) for p in POLYGONS)
+    places = struct.pack(f">{3 * len(SOLID)}f", *(x for p in SOLID for x in p))
+    return b"OFF BINARY\n" + struct.pack(">3i", len(SOLID), len(POLYGONS), 0) + places + body
+
+
+def _gltf() -> tuple[bytes, bytes]:
+    """The same mesh as glTF with its data inside, and as GLB."""
+    data = struct.pack(f"<{3 * len(SOLID)}f", *(x for p in SOLID for x in p))
+    data += struct.pack(f"<{3 * len(TRIANGLES)}I", *(c for t in TRIANGLES for c in t))
+    views = [{"buffer": 0, "byteOffset": 0, "byteLength": 12 * len(SOLID)}]
+    views.append({"buffer": 0, "byteOffset": 12 * len(SOLID), "byteLength": 12 * len(TRIANGLES)})
+    accessors = [{"bufferView": 0, "componentType": 5126, "count": len(SOLID), "type": "VEC3"}]
+    accessors.append({"bufferView": 1, "componentType": 5125, "count": 3 * len(TRIANGLES), "type": "SCALAR"})
+    document = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "bufferViews": views}
+    document |= {"nodes": [{"mesh": 0, "translation": [1, 2, 3]}], "accessors": accessors}
+    document["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}]
+    inside = {"uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode()}
+    text = json.dumps(document | {"buffers": [{"byteLength": len(data)} | inside]}).encode()
+    head = json.dumps(document | {"buffers": [{"byteLength": len(data)}]}).encode()
+    head += b" " * (-len(head) % 4)
+    size = 28 + len(head) + len(data)
+    chunks = struct.pack("<I", len(head)) + b"JSON" + head + struct.pack("<I", len(data)) + b"BIN\0" + data
+    return text, b"glTF" + struct.pack("<2I", 2, size) + chunks
+
+
 def _lines(rows: list, before: str = "") -> str:
     return "".join(f"{before}{' '.join(map(str, row))}\n" for row in rows)
 
@@ -53,6 +92,12 @@ def corpus() -> list[tuple[str, bytes]]:
     found.append((".obj", (_lines(SOLID, "v ") + _lines([[c - 9 for c in t] for t in TRIANGLES], "f ")).encode()))
     polygons = _lines([(len(p), *p) for p in POLYGONS])
     found.append((".off", f"OFF\n{len(SOLID)} {len(POLYGONS)} 0\n{_lines(SOLID)}{polygons}".encode()))
+    words = "\n".join(f"{len(SOLID)} {len(TRIANGLES)} 0 {_lines(SOLID)}{_lines([(3, *t) for t in TRIANGLES])}".split())
+    found += [(".off", f"OFF{words}\n".encode()), (".off", _binary_off())]
+    colored = _lines([(*p, 9, 99, 255, 1) for p in SOLID])
+    found.append((".off", f"COFF\n{len(SOLID)} {len(POLYGONS)} 0\n{colored}{polygons}".encode()))
+    found += [(".ply", _strips("a")), (".ply", _strips("<")), (".obj", found[9][1].decode().encode("utf-16"))]
+    found += zip((".gltf", ".glb"), _gltf(), strict=True)
     corners = [[SOLID[c] for c in t] for t in TRIANGLES]
     facets = [f"facet normal 0 0 1\nouter loop\n{_lines(t, 'vertex ')}endloop\nendfacet\n" for t in corners]
     found.append((".stl", f"solid a\n{''.join(facets)}endsolid a\n".encode()))

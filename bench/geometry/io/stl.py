@@ -29,7 +29,7 @@ def read_stl(data: bytes, name: str) -> RawGeometry:
     """
     promised = int.from_bytes(data[80:HEADER], "little") if len(data) >= HEADER else -1
     # A binary file may begin with "solid" too, so its length is asked first.
-    if len(data) != HEADER + promised * FACET:
+    if promised < 0 or len(data) != HEADER + promised * FACET:
         text = decoded(data).lstrip()
         if text[:5].lower() == b"solid" and b"\0" not in text[:1024]:
             return merge_equal(_ascii(text, name))

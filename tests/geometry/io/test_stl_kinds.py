@@ -90,6 +90,7 @@ def test_what_follows_the_facets_is_said():
         binary(0)[:-1],
         binary(2**32 - 1)[:-1],
         binary(0, tail=b"abc"),
+        b"\0" * 34,
     ],
 )
 def test_what_is_cut_off_or_damaged(data):
