@@ -1,6 +1,7 @@
 """Sound geometry files, and mutations that damage them; see fuzz_files.py."""
 
 import base64
+import io
 import json
 import random
 import re
@@ -104,10 +105,32 @@ def corpus() -> list[tuple[str, bytes]]:
     binary = [struct.pack("<12fH", 0, 0, 1, *(x for p in t for x in p), 0) for t in corners]
     found.append((".stl", b"\0" * 80 + struct.pack("<I", len(corners)) + b"".join(binary)))
     table = [(*p, 0, 0, 1) for p in SOLID]
-    found += [(s, t.encode()) for s, t in ((".xyz", _lines(table)), (".txt", _lines(SOLID)), (".csv", _lines(SOLID)))]
-    pcd = f"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nPOINTS {len(SOLID)}\nDATA ascii\n{_lines(SOLID)}"
-    npy = b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (9, 3), }" + b" " * 60 + b"\n"
-    return [*found, (".pcd", pcd.encode()), (".npy", npy + np.array(SOLID, dtype="<f8").tobytes())]
+    found += [(s, t.encode()) for s, t in ((".xyz", _lines(table)), (".txt", _lines(SOLID)))]
+    return [*found, *_scans()]
+
+
+def _scans() -> list[tuple[str, bytes]]:
+    """Tables of several kinds, PCD in three forms, and an array of numpy."""
+    rich = [(*(v + 0.5 for v in p), 40 * k - 7, 9 * k, 200, 31 * k % 256) for k, p in enumerate(SOLID)]
+    tables = [
+        (".csv", "x,y,z,intensity,r,g,b\n" + _lines(rich).replace(" ", ",")),
+        (".csv", "X [m];Y [m];Z [m];I;R;G;B\n" + _lines(rich).replace(" ", ";").replace(".", ",")),
+        (".pts", f"{len(rich)}\n{_lines(rich)}"),
+        (".asc", "//X Y Z I R G B\n" + _lines(rich)),
+    ]
+    fields = "FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\n"
+    head = f"# .PCD v0.7\nVERSION 0.7\n{fields}WIDTH {len(SOLID)}\nHEIGHT 1\nPOINTS {len(SOLID)}\nDATA "
+    rows = [(*map(float, p), 70_000 * k) for k, p in enumerate(SOLID)]
+    binary = b"".join(struct.pack("<3fI", *row) for row in rows)
+    columns = b"".join(struct.pack(f"<{len(rows)}{'fffI'[k]}", *(row[k] for row in rows)) for k in range(4))
+    pieces = [columns[k : k + 32] for k in range(0, len(columns), 32)]
+    packed = b"".join(bytes([len(piece) - 1]) + piece for piece in pieces)  # LZF that repeats nothing
+    sizes = struct.pack("<II", len(packed), len(columns))
+    bodies = (f"ascii\n{_lines(rows)}".encode(), b"binary\n" + binary, b"binary_compressed\n" + sizes + packed)
+    stream = io.BytesIO()
+    np.save(stream, np.array(SOLID, dtype="<f8"))
+    arrays = [(".npy", stream.getvalue())]
+    return [*((s, t.encode()) for s, t in tables), *((".pcd", head.encode() + body) for body in bodies), *arrays]
 
 
 # -- mutations: each takes the content and a random.Random, and returns another content --------------------------------

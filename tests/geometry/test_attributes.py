@@ -107,5 +107,7 @@ def test_text_keeps_all_that_a_cloud_has(tmp_path, suffix, scale):
     assert not notices
     renamed = {name.replace(" ", "_"): values for name, values in scalars.items()}
     assert same(again, PointCloud(cloud.points, again.normals, colors, renamed))
-    bare = np.loadtxt(tmp_path / f"a{suffix}", delimiter="," if suffix == ".csv" else None, skiprows=int(suffix == ".csv"))
+    bare = np.loadtxt(
+        tmp_path / f"a{suffix}", delimiter="," if suffix == ".csv" else None, skiprows=int(suffix == ".csv")
+    )
     assert bare.shape == (200, 13) and np.array_equal(bare[:, :3], cloud.points)

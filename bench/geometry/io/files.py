@@ -19,16 +19,19 @@ import numpy as np
 
 from ...errors import BadInput, UsageError
 from ...notices import notice
-from ...text import shortened
+from ...text import one_line, shortened
 from ..check import check_mesh, check_points
 from ..cloud import PointCloud
 from ..normals import completed
+from .npy import read_npy, read_npz
 from .obj import read_obj
 from .off import read_off
+from .pcd import read_pcd, write_pcd
 from .plain import decoded
 from .ply import read_ply, write_ply
 from .polygons import finite_triangles
 from .raw import NO_FACES, RawGeometry
+from .scans import read_e57, read_las
 from .scenes import read_3mf, read_dae, read_glb, read_gltf
 from .stl import read_stl
 from .table_writer import lines, write_csv, write_xyz
@@ -199,7 +202,7 @@ def _read(path: str | Path, readers: dict[str, Callable[[bytes, str], RawGeometr
     try:
         return readers[path.suffix.lower()](data, name)
     except BadInput as error:
-        message, actual = shortened(str(error), len(name) + MOST_MESSAGE), _suffix_of_content(data)
+        message, actual = shortened(one_line(str(error)), len(name) + MOST_MESSAGE), _suffix_of_content(data)
         if actual and actual != path.suffix.lower():
             message += f"\nBy its content it is {actual[1:].upper()}: rename it to {actual}"
         raise BadInput(message) from None
@@ -227,6 +230,11 @@ CLOUD_READERS = MESH_READERS | {
     **dict.fromkeys((".xyz", ".txt", ".asc", ".csv", ".tsv", ".dat", ".xyzn", ".xyzrgb"), read_table),
     ".pts": read_pts,
     ".pwn": read_pwn,
+    ".pcd": read_pcd,
+    ".npy": read_npy,
+    ".npz": read_npz,
+    **dict.fromkeys((".las", ".laz"), read_las),
+    ".e57": read_e57,
 }
 
 
@@ -288,4 +296,5 @@ CLOUD_WRITERS: dict[str, Callable[[PointCloud], bytes]] = {
     ".ply": lambda cloud: write_ply(_raw(cloud)),
     **dict.fromkeys((".xyz", ".txt", ".asc"), write_xyz),
     ".csv": write_csv,
+    ".pcd": write_pcd,
 }

@@ -157,6 +157,21 @@ def read_pwn(data: bytes, name: str) -> RawGeometry:
     return raw
 
 
+def numbers(data: bytes, width: int, name: str) -> np.ndarray:
+    """Lines of so many numbers with blanks between them, as an (n, width) float64 array.
+
+    Raises
+    ------
+    BadInput
+        With the number of the first line that is none; ``name`` is that of the file.
+    """
+    fit = Fit(Form(""), width, list(range(width)), [], [])
+    table = _parsed(data, 0, fit)
+    if table is None:
+        raise _refusal(data, Head("", None, 0, 0), [], [fit], name)
+    return table
+
+
 def as_utf8(data: bytes, name: str) -> bytes:
     """Text in UTF-8 without a byte order mark, whose lines end with a line feed.
 
@@ -320,8 +335,8 @@ def _refusal(data: bytes, head: Head, sample: list[str], fitting: list[Fit], nam
     where = f"{name}: line {head.lines + number}"
     if _misfit(cells, fits[0].width, fits[0].form):
         return BadInput(
-            f"{where} has {len(cells)} columns, where those above have {fits[0].width} (separated by {fits[0].form}); "
-            "expected the same number in each. The file is cut off or damaged; export it again"
+            f"{where} has {len(cells)} columns; expected {fits[0].width} as in the others (separated by "
+            f"{fits[0].form}). The file is cut off or damaged; export it again"
         )
     wrong = next(cells[k] for k in fits[0].numbers if cells[k] and not _is_number(cells[k]))
     return BadInput(f"{where}: {_quoted(wrong)} is no number; {EXPECTED}")
