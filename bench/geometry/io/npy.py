@@ -92,7 +92,7 @@ def _array(data: bytes, name: str) -> np.ndarray:
     for length in shape:
         size *= length
     there = len(data) - stream.tell()
-    if size < 0 or size * kind.itemsize > there or not kind.itemsize:
+    if min(shape, default=0) < 0 or size * kind.itemsize > there or not kind.itemsize:
         raise BadInput(
             f"{name}: ends early: its header promises an array of {shape}, {size * kind.itemsize:,} bytes, and "
             f"{there:,} are there. The file is cut off; copy or save it again"
