@@ -23,6 +23,8 @@ from ...text import one_line, shortened
 from ..check import check_mesh, check_points
 from ..cloud import PointCloud
 from ..normals import completed
+from ..suspicions import notice_suspicions
+from ..used import used_vertices
 from .npy import read_npy, read_npz
 from .obj import read_obj
 from .off import read_off
@@ -94,12 +96,14 @@ def _mesh(raw: RawGeometry, name: str) -> Trimesh:
         raise BadInput(f"{name}: has {len(raw.vertices)} vertices but no faces; expected a triangle mesh")
     mesh = Trimesh(*finite_triangles(raw.vertices, raw.faces, name), process=False)
     check_mesh(mesh, name)
+    notice_suspicions(used_vertices(mesh), name)
     return mesh
 
 
 def _cloud(raw: RawGeometry, path: str) -> PointCloud:
     raw = _finite(raw, path)
     check_points(raw.vertices, path, at_least=3)
+    notice_suspicions(raw.vertices, path)
     colors = raw.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
         notice(f"{path}: its colours are not in 0..1; they are left out")

@@ -1,0 +1,45 @@
+"""Coordinates that were saved too coarsely, and a few points that make the box large."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bench.geometry.io.files import load_cloud
+from bench.geometry.suspicions import far_points, single_steps
+from bench.notices import collected
+
+RNG = np.random.default_rng(0)
+BALL = RNG.normal(size=(3000, 3))
+BALL = 50 * BALL / np.linalg.norm(BALL, axis=1, keepdims=True)
+UTM = np.array([500_000.0, 5_400_000.0, 350.0])
+
+
+def single(points):
+    return points.astype(np.float32).astype(np.float64)
+
+
+def test_steps_of_single_precision():
+    assert single_steps(single(BALL + UTM)) == [0.5]  # of x, 1/32, a sixtieth of the spacing
+    assert single_steps(single(BALL / 10 + UTM)) == [2**-5, 0.5]
+    assert single_steps(BALL + UTM) == single_steps(single(BALL)) == []
+    assert single_steps(np.rint(BALL) + UTM) == []  # a grid of its own
+
+
+@pytest.mark.parametrize("far", [5, 20, 1e6])
+@pytest.mark.parametrize("count", [1, 8])
+def test_points_far_from_the_others(far, count):
+    direction = RNG.normal(size=(count, 3))
+    strays = 50 * far * direction / np.linalg.norm(direction, axis=1, keepdims=True) * np.sqrt(3)
+    found = far_points(np.concatenate([BALL, strays]) if far > 5 else BALL)
+    assert found is None if far == 5 else found[0] == count and 0 < found[1] < 0.1
+    assert far_points(np.concatenate([BALL, BALL[:300] * 20])) is None  # a tenth are no strays
+
+
+def test_the_reader_says_both(tmp_path):
+    points = single(np.concatenate([BALL, [[5000, 0, 0]]]) + UTM)
+    np.savetxt(tmp_path / "a.xyz", points, "%.17g")
+    with collected() as notices:
+        load_cloud(tmp_path / "a.xyz")
+    assert "steps of 0.5: they were saved in single precision" in notices[0]
+    assert "99.97 % of the points lie in" in notices[1] and "method=radius_outlier" in notices[1]
