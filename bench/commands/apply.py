@@ -7,8 +7,9 @@
   detailbench apply method=identity task=detail_transfer source.ply source_base.ply target_base.ply out.ply
   detailbench apply method=NAME task=multiview FOLDER mesh.ply
 
-INPUT is a point cloud (PLY, XYZ, TXT, OBJ) or a mesh whose vertices are taken; OUTPUT is in the coordinates of INPUT,
-as PLY, OBJ, STL, OFF or GLB. Parameters that are lengths refer to the frame in which the input has radius 1.
+INPUT is a point cloud (PLY, PCD, LAS, E57, NPY, or text: XYZ, CSV, PTS, ...) or a mesh whose vertices are taken; OUTPUT
+is in the coordinates of INPUT, a mesh as PLY, OBJ, STL, OFF or GLB, a cloud as PLY, PCD, XYZ, TXT or CSV. Parameters
+that are lengths refer to the frame in which the input has radius 1.
 
 Many files: INPUT is a folder, a pattern in quotes, or several files, and OUTPUT a folder or a word that ends in /; as
 'OUT/*.obj' it says which kind of file, with the name of the input for the *. A file that cannot be done is told and
@@ -44,7 +45,7 @@ from ..text import one_line
 if TYPE_CHECKING:
     from ..engine.application import Application
 
-CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".csv")
+CLOUD_SUFFIXES = (".xyz", ".txt", ".asc", ".csv", ".pcd", ".pts")
 NORMALS = ("file", "estimate")
 MESH_SUFFIXES = (".obj", ".stl", ".off", ".glb")
 DEFAULT_TASK = "reconstruct"  # that of `run`, too
@@ -248,8 +249,8 @@ def _one(job: Application, traceback: bool) -> int:
     print(f"{' '.join(job.inputs)}{given} -> {job.output} ({result['output']})")
     stages = ", ".join(f"{name} {seconds:.2g} s" for name, seconds in result["stages"].items())
     print(f"{label}: {result['seconds']:.3g} s, peak {result['peak_rss_mb']:.0f} MB ({stages})")
-    if result["message"]:
-        print(f"{label}: note: {_without_name(job, result['message'])}")
+    for note in result["notes"]:
+        print(f"{label}: note: {_without_name(job, note)}")
     return 0
 
 

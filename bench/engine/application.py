@@ -72,8 +72,8 @@ class Applier:
         -------
         dict
             ``status`` and ``message`` like those of a row; with ``ok`` also ``seconds``, ``peak_rss_mb``, ``input`` and
-            ``output`` (in words), ``stages`` (seconds by name), ``input_points``, ``output_points``, ``output_faces``
-            and ``pieces``, as far as there are such.
+            ``output`` (in words), ``stages`` (seconds by name), ``input_points``, ``output_points``, ``output_faces``,
+            ``pieces``, as far as there are such, and ``notes``, the parts of the message.
 
         Raises
         ------
@@ -213,8 +213,8 @@ def _applied(spec: Mapping[str, Any], channel: Channel) -> dict[str, Any]:
             restored = _colored(restored, [solver.restore(v, frame) for v in inputs.values() if _has_colors(v)])
         with stage("writing"):
             solver.save(restored, asked["output"], asked["inputs"])
-    message = "; ".join(filter(None, [*notices, call.columns["message"], *written]))
-    return call.columns | _sizes(inputs, restored) | {"message": message}
+    notes = list(filter(None, [*notices, call.columns["message"], *written]))
+    return call.columns | _sizes(inputs, restored) | {"message": "; ".join(notes), "notes": notes}
 
 
 def _simplified(mesh: Any, asked: Mapping[str, Any]) -> Any:
