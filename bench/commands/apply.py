@@ -7,9 +7,10 @@
   detailbench apply method=identity task=detail_transfer source.ply source_base.ply target_base.ply out.ply
   detailbench apply method=NAME task=multiview FOLDER mesh.ply
 
-INPUT is a point cloud (PLY, PCD, LAS, E57, NPY, or text: XYZ, CSV, PTS, ...) or a mesh whose vertices are taken; OUTPUT
-is in the coordinates of INPUT, a mesh as PLY, OBJ, STL, OFF or GLB, a cloud as PLY, PCD, XYZ, TXT or CSV. Parameters
-that are lengths refer to the frame in which the input has radius 1.
+INPUT is a point cloud (PLY, PCD, LAS, E57, NPY, or text: XYZ, CSV, PTS, ...) or a mesh whose vertices are taken.
+OUTPUT is in the coordinates of INPUT, a mesh as PLY, OBJ, STL, OFF or GLB, a cloud as PLY, PCD, XYZ, TXT or CSV.
+Colours, intensity and other numbers of the points of INPUT go to the points of OUTPUT. Parameters that are lengths
+refer to the frame in which the input has radius 1.
 
 Many files: INPUT is a folder, a pattern in quotes, or several files, and OUTPUT a folder or a word that ends in /; as
 'OUT/*.obj' it says which kind of file, with the name of the input for the *. A file that cannot be done is told and
