@@ -116,6 +116,7 @@ def _scans() -> list[tuple[str, bytes]]:
         (".csv", "x,y,z,intensity,r,g,b\n" + _lines(rich).replace(" ", ",")),
         (".csv", "X [m];Y [m];Z [m];I;R;G;B\n" + _lines(rich).replace(" ", ";").replace(".", ",")),
         (".pts", f"{len(rich)}\n{_lines(rich)}"),
+        (".ptx", "3\n3\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n5 0 0 1\n" + _lines(rich)),
         (".asc", "//X Y Z I R G B\n" + _lines(rich)),
     ]
     fields = "FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\n"

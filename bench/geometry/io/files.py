@@ -32,6 +32,7 @@ from .pcd import read_pcd, write_pcd
 from .plain import decoded
 from .ply import read_ply, write_ply
 from .polygons import finite_triangles
+from .ptx import read_ptx
 from .raw import NO_FACES, RawGeometry
 from .scans import read_e57, read_las
 from .scenes import read_3mf, read_dae, read_glb, read_gltf
@@ -233,6 +234,7 @@ MESH_READERS |= {".glb": read_glb, ".gltf": read_gltf, ".3mf": read_3mf, ".dae":
 CLOUD_READERS = MESH_READERS | {
     **dict.fromkeys((".xyz", ".txt", ".asc", ".csv", ".tsv", ".dat", ".xyzn", ".xyzrgb"), read_table),
     ".pts": read_pts,
+    ".ptx": read_ptx,
     ".pwn": read_pwn,
     ".pcd": read_pcd,
     ".npy": read_npy,

@@ -157,18 +157,18 @@ def read_pwn(data: bytes, name: str) -> RawGeometry:
     return raw
 
 
-def numbers(data: bytes, width: int, name: str) -> np.ndarray:
+def numbers(data: bytes, width: int, name: str, above: int = 0) -> np.ndarray:
     """Lines of so many numbers with blanks between them, as an (n, width) float64 array.
 
     Raises
     ------
     BadInput
-        With the number of the first line that is none; ``name`` is that of the file.
+        With the number of the first line that is none; ``name`` is that of the file, which has ``above`` lines before.
     """
     fit = Fit(Form(""), width, list(range(width)), [], [])
     table = _parsed(data, 0, fit)
     if table is None:
-        raise _refusal(data, Head("", None, 0, 0), [], [fit], name)
+        raise _refusal(data, Head("", None, 0, above), [], [fit], name)
     return table
 
 

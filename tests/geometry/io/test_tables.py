@@ -156,6 +156,30 @@ def test_pts_of_several_scans(read):
     assert cloud.scalars["intensity"].tolist() == [-5, 7, 9] and len(notices) == 1
 
 
+PTX = "4\n5\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n0 1 0 0\n-1 0 0 0\n0 0 1 0\n10 20 30 1\n"
+
+
+def test_ptx_moves_each_scan_by_its_matrix(read):
+    """A quarter turn and a shift, and then none; the first cell saw nothing."""
+    grids = [np.hstack([P[:20], LONE[:20], BYTES[:20]]), np.hstack([P[20:40], LONE[20:40], BYTES[20:40]])]
+    grids[0][0] = 0
+    still = PTX.replace("0 1 0 0\n-1 0 0 0", "1 0 0 0\n0 1 0 0").replace("10 20 30 1", "0 0 0 1")
+    cloud, notices = read(PTX + table(grids[0]) + still + table(grids[1]), "a.ptx")
+    turned = P[1:20] @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]] + [10, 20, 30]
+    assert np.abs(cloud.points - np.concatenate([turned, P[20:40]])).max() < 1e-12
+    assert np.array_equal(cloud.colors, BYTES[1:40] / 255) and len(notices) == 2
+    assert np.array_equal(cloud.scalars["intensity"], LONE[1:40, 0])
+    assert np.array_equal(cloud.scalars["scan"], np.repeat([0, 1], [19, 20]))
+    for text, says in (
+        (PTX + table(grids[0][:19]), "scan 1 promises 20 cells, 19 are there"),
+        (PTX + table(grids[0]) + "4\n", "line 31: a scan begins"),
+        (PTX + table(grids[0]).replace("255", "red", 1), "is no number"),
+        ("x" + PTX, "line 1 is none of a PTX header"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            read(text, "bad.ptx")
+
+
 @pytest.mark.parametrize("value", ["nan", "-nan(ind)", "NaN", "inf", "1.#QNAN"])
 def test_points_that_are_no_numbers_are_dropped_and_counted(read, value):
     cloud, notices = read(f"1 2 3 4\n{value} 1 {value} 2\n4 5 6 5\n7 8 10 6\n")
