@@ -18,8 +18,14 @@ from ..errors import BadInput
 SCALAR = "scalar_"  # before the names of scalars among the arrays of a cloud
 
 
+def _own(values: Any) -> np.ndarray:
+    """The values as an array that nobody else can change: a copy, unless they are frozen already."""
+    is_frozen = isinstance(values, np.ndarray) and values.flags.owndata and not values.flags.writeable
+    return values if is_frozen and values.dtype == np.float64 else np.array(values, dtype=np.float64)
+
+
 def _rows_of_three(name: str, values: Any) -> np.ndarray:
-    array = np.array(values, dtype=np.float64)  # a copy: the cloud owns what it freezes
+    array = _own(values)
     if array.ndim != 2 or array.shape[1] != 3:
         raise BadInput(f"PointCloud.{name}: expected an array of shape (N, 3), got {array.shape}")
     array.setflags(write=False)
@@ -64,7 +70,7 @@ class PointCloud:
         object.__setattr__(self, "scalars", MappingProxyType(scalars))
 
     def _scalar(self, name: str, values: Any) -> np.ndarray:
-        array = np.array(values, dtype=np.float64)
+        array = _own(values)
         if array.shape != (len(self.points),):
             raise BadInput(f"PointCloud.scalars[{name!r}]: expected shape ({len(self.points)},), got {array.shape}")
         array.setflags(write=False)

@@ -36,6 +36,7 @@ def test_scalars_are_checked_frozen_and_stay_with_copies():
     with pytest.raises(BadInput, match=r"scalars\['t'\]: expected shape \(200,\), got \(3,\)"):
         PointCloud(P, scalars={"t": [1, 2, 3]})
     assert list(PointCloud(P).arrays()) == ["points"] and dict(PointCloud(P).scalars) == {}
+    assert CLOUD.moved(2 * P).colors is CLOUD.colors  # nothing that is frozen is copied
     assert np.array_equal(CLOUD.subset(P[:, 0] > 0).scalars["t"], P[P[:, 0] > 0, 0])
 
 
@@ -86,6 +87,15 @@ def test_a_mesh_whose_vertices_are_points_has_their_colours(tmp_path):
     assert found.all()
     save(carried(CLOUD, trimesh.Trimesh(hull.vertices, hull.faces, process=False)), tmp_path / "hull.ply")
     assert np.array_equal(load_cloud(tmp_path / "hull.ply").colors, CLOUD.colors[rows])
+    with collected() as notices:
+        for suffix in (".off", ".stl", ".obj"):
+            save(carried(CLOUD, trimesh.Trimesh(hull.vertices, hull.faces, process=False)), tmp_path / f"hull{suffix}")
+    assert (
+        ["OFF holds no colours" in notices[0], "STL holds no colours" in notices[1]]
+        == [True, True]
+        == [True] * len(notices)
+    )
+    assert np.abs(load_cloud(tmp_path / "hull.obj").colors - CLOUD.colors[rows]).max() < 1e-15
     moved = trimesh.Trimesh(hull.vertices * 1.1, hull.faces, process=False)
     assert carried(CLOUD, moved).visual.kind is None
 

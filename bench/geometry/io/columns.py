@@ -80,6 +80,8 @@ def geometry_of(table: np.ndarray, names: Sequence[str], name: str, *, lone: str
             rest = sorted([*rest, *groups["colors"]])
     scalars = {}
     for k in rest:
+        if not plain_name(names[k]) and np.array_equal(table[:, k], np.arange(len(table))):
+            continue  # the numbers of the rows, which pandas writes
         label = plain_name(names[k]).removeprefix("scalar_") or f"column_{k + 1}"
         label = label if label not in scalars else f"{label}_{k + 1}"
         if not np.isnan(table[:, k]).all():

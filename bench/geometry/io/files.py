@@ -259,6 +259,11 @@ def vertex_colors(mesh: Trimesh) -> np.ndarray | None:
     return mesh.visual.vertex_colors[:, :3] / 255 if mesh.visual.kind == "vertex" else None
 
 
+def _notice_of_colors(mesh: Trimesh, kind: str) -> None:
+    if _colors(mesh) is not None:
+        notice(f"{kind} holds no colours of vertices; they are left out. PLY, OBJ and GLB keep them")
+
+
 def _write_obj(mesh: Trimesh) -> bytes:
     colors = vertex_colors(mesh)
     table = np.asarray(mesh.vertices) if colors is None else np.hstack([mesh.vertices, colors])
@@ -278,6 +283,8 @@ def _notice_of_colors(mesh: Trimesh, kind: str) -> None:
 
 def _exported(kind: str) -> Callable[[Trimesh], bytes]:
     def export(mesh: Trimesh) -> bytes:
+        if kind == "stl":
+            _notice_of_colors(mesh, "STL")
         extent, furthest = np.ptp(mesh.vertices, axis=0).max(), np.abs(mesh.vertices).max()
         if furthest * np.finfo(np.float32).eps > 1e-4 * extent:
             notice(

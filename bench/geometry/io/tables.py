@@ -22,7 +22,7 @@ from .raw import NO_FACES, RawGeometry
 
 MISSING = ("nan", "NaN", "NAN", "-nan", "+nan", "-NaN", "nan(ind)", "-nan(ind)", "-nan(snan)", "nan(snan)")
 MISSING += ("NA", "N/A", "n/a", "null", "NULL", "None")
-NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf|infinity)", re.IGNORECASE | re.ASCII)
+NUMBER = re.compile(r"[-+]?(?:(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|inf|infinity)", re.IGNORECASE | re.ASCII)
 COMMENT = re.compile(r"\s*(?:#|//|;|%|!)+")
 OTHER_COMMENTS = re.compile(rb"^[ \t]*(?:;|%|!)[^\n]*|//[^\n]*", re.MULTILINE)  # besides "#", which the parser knows
 EXPECTED = "expected a point a line: x y z, and what else there is of it"
@@ -262,12 +262,16 @@ def _is_number(cell: str) -> bool:
 
 
 def _names(line: str, width: int) -> list[str]:
-    """The names of the columns, if there are as many."""
-    line = re.sub(r"[\[(].*?[\])]", "", line).strip(" \t,;|")
-    for separator in (";", "\t", ",", "|", None):
-        words = [word.strip() for word in line.split(separator)]
-        if len(words) == width:
-            return words
+    """The names of the columns, if there are as many; the words of a last name may have blanks between them."""
+    line = re.sub(r"[\[(].*?[\])]", "", line)
+    for text in (line.strip("\r\n "), line.strip(" \t,;|")):
+        for separator in (";", "\t", ",", "|", None):
+            words = [word.strip() for word in text.split(separator)]
+            if len(words) == width:
+                return words
+    words = line.split()
+    if len(words) > width and [plain_name(word) for word in words[:3]] == ["x", "y", "z"]:
+        return [*words[: width - 1], "_".join(words[width - 1 :])]
     return []
 
 

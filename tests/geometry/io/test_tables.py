@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +143,22 @@ def test_columns_of_words_and_missing_values(read):
     cloud, notices = read("x,y,z,class,time\n1,2,3,roof,5\n4,5,6,tree,\n7,8,10,roof,7\n", "a.csv")
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 10]] and set(cloud.scalars) == {"time"}
     assert np.array_equal(cloud.scalars["time"], [5, np.nan, 7], equal_nan=True) and "class" in notices[0]
+
+
+def test_names_with_blanks_and_numbers_of_rows(read):
+    cloud, _ = read("//X Y Z Scalar field\n" + table(P, LONE))
+    assert (
+        np.array_equal(cloud.points, P) and list(cloud.scalars) == ["field"] or list(cloud.scalars) == ["scalar_field"]
+    )
+    cloud, _ = read(",x,y,z\n" + table(np.arange(80)[:, None], P, separator=","), "a.csv")
+    assert np.array_equal(cloud.points, P) and not cloud.scalars
+
+
+def test_a_long_number_takes_no_time(read):
+    begin = time.process_time()
+    with pytest.raises(BadInput, match="line 81: '777"):
+        read(table(P) + f"1 2 {'7' * 1_000_000}x\n")
+    assert time.process_time() - begin < 2
 
 
 def test_points_then_normals_of_pwn(read):
