@@ -45,6 +45,11 @@ KINDS = {
     "cot_laplacian": ("lower", MESH, {"cot_laplacian", "cot_laplacian_box", "cot_laplacian_per_area"}),
     "coverage": ("higher", BOTH, {"coverage@1"}),
     "directed": ("lower", BOTH, {f"{d}_{p}" for d in ("to_reference", "to_output") for p in PERCENTILES}),
+    "dtu_distances": (
+        "lower",
+        BOTH,
+        {"dtu_accuracy", "dtu_accuracy_median", "dtu_completeness", "dtu_completeness_median", "dtu_overall"},
+    ),
     "even_distances": ("lower", CLOUD, {"even_chamfer_l2_sum", "even_hausdorff_sq_sum"}),
     "fscore": ("higher", BOTH, {"fscore@0.01", "precision@0.01", "recall@0.01"}),
     "hausdorff": ("lower", BOTH, {"hausdorff"}),
@@ -94,7 +99,12 @@ def case():
 
 def made():
     """A sphere; few samples keep this quick. The source of the deformation is a box, like the output."""
-    ball = Shape("case", trimesh.creation.icosphere(3), info={"symmetry": "mirror x"})
+    seen = {
+        "obs_mask": np.ones((3, 3, 3), bool),
+        "obs_box": np.array([[-9.0] * 3, [9.0] * 3]),
+        "obs_step": np.array([9.0]),
+    }
+    ball = Shape("case", trimesh.creation.icosphere(3), info={"symmetry": "mirror x"}, attributes=seen)
     case = Case("case", {"source": trimesh.creation.box()}, ball)
     set_samples(case, 5000)
     return case
@@ -103,6 +113,7 @@ def made():
 # Small counts for the metrics that have one of their own.
 QUICK = {
     "chamfer_l1_point_sum": {"samples": 700},
+    "dtu_distances": {"thin": 0.05},
     "inner_surface": {"samples": 2000},
     "iou": {"samples": 5000},
     "recentred_chamfer_l2_sum": {"samples": 800},

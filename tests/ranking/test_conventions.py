@@ -27,6 +27,7 @@ NAMES = (
     "dsr_benchmark",
     "dss",
     "dtu",
+    "dtu_mm",
     "idf",
     "iso_points",
     "mpu",
@@ -52,7 +53,12 @@ def noisy_cloud(n=300):
 
 def printed(name, output, source=None):
     """What a convention prints of an output against the box, the case, and the convention."""
-    case = Case("box", {"source": source} if source is not None else {}, Shape("box", BOX))
+    seen = {
+        "obs_mask": np.ones((9, 9, 9), bool),
+        "obs_box": np.array([[-2.0] * 3, [2.0] * 3]),
+        "obs_step": np.array([0.5]),
+    }
+    case = Case("box", {"source": source} if source is not None else {}, Shape("box", BOX, attributes=seen))
     set_samples(case, 1500)
     convention = load_convention(name)
     scores, _ = score(case, output, _of_convention(convention))
