@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -128,6 +129,8 @@ class Paired:
         if not pattern.strip():
             raise UsageError(f"dataset.{part} is empty; {EXPECTED[part]}")
         path = self._at(pattern)
+        if not path.exists():  # a pattern, in a folder whose own name may look like one
+            path = Path(glob.escape(str(expanded(self.path)))) / pattern if self.path else path
         given = f"dataset.{part}={pattern}" + (f" (in dataset.path={self.path})" if self.path else "")
         expected = EXPECTED[part]
         if self.path and not expanded(self.path).is_dir():

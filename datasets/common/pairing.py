@@ -2,7 +2,8 @@
 
 ``scans/*_noisy.ply`` and ``truth/*.obj`` match ``a_noisy.ply`` with ``a.obj``. Where a folder or a file is named, the
 file's name without its suffix stands for it. Numbers match whatever zeros they begin with: ``stl024_total.ply`` and
-``ObsMask24_10.mat``. Of patterns with several ``*`` the last ones count, as many as both have.
+``ObsMask24_10.mat``. Of patterns with several ``*`` the last ones count, as many as both have; ``**`` counts
+where there is no ``*``.
 """
 
 from __future__ import annotations
@@ -22,11 +23,12 @@ def keys_of(pattern: Path, files: Iterable[Path]) -> dict[Path, Key]:
     text = str(pattern)
     if not (glob.has_magic(text) and "*" in text) or pattern.exists():
         return {file: (_plain(stem(file)),) for file in files}
-    expression = re.compile(_expression(text), re.DOTALL)
+    parts = _parts(text)
+    expression = re.compile(_expression(parts, "*" if "*" in parts else "**"), re.DOTALL)
     keys = {}
     for file in files:
         found = expression.fullmatch(str(file))
-        keys[file] = tuple(map(_plain, found.groups())) if found else (_plain(stem(file)),)
+        keys[file] = tuple(_plain(group or "") for group in found.groups()) if found else (_plain(stem(file)),)
     return keys
 
 
@@ -65,14 +67,19 @@ def _plain(text: str) -> str:
     return str(int(text)) if text.isdecimal() else text
 
 
-def _expression(pattern: str) -> str:
-    """A regular expression with a group for each ``*`` and ``**`` of a pattern, as :mod:`glob` understands it."""
+def _parts(pattern: str) -> list[str]:
+    """A pattern in parts: ``*``, ``**``, ``**/``, ``?``, ``[...]`` and plain text."""
+    return re.findall(r"\*\*/?|\*|\?|\[!?\]?[^\]]*\]|[^*?\[]+|\[", pattern)
+
+
+def _expression(parts: Iterable[str], counts: str) -> str:
+    """A regular expression of the parts of a pattern, with a group for each of those that count."""
     out = []
-    for part in re.findall(r"\*\*/?|\*|\?|\[!?\]?[^\]]*\]|[^*?\[]+|\[", pattern):
-        if part.startswith("**"):
-            out.append("(?:(.*)/)?" if part.endswith("/") else "(.*)")
-        elif part == "*":
-            out.append("([^/]*)")
+    for part in parts:
+        if part.startswith("*"):
+            any_name = "[^/]*" if part == "*" else ".*"
+            group = "(" if part.rstrip("/") == counts else "(?:"
+            out.append(f"(?:{group}{any_name})/)?" if part.endswith("/") else f"{group}{any_name})")
         elif part == "?":
             out.append("[^/]")
         elif part.startswith("[") and len(part) > 1:

@@ -13,7 +13,7 @@ from bench import BadInput, PointCloud, UsageError
 from bench.contract.task import CaseRecipe
 from bench.engine import call
 from bench.geometry.cloud_surface import CloudSurface
-from bench.geometry.io.files import save
+from bench.geometry.io.files import CLOUD_READERS, save
 from bench.plan.cell import Cell
 from bench.plan.choice import Choice, NotSolved
 from bench.plugins.registry import registry
@@ -130,6 +130,54 @@ def test_what_does_not_fit_is_told(folder, given, says):
         (folder / "mesh" / "more" / "a.off").touch()
     with pytest.raises(UsageError, match=says):
         list(paired(folder, **given).shapes("test"))
+
+
+def test_any_folders_count_where_nothing_else_does(tmp_path):
+    for name in ("[1]/x/a/scan.ply", "[1]/x/a/truth.ply", "[1]/b/scan.ply", "[1]/b/truth.ply", "[1]/scan.ply"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "[1]" / "truth.ply").touch()
+    named = paired(tmp_path / "[1]", input="**/scan.ply", reference="**/truth.ply")._named().values()
+    assert len(named) == 3 and all(pair.input.parent == pair.reference.parent for pair in named)
+
+
+LAYOUTS = {
+    "points2surf": (
+        "04_pts/a.b_0.xyz.npy 04_pts/c.xyz.npy 03_meshes/a.b_0.ply 03_meshes/c.ply", ["a.b_0"],
+    ),
+    "pu1k": (
+        "test/input_2048/input_2048/0269.37f2.xyz test/original_meshes/0269.37f2.off "
+        "test/input_2048/input_2048/camel.xyz test/original_meshes/camel.off", ["0269.37f2", "camel"],
+    ),
+    "score_denoise": ("examples/PUNet_10000_poisson_0.02/duck.xyz PUNet/meshes/test/duck.off", ["duck"]),
+    "srb": ("scans/dc.ply ground_truth/dc.xyz scans/lord_quas.ply ground_truth/lord_quas.xyz", ["dc", "lord_quas"]),
+    "dsr_benchmark": ("scan_ply/with_normals/dc_4.ply scan_ply/with_normals/dc_0.ply mesh/dc.off", ["dc"]),
+    "scut_real": ("in/deer_pcd.ply in/pig_pcd.ply gt/deer.xyz gt/pig.xyz", ["deer", "pig"]),
+    "dtu": (
+        "Points/furu/furu024_l3.ply Points/stl/stl024_total.ply ObsMask/ObsMask24_10.mat ObsMask/Plane24.mat", ["24"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_layouts_of_published_data(tmp_path, monkeypatch, layout):
+    monkeypatch.setitem(CLOUD_READERS, ".npy", CLOUD_READERS.get(".npy"))
+    names, ids = LAYOUTS[layout]
+    with pytest.raises(UsageError, match=r"no file matches.*the folder is to hold .*, "):
+        planned(layout, tmp_path)
+    for name in names.split():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "testset.txt").write_text("a.b_0\n")
+    dataset = planned(layout, tmp_path)
+    assert list(dataset._named()) == ids
+    attributes = [set(pair.files) - {"scan", "reference"} for pair in dataset._named().values()]
+    assert attributes[0] == ({"mask", "plane"} if layout == "dtu" else set())
+
+
+def planned(layout: str, folder: Path):
+    words = [f"dataset={layout}", f"dataset.path={folder}", "task=denoise", "method=identity"]
+    return Cell.from_config(resolved(words)).dataset.made
 
 
 # --- splits -----------------------------------------------------------------------------------------------------------
