@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
+@register("metric", version=1, length=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
 @dataclass(frozen=True)
 class ChamferL1Mean:
     """Mean unsquared nearest-neighbour distance, average of both directions.

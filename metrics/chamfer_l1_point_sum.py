@@ -16,7 +16,15 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree", "scipy"))
+@register(
+    "metric",
+    version=1,
+    length={"chamfer_l1_point_sum": 1},
+    better="lower",
+    outputs=("mesh", "cloud"),
+    floor=True,
+    requires=("pykdtree", "scipy"),
+)
 @dataclass(frozen=True)
 class ChamferL1PointSum:
     """Unsquared nearest-neighbour distances of both directions, summed as Points2Surf does.

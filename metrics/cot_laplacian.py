@@ -15,7 +15,15 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh",), floor=True, requires=("scipy",))
+@register(
+    "metric",
+    version=1,
+    length={"cot_laplacian": 1, "cot_laplacian_per_area": -1},
+    better="lower",
+    outputs=("mesh",),
+    floor=True,
+    requires=("scipy",),
+)
 @dataclass(frozen=True)
 class CotLaplacian:
     """Change of the cotangent Laplacian from the source mesh to an output with the same faces.

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 PERCENTILES = (50, 90, 95, 99)
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree", "igl"))
+@register(
+    "metric", version=1, length=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree", "igl")
+)
 @dataclass(frozen=True)
 class Directed:
     """Mean, percentiles and maximum of each directed nearest-neighbour distance, unsquared.

@@ -9,7 +9,9 @@ from bench.geometry.comparison import compare
 from bench.geometry.reference_sample import POISSON_DISK, evenly_perfect
 
 
-@register("metric", version=1, better="lower", outputs=("cloud",), floor=True, requires=("pykdtree", "open3d"))
+@register(
+    "metric", version=1, length=2, better="lower", outputs=("cloud",), floor=True, requires=("pykdtree", "open3d")
+)
 @dataclass(frozen=True)
 class EvenDistances:
     """Squared Chamfer and Hausdorff distances to Poisson-disk samples of the reference, as many as the output has.

@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree", "igl"))
+@register(
+    "metric", version=1, length=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree", "igl")
+)
 @dataclass(frozen=True)
 class Hausdorff:
     """Largest nearest-neighbour distance of both directions, unsquared.

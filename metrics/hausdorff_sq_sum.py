@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
+@register("metric", version=1, length=2, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
 @dataclass(frozen=True)
 class HausdorffSqSum:
     """Largest squared nearest-neighbour distance, both directions added.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 PLANE = "mirror x"
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
+@register("metric", version=1, length=2, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
 @dataclass(frozen=True)
 class MirrorChamferL2Sum:
     """Squared Chamfer distance between an output and its reflection in the plane of symmetry, both directions added.

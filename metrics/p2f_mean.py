@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("igl",))
+@register("metric", version=1, length=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("igl",))
 @dataclass(frozen=True)
 class P2fMean:
     """Mean exact distance of the output's points to the reference mesh (point to face).

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("igl",))
+@register("metric", version=1, length=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("igl",))
 @dataclass(frozen=True)
 class P2fSpread:
     """Root mean square, standard deviation and maximum of the exact distance to the reference mesh.

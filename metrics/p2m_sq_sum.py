@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("igl", "scipy"))
+@register(
+    "metric", version=1, length=2, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("igl", "scipy")
+)
 @dataclass(frozen=True)
 class P2mSqSum:
     """Mean squared point-to-face distance plus mean squared face-to-point distance.

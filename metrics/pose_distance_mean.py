@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh",), floor=True, requires=("trimesh",))
+@register("metric", version=1, length=1, better="lower", outputs=("mesh",), floor=True, requires=("trimesh",))
 @dataclass(frozen=True)
 class PoseDistanceMean:
     """Mean distance between a vertex of the output and the same vertex of the reference, once both have one centre.

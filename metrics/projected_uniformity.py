@@ -12,7 +12,9 @@ from bench.geometry.reference_sample import evenly_perfect
 from .uniformity import SHARES, Disks, check_disks, disk_centers
 
 
-@register("metric", version=1, better="lower", outputs=("cloud",), floor=True, requires=("igl", "scipy", "open3d"))
+@register(
+    "metric", version=1, length=1, better="lower", outputs=("cloud",), floor=True, requires=("igl", "scipy", "open3d")
+)
 @dataclass(frozen=True)
 class ProjectedUniformity:
     """Uniformity of the points projected to the reference mesh, over the disks that hold at least five of them.

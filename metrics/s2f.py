@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh",), floor=True, requires=("igl",))
+@register("metric", version=1, length=1, better="lower", outputs=("mesh",), floor=True, requires=("igl",))
 @dataclass(frozen=True)
 class S2f:
     """Exact distance of reference samples to the output mesh (surface to face): mean, root mean square, maximum.

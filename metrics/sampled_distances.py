@@ -16,7 +16,15 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("pykdtree",))
+@register(
+    "metric",
+    version=1,
+    length={"chamfer_l1_mean": 1, "chamfer_l2_sum": 2, "hausdorff": 1},
+    better="lower",
+    outputs=("mesh", "cloud"),
+    floor=True,
+    requires=("pykdtree",),
+)
 @dataclass(frozen=True)
 class SampledDistances:
     """Chamfer, Hausdorff and normal distances from N samples of each surface, for tables that fix N.

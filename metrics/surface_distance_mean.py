@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh",), floor=True, requires=("igl",))
+@register("metric", version=1, length=1, better="lower", outputs=("mesh",), floor=True, requires=("igl",))
 @dataclass(frozen=True)
 class SurfaceDistanceMean:
     """Exact two-way distance between an output mesh and the reference: the mean of p2f_mean and s2f_mean.

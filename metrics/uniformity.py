@@ -12,7 +12,7 @@ SHARES = (0.004, 0.006, 0.008, 0.010, 0.012)  # of the tables of PU-GAN
 NEIGHBOURS = 8  # of a point, among which the nearest inside a disk mostly is
 
 
-@register("metric", version=1, better="lower", outputs=("cloud",), floor=True, requires=("scipy",))
+@register("metric", version=1, length=1, better="lower", outputs=("cloud",), floor=True, requires=("scipy",))
 @dataclass(frozen=True)
 class Uniformity:
     """Uniformity over disks of several sizes: deviation of the count times deviation of the spacing.

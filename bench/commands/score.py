@@ -3,11 +3,14 @@
   detailbench score output.ply reference.ply
   detailbench score clean.xyz scan.ply --metric p2f_mean,chamfer_l1_mean
   detailbench score output.ply reference.ply --convention mpu
+  detailbench score output.ply reference.ply --units file
+  detailbench score mvs024.ply stl024_total.ply --convention dtu_mm --mask ObsMask24_10.mat --plane Plane24.mat
   detailbench score deformed.obj target.obj --source rest.obj --metric cot_laplacian
 
 OUTPUT and REFERENCE are meshes or point clouds (PLY, OBJ, STL, OFF, XYZ, TXT) in the same coordinates. Both are scaled
 to the frame of the reference, whose bounding box is centred at the origin and whose farthest vertex is at radius 1; the
 output is not normalised by itself. A reference that is a cloud is taken as it is: what needs a surface is left out.
+--units file prints lengths in the units of the files, millimetres say, and squares of lengths in their squares.
 
 --metric takes names from `detailbench list metrics` and sets of them (standard, full); --convention a paper's columns.
 The floor is the score of a perfect output: the reference itself, or a fresh sample of it as large as the output.
@@ -24,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..cli import add_plugin_argument
 from ..errors import DetailbenchError, MissingLibrary, UsageError, did_you_mean
+from ..geometry.extents import unlike
 from ..notices import collected
 from ..plan.choice import Choice
 from ..plugins.metric_sets import metric_set
@@ -32,12 +36,14 @@ from ..ranking.conventions import Convention, load_convention
 from ..ranking.report.score_table import Score, score_table, words
 
 if TYPE_CHECKING:
+    import numpy as np
     from trimesh import Trimesh
 
     from ..contract.case import Case
     from ..geometry.cloud import PointCloud
 
 DEFAULT = "standard"
+UNITS = ("radius", "file")  # of the reference's bounding sphere, or those of the files
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,6 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--metric", metavar="NAMES", help=f"metrics or sets of them, with commas (default: {DEFAULT})")
     parser.add_argument("--convention", metavar="NAME", help="print the columns of a paper in its units")
     parser.add_argument("--source", metavar="FILE", help="the mesh that OUTPUT was deformed from, for cot_laplacian")
+    parser.add_argument("--units", choices=UNITS, default="radius", help="of lengths (default: radius)")
+    parser.add_argument("--mask", metavar="FILE", help="observation mask of DTU, for dtu_distances")
+    parser.add_argument("--plane", metavar="FILE", help="ground plane of DTU, for dtu_distances")
     parser.add_argument("--seed", type=int, default=0, help="of the samples (default: 0)")
     parser.add_argument("--samples", type=int, help="points drawn from each surface (default: 100,000)")
     parser.add_argument("--json", action="store_true", help="print JSON, in full precision")
@@ -62,24 +71,30 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--seed {args.seed}: expected at least 0")
     if args.metric and args.convention:
         raise UsageError(f"--metric {args.metric}: the convention {args.convention} says which metrics it needs")
+    if args.units != "radius" and args.convention:
+        raise UsageError(f"--units {args.units}: the convention {args.convention} says which units its columns have")
     convention = load_convention(args.convention) if args.convention else None
     chosen = _of_convention(convention) if convention else _of_names(args.metric or DEFAULT)
     with collected() as notices:
-        case, output = read(args.output, args.reference, seed=args.seed, samples=args.samples, source=args.source)
+        seen = _observed(args.mask, args.plane)
+        case, output = read(
+            args.output, args.reference, seed=args.seed, samples=args.samples, source=args.source, attributes=seen
+        )
     _show(notices)
-    if not _overlap(output, case.reference.mesh):
-        hint = "are they in the same coordinates?"
-        print(f"warning: the boxes of {args.output} and {args.reference} do not overlap; {hint}", file=sys.stderr)
+    if hint := unlike(_points(output), args.output, _points(case.reference.mesh), args.reference):
+        print(f"warning: {hint}", file=sys.stderr)
     with collected() as said:
         scores, left_out = score(case, output, chosen)
     _show(said)
     if convention:
         scores = in_convention(convention, scores)
+    if args.units == "file":
+        scores = in_units_of_files(scores, case.frame.radius)
     if args.json:
         print(json.dumps(as_json(args, case, scores, left_out), indent=2))
     else:
         print(f"{args.output} ({words(output)}) against {args.reference} ({words(case.reference.mesh)})\n")
-        print(score_table(scores, case, case.compare(output).samples, left_out, convention))
+        print(score_table(scores, case, case.compare(output).samples, left_out, convention, units=args.units))
     return 0
 
 
@@ -104,7 +119,13 @@ def _of_convention(convention: Convention) -> list[Choice]:
 
 
 def read(
-    output: str, reference: str, *, seed: int = 0, samples: int | None = None, source: str | None = None
+    output: str,
+    reference: str,
+    *,
+    seed: int = 0,
+    samples: int | None = None,
+    source: str | None = None,
+    attributes: dict[str, np.ndarray] | None = None,
 ) -> tuple[Case, PointCloud | Trimesh]:
     """The case that two files make, and the output in its frame."""
     from ..contract.case import Case
@@ -113,12 +134,19 @@ def read(
     from ..geometry.io.files import load_mesh
 
     truth, result = load(reference), load(output)
-    shape, frame = Shape(reference, truth).framed()
+    shape, frame = Shape(reference, truth, attributes=attributes).framed()
     inputs = {"source": _moved(load_mesh(source), frame)} if source else {}
     case = Case(Path(reference).stem, inputs, shape, frame, seed)
     if samples:
         set_samples(case, samples)
     return case, _moved(result, frame)
+
+
+def _observed(mask: str | None, plane: str | None) -> dict[str, np.ndarray]:
+    """What the files of a DTU mask and a ground plane say, as attributes of the reference."""
+    from ..geometry.io.dtu import load_mask, load_plane
+
+    return (load_mask(mask) if mask else {}) | (load_plane(plane) if plane else {})
 
 
 def load(path: str) -> PointCloud | Trimesh:
@@ -139,12 +167,10 @@ def _show(notices: list[str]) -> None:
         print(f"note: {text}", file=sys.stderr)
 
 
-def _overlap(output: PointCloud | Trimesh, reference: Trimesh) -> bool:
+def _points(geometry: PointCloud | Trimesh) -> np.ndarray:
     from ..geometry.used import used_vertices
 
-    points = used_vertices(output) if hasattr(output, "vertices") else output.points
-    theirs = used_vertices(reference)
-    return bool((points.min(axis=0) <= theirs.max(axis=0)).all() and (points.max(axis=0) >= theirs.min(axis=0)).all())
+    return used_vertices(geometry) if hasattr(geometry, "vertices") else geometry.points
 
 
 def _moved(geometry: PointCloud | Trimesh, frame: Any) -> PointCloud | Trimesh:
@@ -182,10 +208,18 @@ def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tu
         if not found.values:
             left_out[choice.name] = found.left_out[choice.name] or "does not apply to these two"
         for key, value in found.values.items():
-            scores[key] = Score(value, found.floors.get(key), found.directions[key])
+            scores[key] = Score(value, found.floors.get(key), found.directions[key], plugin.length(key))
     if not scores:
         raise DetailbenchError("; ".join(f"{name} {reason}" for name, reason in left_out.items()))
     return scores, left_out
+
+
+def in_units_of_files(scores: dict[str, Score], radius: float) -> dict[str, Score]:
+    """Lengths, and their powers, in the units of the files, of which a radius of the reference has so many."""
+    return {
+        key: s._replace(value=s.value * radius**s.length, floor=None if s.floor is None else s.floor * radius**s.length)
+        for key, s in scores.items()
+    }
 
 
 def in_convention(convention: Convention, scores: dict[str, Score]) -> dict[str, Score]:
@@ -194,7 +228,7 @@ def in_convention(convention: Convention, scores: dict[str, Score]) -> dict[str,
     convention.scores(scores)
     for column in convention.columns:
         if column.score in scores:
-            value, floor, better = scores[column.score]
+            value, floor, better, _ = scores[column.score]
             floor = None if floor is None else floor * column.factor
             shown[column.title] = Score(value * column.factor, floor, better)
     return shown
@@ -209,6 +243,7 @@ def as_json(args: argparse.Namespace, case: Case, scores: dict[str, Score], left
         "output": args.output,
         "reference": args.reference,
         "convention": args.convention,
+        "units": args.units,
         "seed": args.seed,
         "frame": {"center": list(case.frame.center), "radius": case.frame.radius},
         "scores": {key: _finite(s.value) for key, s in scores.items()},

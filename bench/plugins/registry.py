@@ -100,6 +100,11 @@ class Plugin:
         better = self.options.get("better", "lower")
         return better if isinstance(better, str) else better.get(key, "lower")
 
+    def length(self, key: str) -> int:
+        """The power of a length that a score of this metric is: 1 of a distance, 2 of its square, 0 of a share."""
+        length = self.options.get("length", 0)
+        return length if isinstance(length, int) else length.get(key.partition("@")[0], 0)
+
     def solves(self, task: str) -> bool:
         """Whether this method has a function named after the task."""
         return callable(getattr(self.cls, task, None))
@@ -401,7 +406,9 @@ def register(
         Libraries that are imported before the clock starts; cells are ``skipped`` when one is missing.
     options
         Of a metric: ``version`` (int), ``better`` (``lower``, ``higher``, ``reference``, or a mapping from score to
-        one of them), ``outputs`` (tuple of ``"mesh"``, ``"cloud"``), ``floor`` (bool: score a perfect output too).
+        one of them), ``outputs`` (tuple of ``"mesh"``, ``"cloud"``), ``floor`` (bool: score a perfect output too),
+        ``length`` (int, or a mapping from score, without its ``@...``, to one: 1 of a length, 2 of its square, 0 of
+        what has no unit, as is every score that is not named).
         Of a dataset: ``own`` (bool: its files are the user's, and a run takes all of them where no number is given),
         ``scans`` (bool: its shapes bring their scans, and go with the sensors that give these).
         Of a sensor: ``scans`` (bool: it gives the scan that a shape brings), ``gives`` (``"cloud"``, ``"views"``, or a
@@ -468,7 +475,7 @@ def _check_class(kind: str, name: str, cls: type) -> None:
 def _check_options(kind: str, name: str, options: Mapping[str, Any]) -> None:
     known = {
         "dataset": ("version", "own", "scans"),
-        "metric": ("version", "better", "outputs", "floor"),
+        "metric": ("version", "better", "outputs", "floor", "length"),
         "sensor": ("version", "gives", "scans"),
     }
     known = known.get(kind, ("version",))

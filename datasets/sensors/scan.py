@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench import BadInput, PointCloud, Shape, register
+from bench import BadInput, PointCloud, Shape, notice, register
+from bench.geometry.extents import unlike
+from bench.geometry.used import used_vertices
 
 
 @register("sensor", scans=True)
@@ -28,4 +30,7 @@ class Scan:
         """
         if shape.scan is None:
             raise BadInput(f"{shape.id}: no scan came with it; sensor=scan is for datasets that bring scans (paired)")
-        return shape.scan
+        scan = shape.scan
+        if hint := unlike(scan.points, "the scan", used_vertices(shape.mesh), "the reference"):
+            notice(f"{shape.id}: {hint}")
+        return scan

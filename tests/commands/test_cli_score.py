@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from scipy.io import savemat
 
 from bench import PointCloud, generator
 from bench.cli import main
@@ -63,6 +64,7 @@ def test_everything_there_is(files, capsys):
     assert mesh["scores"]["iou"] == pytest.approx(1.02**-3, abs=0.01)
     assert set(mesh["left_out"]) == {
         "cot_laplacian",
+        "dtu_distances",
         "even_distances",
         "mirror_chamfer_l2_sum",
         "projected_uniformity",
@@ -139,3 +141,54 @@ def test_errors_name_what_is_wrong(files, capsys, output, reference, words, mess
     words = [str(files / word) if word == "scan.xyz" else word for word in words]
     assert main(["score", str(files / output), str(files / reference), *words]) == 1
     assert message in capsys.readouterr().err
+
+
+def test_lengths_in_the_units_of_the_files(files, capsys):
+    """Radius 2: lengths are twice those in radii, squares four times, shares and angles the same; floors go along."""
+    words = ("sphere2.ply", "sphere2_moved.ply")
+    ball = trimesh.creation.icosphere(3, radius=2)
+    save(ball, files / words[0])
+    save(trimesh.Trimesh(ball.vertices * (1.02, 1, 1), ball.faces, process=False), files / words[1])
+    metrics = ["--metric", "chamfer_l1_mean,chamfer_l2_sum,fscore,normal_angle_deg,hausdorff", "--samples", "500"]
+    found = {}
+    for units in ("radius", "file"):
+        assert main(["score", str(files / words[1]), str(files / words[0]), *metrics, "--units", units, "--json"]) == 0
+        found[units] = json.loads(capsys.readouterr().out)
+    assert [found[units]["units"] for units in found] == ["radius", "file"]
+    factors = {"chamfer_l1_mean": 2, "chamfer_l2_sum": 4, "hausdorff": 2}
+    for part in ("scores", "floors"):
+        for key, value in found["radius"][part].items():
+            assert found["file"][part][key] == pytest.approx(factors.get(key, 1) * value, rel=1e-12), key
+    assert main(["score", str(files / words[1]), str(files / words[0]), *metrics, "--units", "file"]) == 0
+    assert "Lengths are in the units of the files" in capsys.readouterr().out
+
+
+def test_a_convention_has_its_own_units(files, capsys):
+    assert main(["score", "a.ply", "b.ply", "--convention", "mpu", "--units", "file"]) == 1
+    assert "the convention mpu says which units" in capsys.readouterr().err
+
+
+def test_other_units_are_noticed(files, capsys):
+    save(trimesh.creation.icosphere(2), files / "m.ply")
+    save(trimesh.creation.icosphere(2, radius=1000), files / "mm.ply")
+    assert main(["score", str(files / "m.ply"), str(files / "mm.ply"), "--metric", "hausdorff", "--samples", "99"]) == 0
+    assert "1,000 times as large" in (err := capsys.readouterr().err) and "(millimetres against metres?)" in err
+
+
+def test_the_distances_of_dtu(files, capsys):
+    points = generator("dtu").uniform(0, 40, (400, 3))
+    save(PointCloud(points), files / "stl.ply")
+    save(PointCloud(points + (0.5, 0, 0)), files / "mvs.ply")
+    savemat(
+        files / "ObsMask1_10.mat", {"ObsMask": np.ones((5, 5, 5), np.uint8), "BB": [[0.0] * 3, [40.0] * 3], "Res": 10.0}
+    )
+    savemat(files / "Plane1.mat", {"P": [[0.0], [0.0], [1.0], [-20.0]]})
+    words = ["score", str(files / "mvs.ply"), str(files / "stl.ply"), "--convention", "dtu_mm"]
+    seen = ["--mask", str(files / "ObsMask1_10.mat"), "--plane", str(files / "Plane1.mat")]
+    assert main([*words, *seen, "--json"]) == 0
+    scores = json.loads(capsys.readouterr().out)["scores"]
+    assert scores["Acc. median (mm)"] == pytest.approx(0.5, abs=0.01) and scores["Overall (mm)"] == pytest.approx(
+        0.5, abs=0.02
+    )
+    assert main(words) == 1
+    assert "the reference has no observation mask" in capsys.readouterr().err

@@ -5,9 +5,10 @@ import pytest
 import trimesh
 
 from bench import Case, PointCloud, Shape, generator
-from bench.commands.score import _overlap, read
+from bench.commands.score import _points, read
 from bench.engine.call import score
 from bench.geometry.comparison import set_samples
+from bench.geometry.extents import unlike
 from bench.geometry.io.files import save
 from bench.geometry.laplacian import cotangent_laplacian, slivers
 from bench.plan.cell import Choice
@@ -104,9 +105,10 @@ def test_the_frame_and_the_overlap_of_two_files(tmp_path, name):
     for reference in ("ball", "stray"):
         case, output = read(str(tmp_path / "stray.ply"), str(tmp_path / f"{reference}.ply"))
         assert case.frame.radius == pytest.approx(1) and case.frame.center == pytest.approx((0, 0, 0))
-        assert _overlap(output, case.reference.mesh)
+        assert not unlike(_points(output), "a", _points(case.reference.mesh), "b")
         far = mesh_of(np.array(BALL.vertices) + 30, BALL.faces)
-        assert not _overlap(with_strays(far, name), case.reference.mesh)
+        hint = unlike(_points(with_strays(far, name)), "a", _points(case.reference.mesh), "b")
+        assert hint == "the boxes of a and b do not overlap; are they in the same coordinates?"
 
 
 def test_a_folder_of_files_with_strays(tmp_path):

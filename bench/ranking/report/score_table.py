@@ -27,6 +27,7 @@ class Score(NamedTuple):
     value: float
     floor: float | None  # None where there is none
     better: str
+    length: int = 0  # the power of a length that it is
 
 
 def score_table(
@@ -35,6 +36,7 @@ def score_table(
     samples: int,
     left_out: Mapping[str, str],
     convention: Convention | None = None,
+    units: str = "radius",
 ) -> str:
     """The scores with their floors, and below them what the numbers mean.
 
@@ -48,6 +50,8 @@ def score_table(
     left_out : mapping from metrics to the reason why they have no score
     convention : Convention, optional
         Its digits and its notes are used.
+    units : str
+        ``radius`` where lengths are in radii of the reference, ``file`` where they are in the units of the files.
     """
     from rich import box
     from rich.console import Console
@@ -60,13 +64,17 @@ def score_table(
     for title in ("value", "floor"):
         table.add_column(title, justify="right")
     table.add_column("better")
-    for key, (value, floor, better) in scores.items():
+    for key, (value, floor, better, _) in scores.items():
         shown = "" if floor is None else _number(floor, digits.get(key))
         table.add_row(Text(one_line(key)), _number(value, digits.get(key)), shown, BETTER[better])
     text = io.StringIO()
     Console(file=text, width=160, highlight=False).print(table)
     lines = [line.rstrip() for line in text.getvalue().splitlines()]
-    lines += ["", f"Lengths are in radii of the reference: 1 is {case.frame.radius:.6g} in the files' coordinates."]
+    radius = f"{case.frame.radius:.6g}"
+    if units == "file":
+        lines += ["", f"Lengths are in the units of the files; thresholds in radii of the reference: 1 is {radius}."]
+    else:
+        lines += ["", f"Lengths are in radii of the reference: 1 is {radius} in the files' coordinates."]
     lines += [f"Where a metric does not say how many, {samples:,} points are drawn from a surface; seed {case.seed}."]
     notes = [
         *(convention.notes(scores) if convention else ()),
