@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"no template for {args.kind!r}. {did_you_mean(args.kind, FIRST_RUNS)}")
     name = snake_case(args.name.replace("-", "_"))
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        raise UsageError(f"{args.name!r} is no name for a plugin: letters, digits and underscores, a letter first")
+        raise UsageError(f"{args.name!r}: expected a name of letters, digits and underscores, a letter first")
     if keyword.iskeyword(name):
         raise UsageError(f"{args.name!r} is a word of the Python language; choose another name")
     if name in registry().names(kind):

@@ -30,13 +30,22 @@ def run(args: argparse.Namespace) -> int:
     """Compose every job, look each cell up, print the table."""
     from ..engine.affinity import available
     from ..engine.devices import check_device
+    from ..plan.cell import not_planned
     from ..results.earlier import told
     from ..results.store import Results
     from ..sweep.composition import enumerate_jobs, is_sweep
     from ..sweep.destination import destination, settled
     from ..sweep.flags import split_words
     from ..sweep.forecast import Pace, seconds_to_do, summary, workers_of
-    from ..sweep.overrides import by_experiment, check_overrides, runs_here, threads_of, word_of_threads
+    from ..sweep.overrides import (
+        by_experiment,
+        check_jobs,
+        check_overrides,
+        runs_here,
+        threads_of,
+        without_globs,
+        word_of_threads,
+    )
 
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
@@ -46,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
     overrides = settled(overrides, folder)
     multirun = args.multirun or is_sweep(overrides)
     check_overrides(overrides, multirun=multirun, command="plan")
+    overrides = without_globs(overrides)
     results = Results(folder)
     pace = Pace.of(results)
     lines, seconds, refused, stale = [], [], [], []
@@ -53,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
     devices = set()
     trainings: dict[str, str] = {}
     jobs = [job for request in by_experiment(overrides) for job in enumerate_jobs(request, multirun)]
+    check_jobs(jobs)
     for cell, settings in cells_of(jobs, refused):
         there, state, reasons = look_up(results, cell, settings)
         rest = seconds_to_do(cell, there, pace)
@@ -72,8 +83,8 @@ def run(args: argparse.Namespace) -> int:
     width = max([len(line[1]) for line in lines], default=0)
     for cell_id, title, count, state, guess in lines:
         print(f"{cell_id}  {title:<{width}}  {count:>7}  {state:<10} {guess}".rstrip())
-    for message in refused:
-        print(f"not planned: {message}")
+    for line in not_planned(refused):
+        print(f"not planned: {line}")
     if not lines:
         raise UsageError("nothing to run: no combination of these words is a cell")
     workers = workers_of(overrides, threads_of(overrides))

@@ -30,6 +30,7 @@ from ..engine import forkserver
 from ..engine.affinity import available
 from ..engine.devices import check_device
 from ..errors import UsageError, code_of
+from ..plan.cell import not_planned
 from ..plugins import config_files
 from ..plugins.listing import listing
 from ..plugins.registry import load_plugins
@@ -39,7 +40,16 @@ from ..sweep import launch as sweep
 from ..sweep.destination import destination, settled
 from ..sweep.flags import split_words
 from ..sweep.outlook import Outlook, look_ahead
-from ..sweep.overrides import by_experiment, check_overrides, devices_of, runs_here, threads_of, word_of_threads
+from ..sweep.overrides import (
+    by_experiment,
+    check_jobs,
+    check_overrides,
+    devices_of,
+    runs_here,
+    threads_of,
+    without_globs,
+    word_of_threads,
+)
 from ..sweep.progress import Bars, Follow, Lines
 
 PASSES_ON = True  # Hydra's own flags are passed on
@@ -65,6 +75,7 @@ def run(args: argparse.Namespace) -> int:
     overrides = settled(overrides, folder)
     multirun = args.multirun or is_sweep(overrides)
     check_overrides(overrides, multirun=multirun)
+    overrides = without_globs(overrides)
     requests = by_experiment(overrides)
     sweeps = [jobs_of(request, multirun) for request in requests]
     results = Results(folder, mends=True)
@@ -159,8 +170,8 @@ def _report(
     overrides: list[str],
 ) -> int:
     """Notes, the leaderboard of this run (beside a paper's table, or in the conventions named), and the exit code."""
-    for message in dict.fromkeys(entry["message"] for entry in done if entry["kind"] == "not_solved"):
-        print(f"not planned: {message}", file=sys.stderr)
+    for line in not_planned(entry["message"] for entry in done if entry["kind"] == "not_solved"):
+        print(f"not planned: {line}", file=sys.stderr)
     refused: dict[str, list[str]] = {}
     for entry in done:
         if entry["kind"] == "usage":
@@ -264,7 +275,9 @@ def jobs_of(overrides: list[str], multirun: bool) -> list[list[str]]:
     from ..sweep.composition import enumerate_jobs
 
     check_overrides(overrides, multirun=multirun)
-    return enumerate_jobs(overrides, multirun)
+    jobs = enumerate_jobs(overrides, multirun)
+    check_jobs(jobs)
+    return jobs
 
 
 def _hydra_list(values: tuple[str, ...]) -> str:

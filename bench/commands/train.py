@@ -102,7 +102,7 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
     from ..sweep.composition import resolved
     from ..sweep.overrides import check_overrides, chosen
 
-    check_overrides([word for word in overrides if not word.startswith("task.")], multirun=False)
+    check_overrides([word for word in overrides if not word.startswith("task.")], multirun=False, command="train")
     if not any(word.startswith("method=") for word in overrides):
         raise UsageError("choose a method: detailbench train method=NAME (detailbench list methods)")
     if not any(word.startswith("task=") for word in overrides):
@@ -111,7 +111,7 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
         if len(solves) != 1:
             raise UsageError(f"method {method.name} solves {', '.join(solves) or 'no task'}: add task=NAME")
         overrides = [*overrides, f"task={solves[0]}"]
-    check_overrides(overrides, multirun=False)
+    check_overrides(overrides, multirun=False, command="train")
     values = resolved(overrides)
     check_root(values)
     weights = values["training"]["weights"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -283,6 +284,23 @@ def _cannot_solve(method: Choice, task: str) -> str:
     others = [m.name for m in registry().all("method") if m.solves(task)]
     what = f"it solves {', '.join(solves)}" if solves else "it has no function named after a task"
     return f"method {method.label} does not solve {task}: {what}. Methods that do: {', '.join(others) or 'none'}"
+
+
+# As _cannot_solve says it.
+CANNOT_SOLVE = re.compile(r"method (?P<method>\S+) does not solve (?P<task>\w+):")
+
+
+def not_planned(messages: Iterable[str]) -> list[str]:
+    """Why pairs of a sweep are left out, each reason once, and all methods that do not solve a task in one line."""
+    messages = list(dict.fromkeys(messages))
+    methods: dict[str, list[str]] = {}
+    for found in filter(None, map(CANNOT_SOLVE.match, messages)):
+        methods.setdefault(found["task"], []).append(found["method"])
+    if sum(map(len, methods.values())) < 2:
+        return messages
+    pairs = "; ".join(f"{task} by {', '.join(names)}" for task, names in methods.items())
+    line = f"{pairs}: these methods do not solve it; `detailbench list methods` shows which do"
+    return [line, *(message for message in messages if not CANNOT_SOLVE.match(message))]
 
 
 def reference_name(dataset: str, case: str) -> str:

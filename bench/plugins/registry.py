@@ -40,11 +40,10 @@ from .kept import ENTRY_POINTS, kept_modules
 KINDS = ("task", "dataset", "sensor", "method", "metric")
 DIRECTIONS = ("lower", "higher", "reference")
 
-# Import names whose distribution is called otherwise, or that come with one of our extras.
+# Import names whose distribution is called otherwise, or that need another one.
 INSTALL_LINES = {
-    "pymeshlab": 'pip install "detailbench[gpl]"',
-    "CGAL": 'pip install "detailbench[gpl]"',
-    "torch": 'pip install "detailbench[learned]"',
+    "CGAL": "pip install cgal",
+    "torch": "pip install torch safetensors",
     "skimage": "pip install scikit-image",
     "sklearn": "pip install scikit-learn",
     "igl": "pip install libigl",

@@ -159,6 +159,9 @@ def _split(names: Names) -> list[str]:
     return [name.strip() for part in parts for name in re.split(r",(?![^\[]*\])", part) if name.strip()]
 
 
+VIEWS = ("by", "across", "pareto")  # options that say how results are shown; the others choose some of them
+
+
 def matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
     """Those of ``known`` that ``names`` stand for, in the order of ``names``.
 
@@ -176,7 +179,8 @@ def matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
         pattern = name.replace("[", "[[]")
         hits = [k for k in known if name in (k, re.split(r"[\[@]", k)[0]) or fnmatch.fnmatchcase(k, pattern)]
         if not hits:
-            raise UsageError(f"no result has {option} {name!r}. {did_you_mean(name, known)}")
+            what = f"--{option} {name}: there is none" if option in VIEWS else f"no result has {option} {name!r}"
+            raise UsageError(f"{what}. {did_you_mean(name, known)}")
         found.extend(hits)
     return list(dict.fromkeys(found))
 

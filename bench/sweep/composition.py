@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from ..errors import UsageError
+from ..errors import UsageError, did_you_mean
+from ..installing import line_of_extra
 from ..plan.keys import Base
 from ..plan.numbers import ALL_CASES
+from ..plugins.registry import registry
 from ..text import cut
 
 if TYPE_CHECKING:
@@ -26,7 +29,6 @@ def usual_cases(count: int, *, _root_: DictConfig) -> int:
 
     Profiles say ``cases: ${usual_cases:4}``; what the user gives stands in place of it.
     """
-    from ..plugins.registry import registry
 
     name = (_root_.get("dataset") or {}).get("_name_")
     own = name in registry().names("dataset") and registry().find("dataset", name).options.get("own")
@@ -42,7 +44,7 @@ def register_resolvers() -> None:
 
 def register_base() -> None:
     """Put the typed base, and every plugin, into Hydra's config store; those that are new since the last call."""
-    from ..plugins.registry import KINDS, registry
+    from ..plugins.registry import KINDS
     from .config_source import register
 
     register_resolvers()
@@ -122,15 +124,33 @@ def in_words(overrides: Sequence[str]) -> Iterator[None]:
 
 def hydra_message(error: BaseException) -> str:
     """What Hydra said, with the cause under it when the cause says more, without hints to add keys, without types."""
+    if line := _no_parameter(str(error), str(error.__cause__ or "")):
+        return line
     parts = [str(error)]
     if error.__cause__ is not None and str(error.__cause__) not in parts[0]:
         parts.append(str(error.__cause__))
     lines = [line for part in parts for line in part.splitlines()]
     for launcher, extra in (("joblib", "joblib"), ("submitit", "slurm"), ("ray", "ray")):
         if f"hydra/launcher/{launcher}" in parts[0]:
-            lines.append(f'This launcher is an extra: pip install "detailbench[{extra}]"')
-    noise = ("append", "prepend", "full_key:", "object_type=", "reference_type=")
+            lines.append(f"This launcher is an extra: {line_of_extra(extra)}")
+    noise = ("append", "prepend", "full_key:", "object_type=", "reference_type=", "provider=", "Config search path:")
     return "\n".join(line for line in lines if line.strip() and not any(word in line for word in noise))
+
+
+def _no_parameter(*texts: str) -> str:
+    """The message for a parameter that a plugin lacks, where Hydra names its class; empty for another one.
+
+    What the words of a command line say is checked before; this is for those of an experiment that chooses plugins.
+    """
+    text = "\n".join(texts)
+    key, name = re.search(r"'(\w+)\.[\w.]+'", text), re.search(r"Key '(\w+)' (?:is )?not in '(\w+)'", text)
+    file = re.search(r"In '(\w+/\w+)'", text)
+    for plugin in registry().loaded() if name else ():
+        if plugin.cls.__name__ == name[2] and (not key or plugin.kind == key[1]):
+            hint = did_you_mean(name[1], [f.name for f in plugin.fields])
+            where = f"{file[1]}.yaml: " if file else ""
+            return f"{where}{plugin.kind} {plugin.name} has no parameter {name[1]!r}. {hint}"
+    return ""
 
 
 def is_sweep(overrides: Sequence[str]) -> bool:

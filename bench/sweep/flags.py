@@ -5,9 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..errors import UsageError, did_you_mean
+from ..plan.keys import GROUPS
 from .quoting import quoted_files
 
-OURS = ("-m", "--multirun", "--plugin", "--no-leaderboard", "--help")
+OURS = ("-m", "--multirun", "--plugin", "--config-dir", "--no-leaderboard", "--help")
+# What applications of Hydra have, and what is here in its place.
+_CONFIGS = "experiments and presets of your own are found in ./conf and in --config-dir DIR (DIR/experiment/NAME.yaml)"
+OTHERWISE = {
+    "--config-path": _CONFIGS,
+    "-cp": _CONFIGS,
+    "--config-name": _CONFIGS,
+    "-cn": _CONFIGS,
+    "-cd": _CONFIGS,
+    "--shell-completion": "detailbench completion bash (or zsh, fish) prints a script",
+    "-sc": "detailbench completion bash (or zsh, fish) prints a script",
+    "--run": "leave it out; -m is for sweeps",
+    "--experimental-rerun": "detailbench reproduce CELL runs a stored cell again",
+}
 SHOW = ("--cfg", "--info", "--hydra-help")  # what is shown; the other flags say how
 # What may stand behind each: a choice, anything, or nothing.
 VALUES: dict[str, tuple[str, ...] | None] = {
@@ -36,8 +50,10 @@ def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
         word = rest.pop(0)
         flag, equals, value = word.partition("=")
         if not word.startswith("-"):
-            overrides.append(word)
+            overrides.append(_without_plus(word))
             continue
+        if flag in OTHERWISE:
+            raise UsageError(f"unknown option {word!r}: {OTHERWISE[flag]}")
         if flag not in VALUES:
             raise UsageError(f"unknown option {word!r}. {did_you_mean(flag, (*OURS, *VALUES))}")
         if not equals and VALUES[flag] != () and rest and not rest[0].startswith("-") and "=" not in rest[0]:
@@ -47,6 +63,11 @@ def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
     if flags and sum(flag in SHOW for flag in flags) != 1:
         raise UsageError(f"{' '.join(flags)}: expected one of {', '.join(SHOW)}, and with --cfg --resolve or --package")
     return quoted_files(overrides), [part for flag, value in flags.items() for part in (flag, value) if part]
+
+
+def _without_plus(word: str) -> str:
+    """``experiment=demo`` for ``+experiment=demo``, as other applications of Hydra have it: every group is chosen."""
+    return word[1:] if word.startswith("+") and word[1:].partition("=")[0] in GROUPS else word
 
 
 def _check_value(flag: str, value: str) -> None:

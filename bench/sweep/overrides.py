@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 from ..errors import UsageError, did_you_mean
-from ..plan.cell import USUAL_SENSOR
+from ..plan.cell import USUAL_SENSOR, NotSolved, check_dataset
 from ..plan.keys import GROUPS, Base
 from ..plan.limits import Limits
 from ..plan.training import TrainingKeys
@@ -25,20 +26,19 @@ from .quoting import hint
 def check_overrides(overrides: Sequence[str], *, multirun: bool, command: str = "run") -> None:
     """Raise :class:`UsageError` for names and parameters that do not exist, and for a sweep without ``-m``.
 
-    ``command`` is the one that is asked for; only ``run`` and ``plan`` take sweeps.
+    ``command`` is the one that has been called; one that has no ``-m`` takes one value for each key.
     """
     for override in _parse(overrides):
         key = override.key_or_group
         values = _values(override)
         if override.is_sweep_override() and not multirun and not key.startswith("hydra"):
-            advice = f"add -m: detailbench {command} -m ..." if command in ("run", "plan") else "give one of them"
             quoting = f"; {hint(override.input_line)}" if "." in key else ""
-            raise UsageError(f"{override.input_line}: several values are a sweep; {advice}{quoting}")
+            instead = _instead_of_sweep(command) + quoting
+            raise UsageError(f"{override.input_line}: several values are a sweep; {instead}")
         if key == "sensor" and any(presets.resolve("sensor", str(name)) == USUAL_SENSOR for name in values):
             _check_scans(overrides, override.input_line)
         if key.startswith("hydra"):
-            if "/" in key and not all(value is None or isinstance(value, str) for value in values):
-                raise UsageError(f"{override.input_line}: expected a name, as in hydra/launcher=joblib")
+            _check_hydra(key, values, override.input_line)
             continue
         if "???" in values:
             raise UsageError(f"{override.input_line}: ??? stands for a value that is missing; give one")
@@ -57,9 +57,7 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool, command: str = 
         elif head == "limit" and tail:
             _check_key("limit.", tail, [f.name for f in dataclasses.fields(Limits)], override.input_line)
         else:
-            if not is_key(head) and (owner := _owner(head, overrides)):
-                raise UsageError(f"{override.input_line}: there is no key {head!r}. Say {owner}.{head}=...")
-            _check_key("", head, [*(f.name for f in dataclasses.fields(Base)), *GROUPS], override.input_line)
+            _check_root_key(head, overrides, override.input_line)
             if override.is_delete() and head not in GROUPS:
                 raise UsageError(f"{override.input_line}: every run has {head}; leave this out for its usual value")
 
@@ -76,6 +74,52 @@ def _check_scans(overrides: Sequence[str], line: str) -> None:
         )
 
 
+def _instead_of_sweep(command: str) -> str:
+    if command in ("run", "plan"):
+        return f"add -m: detailbench {command} -m ..."
+    return f"`detailbench {command}` takes one value for each key"
+
+
+# Keys of Hydra that would do nothing here, or not what they do elsewhere.
+NOT_HERE = {
+    "hydra.searchpath": "experiments and presets of your own are found in ./conf and in --config-dir DIR",
+    "hydra.run": "results go to the one folder results=DIR",
+    "hydra.output_subdir": "configs are kept in the records of the results, and `detailbench why CELL` shows them",
+}
+
+
+def _check_hydra(key: str, values: Sequence[Any], line: str) -> None:
+    for known, instead in NOT_HERE.items():
+        if key == known or key.startswith(f"{known}."):
+            raise UsageError(f"{line}: {instead}")
+    if "/" in key and not all(value is None or isinstance(value, str) for value in values):
+        raise UsageError(f"{line}: expected a name, as in hydra/launcher=joblib")
+    if key == "hydra/sweeper" and "basic" not in values:
+        raise UsageError(f"{line}: only Hydra's basic sweeper is supported; list the values: method.depth=7,8,9")
+
+
+def _check_root_key(key: str, overrides: Sequence[str], line: str) -> None:
+    """A key of the run; one that is a parameter of a chosen plugin gets that one's name."""
+    known = [*(f.name for f in dataclasses.fields(Base) if f.name not in SET_ELSEWHERE), *GROUPS]
+    if key in known or key in SET_ELSEWHERE:
+        return
+    owners = [kind for kind in KINDS if kind != "metric" and key in _parameters_of_chosen(kind, overrides)]
+    if owners:
+        raise UsageError(f"{line}: there is no key {key!r}. Did you mean {' or '.join(f'{k}.{key}' for k in owners)}?")
+    _check_key("", key, known, line)
+
+
+SET_ELSEWHERE = ("plugins", "config_dirs", "session", "published", "sizes")  # keys that no command line needs
+
+
+def _parameters_of_chosen(kind: str, overrides: Sequence[str]) -> set[str]:
+    names = [presets.resolve(kind, name) for name in chosen(kind, overrides)]
+    if kind == "task" and not any(word.startswith("task=") for word in overrides):
+        names = registry().names(kind)  # `apply` finds out which one is meant
+    known = registry().names(kind)
+    return {f.name for name in names if name in known for f in registry().find(kind, name).fields}
+
+
 def by_experiment(overrides: Sequence[str]) -> list[list[str]]:
     """The overrides of each experiment in turn: ``experiment=a,b`` is one command after the other.
 
@@ -87,6 +131,18 @@ def by_experiment(overrides: Sequence[str]) -> list[list[str]]:
             key = word.partition("=")[0]
             return [[*overrides[:place], f"{key}={name}", *overrides[place + 1 :]] for name in names]
     return [list(overrides)]
+
+
+def without_globs(overrides: Sequence[str]) -> list[str]:
+    """The overrides with the names that ``dataset=glob(*)`` stands for: those that can be used as they are."""
+    from hydra.core.override_parser.types import Glob
+
+    words = []
+    for word, override in zip(overrides, _parse(overrides), strict=True):
+        if isinstance(override.value(), Glob):
+            word = f"{word.partition('=')[0]}={','.join(_matching(override))}"
+        words.append(word)
+    return words
 
 
 def is_override(word: str) -> bool:
@@ -126,7 +182,9 @@ def _values(override: Any) -> list[Any]:
     if isinstance(override.value(), Glob):
         return _matching(override)
     if override.is_interval_sweep():
-        raise UsageError(f"{override.input_line}: an interval has no end of values; list some, or use range(...)")
+        raise UsageError(
+            f"{override.input_line}: a sweep takes listed values, not an interval; list some, or use range(...)"
+        )
     if override.is_sweep_override() and override.is_choice_sweep():
         return [_text(v) for v in override.value().list]
     value = override.value()
@@ -140,9 +198,24 @@ def _matching(override: Any) -> list[str]:
         raise UsageError(f"{override.input_line}: glob() is for names of plugins; list the values of {group}")
     known = {*presets.names(group), *(registry().names(group) if group in KINDS else ())}
     found = override.value().filter(sorted(known))
+    if group == "dataset":
+        found = [name for name in found if not _wants_more(name)]
     if not found:
         raise UsageError(f"{override.input_line}: no {group} matches. Known: {', '.join(sorted(known))}")
     return found
+
+
+def _wants_more(dataset: str) -> bool:
+    """Whether a dataset cannot be used at its defaults, as ``files``, which wants a path."""
+    if dataset not in registry().names("dataset"):
+        return False
+    try:
+        check_dataset(registry().find("dataset", dataset).cls(), "test")
+    except NotSolved:  # it was not fetched: the plan says so
+        return False
+    except UsageError:
+        return True
+    return False
 
 
 def _text(value: Any) -> Any:
@@ -220,6 +293,11 @@ def _check_preset(group: str, name: Any, is_deleted: bool) -> None:
             return
         raise UsageError(f"{group}=null: leave it out, or write ~{group} where an experiment chooses one")
     if str(name) not in known:
+        if "/" in str(name) or str(name).endswith((".yaml", ".yml")):
+            raise UsageError(
+                f"{group}={name}: expected a name; put the file into ./conf/{group}/, or into DIR/{group}/ with "
+                f"--config-dir DIR, and say {group}={Path(str(name)).stem}"
+            )
         raise UsageError(f"no {group} is called {name!r}. {did_you_mean(str(name), known)}")
 
 
@@ -235,25 +313,69 @@ def _check_parameter(kind: str, tail: str, overrides: Sequence[str], override: A
         names, prefix = [name], f"metric.{name}."
     known = {f.name for name in names for f in registry().find(kind, name).fields}
     parameter = tail.partition(".")[0]
+    if parameter in known and kind != "metric" and chosen(kind, overrides):
+        _check_all_have(kind, names, parameter, line)
     if parameter and parameter not in known:
-        of = names[0] if len(names) == 1 else "those chosen"
         of_the_run = parameter == tail and parameter in {f.name for f in dataclasses.fields(Base)}
         hint = f"The run has: say {parameter}=..." if of_the_run else _hint(prefix, parameter, known)
-        raise UsageError(f"{line}: {kind} {of} has no parameter {parameter!r}. {hint}")
+        raise UsageError(f"{line}: {_without_it(kind, names)} parameter {parameter!r}. {hint}")
     if parameter == tail and not override.is_delete():
         having = [p for p in (registry().find(kind, n) for n in names) if any(f.name == parameter for f in p.fields)]
         _check_values(having, parameter, override)
 
 
-def _owner(parameter: str, overrides: Sequence[str]) -> str:
-    """The kind of the plugin that has a parameter of this name, of those that are chosen or else of the tasks."""
-    for kind in ("method", "task", "dataset", "sensor"):
-        known = [presets.resolve(kind, name) for name in chosen(kind, overrides)]
-        names = registry().names(kind)
-        if any(f.name == parameter for name in known if name in names for f in registry().find(kind, name).fields):
-            return kind
-    tasks = registry().names("task")
-    return "task" if any(f.name == parameter for t in tasks for f in registry().find("task", t).fields) else ""
+def _without_it(kind: str, names: Sequence[str]) -> str:
+    """The beginning of a message: who has no parameter of a name."""
+    names = list(dict.fromkeys(names))
+    if len(names) == 1:
+        return f"{kind} {names[0]} has no"
+    if len(names) == len(registry().names(kind)):
+        return f"no {kind} has a"
+    return f"none of the {kind}s {', '.join(names)} has a"
+
+
+def _check_all_have(kind: str, names: Sequence[str], parameter: str, line: str) -> None:
+    """A parameter beside several plugins is one of each of them: Hydra gives all of a sweep the same keys."""
+    having = [n for n in names if any(f.name == parameter for f in registry().find(kind, n).fields)]
+    lacking = [n for n in dict.fromkeys(names) if n not in having]
+    if lacking:
+        first, second = (",".join(dict.fromkeys(some)) for some in (having, lacking))
+        raise UsageError(
+            f"{line}: {kind} {lacking[0]} has no parameter {parameter!r} ({having[0]} has). To sweep a parameter of "
+            f"some beside others, run two commands into one folder: first {kind}={first} {line}, then {kind}={second}; "
+            "both with the same results=DIR, and `detailbench leaderboard DIR` shows one table"
+        )
+
+
+def check_jobs(jobs: Iterable[Sequence[str]]) -> None:
+    """:func:`check_overrides` of parameters for each combination that a sweep, or its experiment, makes of a group."""
+    seen: set[tuple[str, ...]] = set()
+    jobs = list(jobs)
+    _check_parameters_of(jobs)
+    for job in jobs:
+        for kind in KINDS:
+            words = tuple(word for word in job if word.lstrip("+~").startswith((f"{kind}=", f"{kind}.")))
+            if words and words not in seen:
+                seen.add(words)
+                if any(word.startswith(f"{kind}=") for word in words):
+                    check_overrides(words, multirun=False)
+
+
+def _check_parameters_of(jobs: Iterable[Sequence[str]]) -> None:
+    """Of a parameter that some plugins of a sweep have: say which have not, and what to do."""
+    names: dict[tuple[str, str], dict[str, None]] = {}
+    lines: dict[tuple[str, str], str] = {}
+    for job in jobs:
+        chosen = dict(word.lstrip("+").partition("=")[::2] for word in job)
+        for word in job:
+            kind, _, parameter = word.lstrip("+").partition("=")[0].partition(".")
+            if kind in KINDS and kind != "metric" and parameter and kind in chosen:
+                names.setdefault((kind, parameter), {})[presets.resolve(kind, chosen[kind])] = None
+                lines[kind, parameter] = word
+    for (kind, parameter), plugins in names.items():
+        known = [name for name in plugins if name in registry().names(kind)]
+        if any(f.name == parameter for name in known for f in registry().find(kind, name).fields):
+            _check_all_have(kind, known, parameter, lines[kind, parameter])
 
 
 def _check_values(plugins: Sequence[Plugin], parameter: str, override: Any) -> None:

@@ -259,11 +259,6 @@ def vertex_colors(mesh: Trimesh) -> np.ndarray | None:
     return mesh.visual.vertex_colors[:, :3] / 255 if mesh.visual.kind == "vertex" else None
 
 
-def _notice_of_colors(mesh: Trimesh, kind: str) -> None:
-    if _colors(mesh) is not None:
-        notice(f"{kind} holds no colours of vertices; they are left out. PLY, OBJ and GLB keep them")
-
-
 def _write_obj(mesh: Trimesh) -> bytes:
     colors = vertex_colors(mesh)
     table = np.asarray(mesh.vertices) if colors is None else np.hstack([mesh.vertices, colors])
