@@ -39,6 +39,7 @@ COMMANDS = {
     "new": "write a new plugin and its test",
     "why": "what differs between a stored result and today",
     "reproduce": "run a stored cell again and compare",
+    "completion": "a script that lets bash, zsh or fish complete commands, options, names and parameters",
 }
 EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved,
 130 interrupted (143 by SIGTERM, 129 by SIGHUP)"""

@@ -125,10 +125,10 @@ def installed_folders() -> tuple[Folder, ...]:
 @functools.lru_cache(maxsize=8)
 def _folders(named: tuple[str, ...], here: str) -> tuple[Folder, ...]:
     found = [Folder(path, "own") for path in (*named, here)]
-    found.append(Folder(_our_folder(), OURS))
+    found.append(Folder(our_folder(), OURS))
     found.extend(_of_packages())
     kept: dict[str, Folder] = {}
-    ours = os.path.realpath(_our_folder())
+    ours = os.path.realpath(our_folder())
     for folder in found:
         place = os.path.realpath(folder.path)
         if place == ours and folder.origin != OURS:  # the checkout is the working folder
@@ -138,7 +138,8 @@ def _folders(named: tuple[str, ...], here: str) -> tuple[Folder, ...]:
     return tuple(kept.values())
 
 
-def _our_folder() -> str:
+def our_folder() -> str:
+    """The folder of our configs."""
     spec = importlib.util.find_spec("bench.conf")
     assert spec and spec.submodule_search_locations
     return next(iter(spec.submodule_search_locations))

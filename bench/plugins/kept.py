@@ -28,7 +28,7 @@ def kept_modules() -> dict[str, dict[str, tuple[str, str]]] | None:
     None where there is none, where a source has changed since, or where a plugin was broken: then all are imported.
     """
     found = kept_listing(stamp())
-    if found is None or found["broken"]:
+    if found is None or any(not broken["file"].endswith(".yaml") for broken in found["broken"]):
         return None
     return {
         kind: {facts["name"]: (facts["module"], facts["origin"]) for facts in plugins}
@@ -36,24 +36,36 @@ def kept_modules() -> dict[str, dict[str, tuple[str, str]]] | None:
     }
 
 
-def kept_listing(stamp: str) -> dict[str, Any] | None:
-    """The listing that was kept under this stamp, None where there is none."""
-    with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
-        kept = json.loads(path.read_text(encoding="utf-8")) if (path := _path()) else {}
-        if kept["stamp"] == stamp:
+def kept_listing(stamp: str | None = None) -> dict[str, Any] | None:
+    """The listing that was kept under this stamp, or under any; None where there is none."""
+    with contextlib.suppress(TypeError, KeyError):
+        kept = kept_json("listing") or {}
+        if stamp in (None, kept["stamp"]):
             return kept["listing"]
     return None
 
 
-def _path() -> Path | None:
-    """One file for each environment, in a folder of this user's own: the modules that it names are imported."""
-    folder = cache_folder()
-    return folder and folder / f"listing-{_digest([sys.prefix])}.json"
-
-
 def keep(stamp: str, listing: dict[str, Any]) -> None:
     """Write the listing; where that is not possible the next start takes longer, no more."""
-    path, content = _path(), json.dumps({"stamp": stamp, "listing": listing})
+    keep_json("listing", {"stamp": stamp, "listing": listing})
+
+
+def _path(name: str) -> Path | None:
+    """One file for each environment, in a folder of this user's own: the modules that it names are imported."""
+    folder = cache_folder()
+    return folder and folder / f"{name}-{_digest([sys.prefix])}.json"
+
+
+def kept_json(name: str) -> Any:
+    """What :func:`keep_json` wrote under this name, in this environment; None where there is nothing."""
+    with contextlib.suppress(OSError, ValueError):
+        return json.loads(path.read_text(encoding="utf-8")) if (path := _path(name)) else None
+    return None
+
+
+def keep_json(name: str, value: Any) -> None:
+    """Keep a value for the next start, where that is possible."""
+    path, content = _path(name), json.dumps(value)
     if path is None:
         return
     with contextlib.suppress(OSError):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import typing
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from . import config_files
 from .kept import keep, kept_listing, stamp
 
 if TYPE_CHECKING:
@@ -35,8 +37,18 @@ def listing(files: Sequence[str] = ()) -> dict[str, Any]:
     return _with_own(found)
 
 
+def names_as_kept() -> dict[str, Any]:
+    """:func:`listing` as it was kept last, though sources may have changed since, without the user's own presets.
+
+    For the completion of a command line, where a look at each source would take longest.
+    """
+    return kept_listing() or listing()
+
+
 def _with_own(found: dict[str, Any]) -> dict[str, Any]:
     """The listing with the presets of the user's own folders, which are not kept: they depend on where one is."""
+    if not any(folder.is_own for folder in config_files.folders()):
+        return found
     from . import presets
 
     for kind, plugins in found["plugins"].items():
@@ -50,8 +62,14 @@ def _with_own(found: dict[str, Any]) -> dict[str, Any]:
             others = {name: preset for name, preset in facts.get("presets", {}).items() if name not in own}
             if mine or others:
                 facts["presets"] = dict(sorted({**others, **mine}.items()))
-    found["broken"] += [{"origin": file, "file": file, "reason": reason} for file, reason in presets.broken()]
+    found["broken"] += _broken(own=True)
     return found
+
+
+def _broken(*, own: bool) -> list[dict[str, str]]:
+    from .presets import broken
+
+    return [{"origin": file, "file": file, "reason": reason} for file, reason in broken(own=own)]
 
 
 def _preset(preset: Any) -> dict[str, Any]:
@@ -70,7 +88,8 @@ def _made(files: Sequence[str]) -> dict[str, Any]:
     return {
         "plugins": {kind: [as_json(plugin) for plugin in found.all(kind)] for kind in KINDS},
         "presets": {kind: [_preset(p) for p in presets(kind, own=False).values()] for kind in KINDS},
-        "broken": [{"origin": b.origin, "file": str(b.file or ""), "reason": b.reason} for b in found.broken],
+        "broken": [{"origin": b.origin, "file": str(b.file or ""), "reason": b.reason} for b in found.broken]
+        + _broken(own=False),
     }
 
 
@@ -80,10 +99,10 @@ def as_json(plugin: Plugin) -> dict[str, Any]:
     from .fields import field_help
     from .presets import presets
     from .registry import registry
-    from .schema import defaults
+    from .schema import defaults, field_types
 
     helps = field_help(plugin.cls)
-    usual = defaults(plugin)
+    usual, types = defaults(plugin), field_types(plugin)
     facts: dict[str, Any] = {
         "kind": plugin.kind,
         "name": plugin.name,
@@ -94,7 +113,9 @@ def as_json(plugin: Plugin) -> dict[str, Any]:
         "file": str(plugin.file),
         "module": plugin.cls.__module__,
         "requires": list(plugin.requires),
-        "parameters": {f.name: {"default": usual[f.name], "help": helps[f.name]} for f in plugin.fields},
+        "parameters": {
+            f.name: {"default": usual[f.name], "help": helps[f.name], **_choices(types[f.name])} for f in plugin.fields
+        },
     }
     if plugin.kind == "dataset":
         facts["shapes"] = catalog.known(plugin)
@@ -110,6 +131,16 @@ def as_json(plugin: Plugin) -> dict[str, Any]:
         facts["better"] = plugin.options.get("better", "lower")
         facts["outputs"] = list(plugin.options.get("outputs", ("mesh", "cloud")))
     return facts
+
+
+def _choices(annotation: Any) -> dict[str, list[Any]]:
+    """The values that a parameter can have, where they are few: those of a Literal, true and false."""
+    if annotation is bool:
+        return {"choices": ["true", "false"]}
+    if typing.get_origin(annotation) is typing.Literal:
+        return {"choices": list(typing.get_args(annotation))}
+    nested = [found for part in typing.get_args(annotation) for found in _choices(part).get("choices", [])]
+    return {"choices": nested} if nested else {}
 
 
 def missing(requires: Sequence[str]) -> list[str]:

@@ -86,12 +86,12 @@ def _presets(kind: str, of: str, files: Mapping[str, ConfigFile]) -> dict[str, P
     return {name: preset for name, preset in found.items() if of in ("", preset.plugin)}
 
 
-def broken() -> list[tuple[str, str]]:
-    """The files of users and of packages that are no presets, with the reason."""
+def broken(*, own: bool) -> list[tuple[str, str]]:
+    """The files of the user's folders, or those of packages, that are no presets, with the reason."""
     found = []
     for kind in KINDS:
-        for name, file in files(kind).items() if kind != "metric" else ():
-            if file.folder.origin != config_files.OURS:
+        for name, file in files(kind, own=own).items() if kind != "metric" else ():
+            if file.folder.origin != config_files.OURS and file.folder.is_own == own:
                 try:
                     _read(kind, name, file)
                 except UsageError as error:
