@@ -286,8 +286,6 @@ def _exported(kind: str) -> Callable[[Trimesh], bytes]:
                 f"{kind.upper()} rounds to float32, which at {furthest:.3g} from the origin is visible on a mesh "
                 f"{extent:.3g} across; write a PLY, or move the mesh to the origin"
             )
-        if kind == "stl":
-            _notice_of_colors(mesh, "STL")
         return mesh.export(file_type=kind)
 
     return export
