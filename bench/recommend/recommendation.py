@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import DetailbenchError
 from .candidates import Candidate
 from .evidence import Evidence, evidence
+from .priors import nearest
 from .scan import NORMAL_MEDIAN, Scan
 from .trials import Setup, Trial, trials
 from .verdict import CRITERIA, Verdict, verdict
@@ -141,6 +142,7 @@ def as_json(found: Recommendation) -> dict[str, Any]:
                 "radius": float(scan.frame.radius),
                 "spacing": float(scan.spacing),
                 **scan.state._asdict(),
+                "most_like": nearest(scan.state).sensor,
             }
             for scan in found.scans
         ],

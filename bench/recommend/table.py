@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from textwrap import wrap
 
 from ..text import duration, one_line, shortened
+from .priors import nearest
 from .recommendation import Recommendation
 from .scan import Scan
 
@@ -30,6 +31,15 @@ def table(found: Recommendation) -> str:
         lines += _wrapped(text)
     lines += ["", *(f"  {one_line(found.command(candidate))}" for candidate in found.tied[:1])]
     return "\n".join(lines)
+
+
+def _prior(scan: Scan) -> str:
+    known = nearest(scan.state)
+    errors = ", ".join(f"{name} {error:g}" for name, error in known.errors.items())
+    return (
+        f"{scan.name} measures most like the clouds of the benchmark's sensor {known.sensor}, where the mean distance "
+        f"to the truth was, with the usual parameters ({known.metric}, {known.shapes} shapes): {errors}."
+    )
 
 
 def _wrapped(text: str) -> list[str]:
@@ -98,6 +108,7 @@ def _notes(found: Recommendation) -> list[str]:
         "with their number.",
         LEGEND,
     ]
+    texts += [_prior(scan) for scan in found.scans]
     for label, why in found.failed.items():
         texts.append(f"no rank: {label}: {shortened(one_line(why), MOST_MESSAGE)}")
     for i, place in enumerate(found.solved):
