@@ -273,7 +273,7 @@ def _write_off(mesh: Trimesh) -> bytes:
 
 def _notice_of_colors(mesh: Trimesh, kind: str) -> None:
     if vertex_colors(mesh) is not None:
-        notice(f"{kind} has no colours; write a PLY, an OBJ or a GLB to keep them")
+        notice(f"{kind} holds no colours of vertices; they are left out. PLY, OBJ and GLB keep them")
 
 
 def _exported(kind: str) -> Callable[[Trimesh], bytes]:
