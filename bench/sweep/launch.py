@@ -318,7 +318,7 @@ def launch_all(session: Session, overrides: list[str], total: int, multirun: boo
             code, what = launch(overrides, multirun), "the launcher ended early"
         except WorkerDied as error:
             code, what = 0, str(error)
-        undone = total - sum("job" in entry for entry in session.read())
+        undone = total - sum("job" in entry for _, entry in session.entries())
         if code or not counts or undone <= 0:
             return code
         rest = f"{what}: {undone} of {total} cells are not finished"
