@@ -76,13 +76,14 @@ def _kinds(text: bytes) -> tuple[np.ndarray, bytes, np.ndarray]:
     content = np.frombuffer(text + b"\n\n", dtype=np.uint8).copy()
     starts = np.concatenate([[0], np.flatnonzero(content[:-2] == ord("\n")) + 1])
     first, second, third = (content[starts[:-1] + k] for k in range(3))
+    ends_after_one, ends_after_two = (np.isin(after, list(b" \n")) for after in (second, third))
     kinds = np.zeros(len(first), dtype=np.int8)
-    kinds[(first == ord("v")) & (second <= ord(" "))] = V
-    kinds[(first == ord("f")) & (second <= ord(" "))] = F
-    kinds[(first == ord("v")) & (second == ord("n")) & (third <= ord(" "))] = VN
-    kinds[(first == ord("f")) & (second == ord("o")) & (third <= ord(" "))] = F
+    kinds[(first == ord("v")) & ends_after_one] = V
+    kinds[(first == ord("f")) & ends_after_one] = F
+    kinds[(first == ord("v")) & (second == ord("n")) & ends_after_two] = VN
+    kinds[(first == ord("f")) & (second == ord("o")) & ends_after_two] = F
     content[starts[:-1][kinds > 0]] = ord(" ")
-    two = (kinds > 0) & (second > ord(" "))
+    two = (kinds > 0) & ~ends_after_one
     content[starts[:-1][two] + 1] = ord(" ")
     return kinds, content[:-2].tobytes(), starts
 

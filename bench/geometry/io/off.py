@@ -129,22 +129,21 @@ def _of_text(text: bytes, letters: list[str], named: bool, name: str) -> _Tables
     found = _by_lines(values, lines, vertices, faces) if len(lines) >= vertices + faces else None
     if found and len(lines) == vertices + faces:
         return found
-    more = f"{name}: there is more in the file than its first line says; the rest is ignored"
     try:
         by_words, all_read = _by_words(values, vertices, faces, letters, name)
     except BadInput:
-        if found and named:
-            notice(more)
-            return found
-        if not faces or len(lines) != vertices + faces:
+        if not found:
             raise
-        raise BadInput(f"{name}: has a face that names fewer corners than its first number says; {EXPECTED}") from None
+        all_read = False
     if all_read:
         return by_words
-    if not named:
-        raise BadInput(f"{name}: does not begin with 'OFF'; {EXPECTED}")
-    notice(more)
-    return found or by_words
+    if not found or not named:
+        raise BadInput(
+            f"{name}: has more numbers than its first line says, or the numbers of a line are not those that belong "
+            f"there; {EXPECTED}"
+        )
+    notice(f"{name}: there is more in the file than its first line says; the rest is ignored")
+    return found
 
 
 def _by_lines(values: np.ndarray, lines: np.ndarray, vertices: int, faces: int) -> _Tables | None:
