@@ -114,7 +114,7 @@ def test_binary(colors):
         ("OFF\n", "names no numbers"),
         ("nOFF\n4\n8 6 0\n", "another dimension"),
         ("CCOFF\n8 6 0\n", "letters of 'CCOFF'"),
-        ("8 6 0\n" + BODY, "more numbers than with 'OFF'"),
+        ("8 6 0\n" + BODY, "more numbers than"),
         ("OFF\n8 6 0\n" + VERTICES + QUAD_LINES.replace("6", "8"), "name vertices that do not exist"),
         ("OFF\n8 6 0\n" + VERTICES + QUAD_LINES.replace("6", "6.5"), "name vertices that do not exist"),
     ],
