@@ -7,9 +7,9 @@
   detailbench score mvs024.ply stl024_total.ply --convention dtu_mm --mask ObsMask24_10.mat --plane Plane24.mat
   detailbench score deformed.obj target.obj --source rest.obj --metric cot_laplacian
 
-OUTPUT and REFERENCE are meshes or point clouds (PLY, OBJ, STL, OFF, XYZ, TXT) in the same coordinates. Both are scaled
-to the frame of the reference, whose bounding box is centred at the origin and whose farthest vertex is at radius 1; the
-output is not normalised by itself. A reference that is a cloud is taken as it is: what needs a surface is left out.
+OUTPUT and REFERENCE are meshes or point clouds (PLY, OBJ, STL, OFF, GLB, XYZ, ...) in the same coordinates. Both are
+scaled to the frame of the reference, whose bounding box is centred at the origin and whose farthest vertex is at radius
+1; the output is not normalised by itself. A reference that is a cloud is taken as it is: what needs a surface is left out.
 --units file prints lengths in the units of the files, millimetres say, and squares of lengths in their squares.
 
 --metric takes names from `detailbench list metrics` and sets of them (standard, full); --convention a paper's columns.

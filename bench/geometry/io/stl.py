@@ -30,8 +30,8 @@ def read_stl(data: bytes, name: str) -> RawGeometry:
     promised = int.from_bytes(data[80:HEADER], "little") if len(data) >= HEADER else -1
     # A binary file may begin with "solid" too, so its length is asked first.
     if promised < 0 or len(data) != HEADER + promised * FACET:
-        text = decoded(data).lstrip()
-        if text[:5].lower() == b"solid" and b"\0" not in text[:1024]:
+        text = decoded(data).lstrip().lower()
+        if text[:5] == b"solid" and b"\0" not in text[:1024]:
             return merge_equal(_ascii(text, name))
         if promised < 0 or _is_text(data):
             raise BadInput(f"{name}: is no STL file; expected 'solid' and facets, or a binary header of {HEADER} bytes")
@@ -52,17 +52,15 @@ def read_stl(data: bytes, name: str) -> RawGeometry:
 
 
 def _ascii(text: bytes, name: str) -> np.ndarray:
-    """The corners (3 f, 3) of all facets, of whatever solid."""
-    begins = [match.end() for match in re.finditer(rb"\bfacet\s+normal\b", text, re.IGNORECASE)]
-    ends = [match.end() for match in re.finditer(rb"\bend\s*facet\b", text, re.IGNORECASE)]
-    closed = re.search(rb"\bend\s*solid\b", text[begins[-1] if begins else 0 :], re.IGNORECASE)
-    if not closed and (len(ends) != len(begins) or text[ends[-1] if ends else 0 :].strip()):
-        raise BadInput(f"{name}: ends early: 'solid' without 'endsolid' after {len(begins)} facets. {CUT_OFF}")
-    places = re.findall(rb"\bvertex\s+(\S+\s+\S+\s+\S+)", text, re.IGNORECASE)
-    if len(places) != 3 * len(begins):
-        raise BadInput(
-            f"{name}: {len(places)} corners for {len(begins)} facets; expected three each. The file is damaged"
-        )
+    """The corners (3 f, 3) of all facets of a text in small letters, of whatever solid."""
+    # No \b before the words: then the first letters are searched for, which is several times as fast.
+    facets, ended = len(re.findall(rb"facet\s+normal\b", text)), len(re.findall(rb"end\s*facet\b", text))
+    closed = re.search(rb"end\s*solid\b", text[max(text.rfind(b"facet"), 0) :])
+    if not closed and (ended != facets or not text.rstrip().endswith((b"endfacet", b"end facet"))):
+        raise BadInput(f"{name}: ends early: 'solid' without 'endsolid' after {facets} facets. {CUT_OFF}")
+    places = re.findall(rb"vertex\s+(\S+\s+\S+\s+\S+)", text)
+    if len(places) != 3 * facets:
+        raise BadInput(f"{name}: {len(places)} corners for {facets} facets; expected three each. The file is damaged")
     joined = b" ".join(places)
     try:
         corners = numbers(joined)
@@ -70,9 +68,7 @@ def _ascii(text: bytes, name: str) -> np.ndarray:
         wrong = first_word_that_is_no_number(joined)
         raise BadInput(f"{name}: holds {wrong!r}; expected an STL file with three numbers for each vertex") from None
     if not closed:
-        notice(
-            f"{name}: has no 'endsolid' at its end; its {len(begins)} facets are whole. Export it again if more belong"
-        )
+        notice(f"{name}: has no 'endsolid' at its end; its {facets} facets are whole. Export it again if more belong")
     return corners.reshape(-1, 3)
 
 

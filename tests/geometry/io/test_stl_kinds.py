@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
 from cube_files import TRIANGLES, V, check_cube, lines
 
 from bench import BadInput, PointCloud
+from bench.commands.score import load as load_to_score
 from bench.geometry.io.files import load_geometry, load_mesh
 from bench.geometry.io.stl import read_stl
 from bench.notices import collected
@@ -81,6 +83,7 @@ def test_what_follows_the_facets_is_said():
     [
         text(end="")[:-5],
         text(end="facet no"),
+        text(end="facet"),
         text()[:-40],
         text() + text()[:-40],
         text().replace("vertex 1 1 1", "vertex 1 1", 1),
@@ -134,3 +137,13 @@ def test_a_file_without_faces_is_a_cloud(tmp_path):
     for name in ("a.off", "a.xyz"):
         cloud = load_geometry(tmp_path / name)
         assert isinstance(cloud, PointCloud) and cloud.points.tolist() == [list(v) for v in V]
+
+
+@pytest.mark.parametrize("name", ["a.stl", "a.off", "a.xyz"])
+def test_score_reads_a_file_once(tmp_path, monkeypatch, name):
+    path = tmp_path / name
+    path.write_text({"a.stl": text(), "a.off": "OFF\n8 0 0\n" + lines(V), "a.xyz": lines(V)}[name])
+    reads, read_bytes = [], Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda self: reads.append(self) or read_bytes(self))
+    assert len(getattr(load_to_score(str(path)), "faces", [])) == (12 if name == "a.stl" else 0)
+    assert reads == [path]
