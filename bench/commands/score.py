@@ -9,8 +9,8 @@
 
 OUTPUT and REFERENCE are meshes or point clouds (PLY, OBJ, STL, OFF, GLB, XYZ, ...) in the same coordinates. Both are
 scaled to the frame of the reference, whose bounding box is centred at the origin and whose farthest vertex is at radius
-1; the output is not normalised by itself. A reference that is a cloud is taken as it is: what needs a surface is left out.
---units file prints lengths in the units of the files, millimetres say, and squares of lengths in their squares.
+1; the output is not normalised by itself. A reference that is a cloud is taken as it is: what needs a surface is left
+out. --units file prints lengths in the units of the files, millimetres say, and squares in their squares.
 
 --metric takes names from `detailbench list metrics` and sets of them (standard, full); --convention a paper's columns.
 The floor is the score of a perfect output: the reference itself, or a fresh sample of it as large as the output.
