@@ -6,6 +6,7 @@ import numpy as np
 
 from ..notices import notice
 
+FEWEST = 100  # points of which anything is said
 COARSE = 0.05  # steps of the coordinates, in typical spacings of the points, above which they are visible
 TRIMMED = 0.005  # share of the points that is left out at each end of each axis to find the box of the others
 SMALLER, MOST_STRAYS = 5.0, 0.01  # how much smaller that box must be, and the share of points that may lie around it
@@ -32,6 +33,8 @@ def notice_suspicions(points: np.ndarray, name: str) -> None:
 
 def single_steps(points: np.ndarray) -> list[float]:
     """The steps of the axes whose coordinates are multiples of those of float32, where these are visible."""
+    if len(points) < FEWEST:
+        return []
     low, high = _trimmed(points)
     spacing = (high - low).max() / np.sqrt(len(points))
     steps = []
@@ -53,7 +56,7 @@ def far_points(points: np.ndarray) -> tuple[int, float] | None:
 
     None where the box of most points is not much smaller than that of all.
     """
-    if len(points) < 100:
+    if len(points) < FEWEST:
         return None
     low, high = _trimmed(points)
     whole, inner = np.ptp(points, axis=0), (high - low).max()

@@ -66,7 +66,8 @@ def geometry_of(table: np.ndarray, names: Sequence[str], name: str, *, lone: str
     groups = _by_name(names)
     if groups is None:
         if names:
-            notice(f"{name}: the names of its columns ({', '.join(names)[:60]}) do not say which are x, y and z")
+            said = ", ".join(names)[:60]
+            notice(f"{name}: the names of its columns ({said}) do not say which are x, y and z; takes the first three")
         return _by_values(table, name, lone)
     rest = [k for k in range(table.shape[1]) if not any(k in group for group in groups.values())]
     normals = table[:, groups["normals"]] if "normals" in groups else None
@@ -186,7 +187,7 @@ def _by_values(table: np.ndarray, name: str, lone: str) -> RawGeometry:
     labels = {k: lone if lone and len(left) == 1 else f"column_{k + 1}" for k in sorted(left)}
     if labels:
         listed = ", ".join(str(k + 1) for k in labels)
-        called = ", ".join(labels.values())
+        called = lone if list(labels.values()) == [lone] else "scalars"
         said.append(f"column{'s' * (len(labels) > 1)} {listed} for {called}")
     if normals is None or len(said) > 1:  # x y z nx ny nz is what such files are by custom
         notice(f"{name}: its columns have no names; takes {'; '.join(said)}")

@@ -25,6 +25,7 @@ MISSING += ("NA", "N/A", "n/a", "null", "NULL", "None")
 NUMBER = re.compile(r"[-+]?(?:(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|inf|infinity)", re.IGNORECASE | re.ASCII)
 COMMENT = re.compile(r"\s*(?:#|//|;|%|!)+")
 OTHER_COMMENTS = re.compile(rb"^[ \t]*(?:;|%|!)[^\n]*|//[^\n]*", re.MULTILINE)  # besides "#", which the parser knows
+EXPONENT_OF_FORTRAN = re.compile(rb"(\d)[dD]([-+]?\d)")
 EXPECTED = "expected a point a line: x y z, and what else there is of it"
 SAMPLE, HEAD = 50, 1000  # lines of numbers that are looked at first, and lines before them
 PIECE = 250_000  # rows that are parsed at once
@@ -33,7 +34,10 @@ MOST_COLUMNS = 100
 
 
 class Form(NamedTuple):
-    """How the numbers of a line are written; blanks separate where ``separator`` is empty, ``"any"`` takes all."""
+    """How the numbers of a line are written.
+
+    Blanks separate where ``separator`` is empty; with ``"any"`` each line has a sign of its own.
+    """
 
     separator: str
     decimal: str = "."
@@ -46,8 +50,10 @@ class Form(NamedTuple):
     def cells(self, line: str) -> list[str]:
         """The cells of a line, with a point for the decimal sign."""
         line = line.partition("#")[0].partition("//")[0]
-        if self.separator == "any":
-            return re.split(r"[,;|\s]+", line.strip(" \t\r\n,;|"))
+        if self.separator == "any":  # each line has its own, but not two: one of them might be a decimal sign
+            line = re.sub(r"\s*([,;|])\s*", r"\1", line.strip().strip(",;|"))
+            kinds = {" " if mark.isspace() else mark for mark in re.findall(r"[,;|\s]", line)}
+            return re.split(r"[,;|\s]+", line) if len(kinds) == 1 else [line]
         if not self.separator:
             cells = line.split()
         else:
@@ -57,7 +63,7 @@ class Form(NamedTuple):
         return cells
 
     def __str__(self) -> str:
-        words = {"": "blanks", "\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", "any": "blanks or commas"}
+        words = {"": "blanks", "\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", "any": "one sign"}
         return words[self.separator] + (" and decimal commas" if self.decimal == "," else "")
 
 
@@ -112,6 +118,8 @@ def read_table(data: bytes, name: str, *, lone: str = "") -> RawGeometry:
     data = as_utf8(data, name)
     if b"1.#" in data:  # as some compilers write what is no number
         data = re.sub(rb"1\.#(?:QNAN|SNAN|IND)\w*", b"nan", data.replace(b"1.#INF", b"inf"))
+    if EXPONENT_OF_FORTRAN.search(data[:65536]):
+        data = EXPONENT_OF_FORTRAN.sub(rb"\1e\2", data)
     head = _head(data, name)
     sample = _sample(data, head.begin)
     fitting = [fit for form in FORMS if (fit := _fit(form, sample, head.names))]
@@ -189,6 +197,8 @@ def as_utf8(data: bytes, name: str) -> bytes:
         data = data.decode(encoding, errors="replace").encode("utf-8", errors="replace")
     if b"\0" in data[:4096]:
         raise BadInput(f"{name}: is no text; {EXPECTED}")
+    if b"\xc2\xa0" in data:  # blanks that do not break
+        data = data.replace(b"\xc2\xa0", b" ")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return data
@@ -213,8 +223,10 @@ def _head(data: bytes, name: str) -> Head:
         elif line:
             words = [word.strip('"') for word in re.split(r"[,;|\s]+", line) if word]
             numbers = [bool(NUMBER.fullmatch(word)) or word in MISSING for word in words]
-            if words and not numbers[0] and 2 * sum(numbers) < len(numbers):
+            if words and not numbers[0] and 2 * sum(numbers) <= len(numbers):
                 names = line
+                if words[0].lower() == "ncols":
+                    raise BadInput(f"{name}: is a grid of heights (ESRI ASCII); {EXPECTED}. Export it as points")
             elif words and (len(words) > 1 or not words[0].isdecimal() or count is not None):
                 return Head(names, count, at, lines)
             elif words:
@@ -223,9 +235,11 @@ def _head(data: bytes, name: str) -> Head:
     raise BadInput(f"{name}: holds no numbers{' in its first 1,000 lines' * (lines == HEAD)}; {EXPECTED}")
 
 
+_AXES = {"x", "y", "z"}
+
+
 def _has_axes(line: str) -> bool:
-    words = {plain_name(word) for word in re.split(r"[,;|\s]+", line)}
-    return {"x", "y", "z"} <= words
+    return {plain_name(word) for word in re.split(r"[,;|\s]+", line)} >= _AXES
 
 
 def _sample(data: bytes, begin: int) -> list[str]:
@@ -248,9 +262,11 @@ def _fit(form: Form, sample: list[str], names: str) -> Fit | None:
     empty = [k for k, column in enumerate(cells) if not any(column)]
     numbers = [k for k, column in enumerate(cells) if k not in empty and all(map(_is_number, filter(None, column)))]
     others = [k for k in range(width) if k not in numbers and k not in empty]
-    if len(numbers) < 3 or (others and not named) or (form.is_blank and empty):
+    texts = [named[k] for k in others] if named else []
+    is_mixed = any(_is_number(cell) for k in others for cell in cells[k]) or _AXES & set(map(plain_name, texts))
+    if len(numbers) < 3 or (others and not named) or is_mixed or (form.is_blank and empty):
         return None
-    return Fit(form, width, numbers, [named[k] for k in numbers] if named else [], [named[k] for k in others])
+    return Fit(form, width, numbers, [named[k] for k in numbers] if named else [], texts)
 
 
 def _misfit(row: list[str], width: int, form: Form) -> bool:
@@ -319,18 +335,22 @@ def _parsed(data: bytes, begin: int, fit: Fit) -> np.ndarray | None:
             table[row : (row := row + len(values))] = values[:, : table.shape[1]]
     except (ValueError, pd.errors.ParserError):
         return None
-    if (not whole or (after and np.isnan(table[:row, -1]).any())) and _first_wrong(data, begin, fit):
+    doubtful = not whole or form.separator == "any"
+    if (doubtful or (after and np.isnan(table[:row, -1]).any())) and _first_wrong(data, begin, fit):
         return None  # the parser fills short lines
     return table[:row]
 
 
 def _refusal(data: bytes, head: Head, sample: list[str], fitting: list[Fit], name: str) -> BadInput:
     """What is wrong with the first line that does not fit the form of the first ones."""
-    fits = fitting or [fit for form in FORMS if (fit := _fit(form, sample[:1], head.names))]
+    fits = fitting or [fit for form in FORMS if (fit := _fit(form, sample[:1], ""))]
     if not fits:
-        line, cells = head.lines + 1, Form("any").cells(sample[0]) if sample else []
-        if wrong := [cell for cell in cells if not _is_number(cell)]:
-            return BadInput(f"{name}: line {line}: {_quoted(wrong[0])} is no number; {EXPECTED}")
+        line = sample[0] if sample else ""
+        rows = [Form(separator).cells(line) for separator in (";", "\t", ",", "|", "")]
+        cells = next((row for row in rows if len(row) > 2), rows[-1])
+        wrong = [cell for cell in cells if cell and not _is_number(cell)]
+        if wrong and len(cells) > 2:
+            return BadInput(f"{name}: line {head.lines + 1}: {_quoted(wrong[0])} is no number; {EXPECTED}")
         return BadInput(f"{name}: has {len(cells)} column{'s' * (len(cells) != 1)}; expected 3 or more: x y z, ...")
     found = _first_wrong(data, head.begin, fits[0])
     if not found:

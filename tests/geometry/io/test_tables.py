@@ -139,6 +139,19 @@ def test_names_of_columns(read, names, order):
     )
 
 
+def test_odd_but_clear(read):
+    expected = [[1, 2, 3], [4, 5, 6], [7, 8, 10]]
+    for text in (
+        "Exported by X\nversion 2\n\nx y z\n1 2 3\n4 5 6\n7 8 10\n",
+        "1D0 2.0d0 3D+0\n4 5 6\n7 8 1D1\n",
+        "1,2,3\n4;5;6\n7 8 10\n",
+        "1\u00a02\u00a03\n4\u00a05\u00a06\n7\u00a08\u00a010\n",
+        "lon lat h\n1 2 3\n4 5 6\n7 8 10\n",
+    ):
+        cloud, notices = read(text)
+        assert cloud.points.tolist() == expected and len(notices) == ("lon" in text)
+
+
 def test_columns_of_words_and_missing_values(read):
     cloud, notices = read("x,y,z,class,time\n1,2,3,roof,5\n4,5,6,tree,\n7,8,10,roof,7\n", "a.csv")
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 10]] and set(cloud.scalars) == {"time"}
@@ -219,6 +232,12 @@ def test_points_that_are_no_numbers_are_dropped_and_counted(read, value):
         ("1 2 3\n0x10 2 3\n", "line 2: '0x10' is no number"),
         (f"81\n{table(P)}", "promises 81 points, 80 are there"),
         ("1 2\n3 4\n5 6\n", "has 2 columns"),
+        ("x;y;z;i\n1.000,50;2;3;1\n4;5;6;2\n7;8;10;3\n", "'1.000,50' is no number"),
+        ("1.000,50;2.000,25;3.000,75\n" * 4, "'1.000,50' is no number"),
+        ("1,000.5 2 3\n" * 4, "'1,000.5' is no number"),
+        ('"1,000.5","2","3"\n' * 4, "cannot be read as a table"),
+        ("ncols 3\nnrows 2\n1 2 3\n4 5 6\n", "grid of heights"),
+        ("x y z\none 2 3\n4 5 6\n", "line 2: 'one' is no number"),
         ("3\nwater\nO 0 0 0\nH 0 1 0\nH 1 0 0\n", "line 3: 'O' is no number"),
         (b"\x00\x01\x02" * 50, "is no text"),
         ("so much\nfor words\n", "holds no numbers"),
