@@ -550,4 +550,4 @@ def _told(rows: pd.DataFrame) -> pd.DataFrame:
 def _kind(message: Any, case: Any) -> str:
     """A message without what differs between cases: names of files, numbers."""
     text = "" if message is None or message != message else str(message)
-    return re.sub(rf"\S*[/\\]\S*|\b{re.escape(str(case))}\b|[-+.\d]*\d[-+.,\de]*", "#", text)
+    return re.sub(rf"\S*[/\\]\S*|^{re.escape(str(case))}\b|[-+.\d]*\d[-+.,\de]*", "#", text)

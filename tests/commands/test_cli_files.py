@@ -37,6 +37,7 @@ GOOD = {
         + "0 0 0 0 0 0\n1 0 0 0 0 0\n0 1 0 0 0 0\n0 0 1 0 0 0\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
     ),
 }
+GOOD["more"] = lambda path: (save(BALL, path), path.write_bytes(path.read_bytes() + b"more"))
 BAD = {
     "empty": (lambda path: path.write_bytes(b""), "empty"),
     "text": (lambda path: path.write_text("dear diary\n"), "PLY"),
@@ -87,6 +88,16 @@ def test_the_sweep_ends_and_says_that_not_all_is_solved(swept):
     assert done.returncode == 3, done.stderr
     assert "Traceback" not in done.stderr
     assert len(rows) == len(GOOD) + len(BAD)
+
+
+def test_each_kind_of_error_and_each_note_is_printed_once(swept):
+    done, rows = swept
+    failed, _, noted = done.stdout.partition("Not solved")[2].partition("Solved, with a note")
+    assert all(words in failed for _, words in BAD.values())
+    assert failed.count(" error (") == len(BAD) - 1  # NaN and infinity are of one kind
+    assert "there is more in the file than its header says" in noted
+    assert "more.ply: there is more in the file" in rows.loc["more"]["message"]
+    assert "Warning" not in done.stderr
 
 
 @pytest.mark.parametrize("name", GOOD)
