@@ -1,0 +1,162 @@
+"""What is wrong with the meshes that people have, put into a clean one without moving its surface.
+
+Every kind leaves the set of points that the faces cover as it is, to the last digit but for the middles of edges. So
+the truth stays known, and a score of distances may not change.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+KINDS = ("unreferenced", "duplicates", "t_junctions", "flipped", "unwelded", "degenerate")
+FAR = 10.0  # half the box in which vertices of no face lie, in boxes of the mesh
+PATCHES = 2  # of faces that are doubled, flipped or cut loose
+PATCHED = ("duplicates", "flipped", "unwelded")
+
+
+class Dirt(NamedTuple):
+    """A recipe for a dirty mesh, which goes for every mesh with the same faces."""
+
+    parents: np.ndarray  # (v, 2): each vertex is the mean of two clean ones; the first are the clean ones themselves
+    stray: np.ndarray  # (v, 3): how far it is from there, in boxes of the mesh
+    faces: np.ndarray  # (f, 3)
+    origin: np.ndarray  # (f,): the clean face that each comes from
+
+    def vertices(self, clean: np.ndarray) -> np.ndarray:
+        """The vertices (v, 3) for those of the clean mesh."""
+        return self.of_vertices(clean) + self.stray * np.linalg.norm(np.ptp(clean, axis=0))
+
+    def of_vertices(self, values: np.ndarray) -> np.ndarray:
+        """Values at the vertices for those at the clean ones; of labels the first of the two."""
+        if values.dtype.kind != "f":
+            return values[self.parents[:, 0]]
+        return (values[self.parents[:, 0]] + values[self.parents[:, 1]]) / 2
+
+    def spread(self, values: np.ndarray, vertices: int, faces: int) -> np.ndarray:
+        """An attribute of the clean mesh, which has so many ``vertices`` and ``faces``, for the dirty one."""
+        if len(values) == vertices:
+            return self.of_vertices(values)
+        return values[self.origin] if len(values) == faces else values
+
+
+def make_dirt(
+    vertices: np.ndarray, faces: np.ndarray, kinds: tuple[str, ...], share: float, rng: np.random.Generator
+) -> Dirt:
+    """Some of each of ``kinds``.
+
+    Parameters
+    ----------
+    vertices : (v, 3) array
+    faces : (f, 3) int array
+    kinds : of :data:`KINDS`
+    share : float
+        Of the area, of each kind that concerns patches of faces; of the faces or vertices, of the others; at least one.
+        A mesh all of whose faces are larger than its patches would be has no patches.
+    rng : numpy Generator
+        Each kind has a stream of its own: what one draws does not depend on the others.
+    """
+    streams = dict(zip(KINDS, rng.spawn(len(KINDS)), strict=True))
+    dirt = Dirt(np.repeat(np.arange(len(vertices))[:, None], 2, axis=1), np.zeros((len(vertices), 3)),
+                np.asarray(faces, dtype=np.int64), np.arange(len(faces)))  # fmt: skip
+    areas = np.linalg.norm(np.cross(*(vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))), axis=1)
+    for kind in ("t_junctions", "unwelded", "flipped", "duplicates", "degenerate", "unreferenced"):
+        if kind not in kinds:
+            continue
+        count = max(1, round(share * len(faces)))
+        if kind in PATCHED:
+            patches = [_patch(faces, areas, share / PATCHES, streams[kind]) for _ in range(PATCHES)]
+            dirt = {"duplicates": _doubled, "flipped": _flipped, "unwelded": _unwelded}[kind](dirt, patches)
+        elif kind == "t_junctions":
+            dirt = _t_junctions(dirt, vertices, count, streams[kind])
+        elif kind == "degenerate":
+            rows = streams[kind].integers(len(faces), size=count)
+            dirt = _more(dirt, faces[rows][:, [0, 1, 0]], rows)
+        else:
+            dirt = _unreferenced(dirt, max(1, round(share * len(vertices))), streams[kind])
+    return dirt
+
+
+def _patch(faces: np.ndarray, areas: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
+    """Faces (k,) around a random one, as many as make up a share of the area."""
+    small = np.flatnonzero((areas > 0) & (areas <= share * areas.sum()))
+    if not len(small):
+        return small
+    chosen = np.zeros(len(faces), dtype=bool)
+    chosen[rng.choice(small)] = True
+    while True:
+        near = np.zeros(faces.max() + 1, dtype=bool)
+        near[faces[chosen]] = True
+        ring = np.flatnonzero(near[faces].any(axis=1) & ~chosen)
+        fits = ring[np.cumsum(areas[ring]) <= share * areas.sum() - areas[chosen].sum()]
+        if not len(fits):
+            return np.flatnonzero(chosen)
+        chosen[fits] = True
+
+
+def _more(dirt: Dirt, faces: np.ndarray, origin: np.ndarray) -> Dirt:
+    return dirt._replace(faces=np.concatenate([dirt.faces, faces]), origin=np.concatenate([dirt.origin, origin]))
+
+
+def _copied(dirt: Dirt, used: np.ndarray) -> tuple[Dirt, np.ndarray]:
+    """Copies of the vertices ``used``, and the number (v,) of each vertex's copy."""
+    number = np.zeros(len(dirt.parents), dtype=np.int64)
+    number[used] = len(dirt.parents) + np.arange(len(used))
+    parents, stray = (np.concatenate([array, array[used]]) for array in (dirt.parents, dirt.stray))
+    return dirt._replace(parents=parents, stray=stray), number
+
+
+def _flipped(dirt: Dirt, patches: list[np.ndarray]) -> Dirt:
+    """Patches whose faces look the other way."""
+    rows = np.isin(dirt.origin, np.concatenate(patches))
+    return dirt._replace(faces=np.where(rows[:, None], dirt.faces[:, ::-1], dirt.faces))
+
+
+def _unwelded(dirt: Dirt, patches: list[np.ndarray]) -> Dirt:
+    """Patches with vertices of their own: cracks of no width around them."""
+    for patch in patches:
+        rows = np.isin(dirt.origin, patch)
+        dirt, number = _copied(dirt, np.unique(dirt.faces[rows]))
+        dirt = dirt._replace(faces=np.where(rows[:, None], number[dirt.faces], dirt.faces))
+    return dirt
+
+
+def _doubled(dirt: Dirt, patches: list[np.ndarray]) -> Dirt:
+    """Patches that are there twice: by turns on the same vertices, and turned over on vertices of their own."""
+    for k, patch in enumerate(patches):
+        rows = np.flatnonzero(np.isin(dirt.origin, patch))
+        faces, origin = dirt.faces[rows], dirt.origin[rows]
+        if k % 2:
+            dirt, number = _copied(dirt, np.unique(faces))
+            faces = number[faces][:, ::-1]
+        dirt = _more(dirt, faces, origin)
+    return dirt
+
+
+def _t_junctions(dirt: Dirt, vertices: np.ndarray, count: int, rng: np.random.Generator) -> Dirt:
+    """Faces that are divided at the middle of their longest edge, while the face beyond it is not."""
+    rows = rng.permutation(len(dirt.faces))[:count]
+    corners = vertices[dirt.faces[rows]]
+    longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).argmax(axis=1)
+    a, b, c = (dirt.faces[rows, (longest + k) % 3] for k in range(3))
+    _, first = np.unique(np.sort(np.stack([a, b]), axis=0), axis=1, return_index=True)  # of two faces at an edge, one
+    rows, a, b, c = rows[first], a[first], b[first], c[first]
+    middle = len(dirt.parents) + np.arange(len(rows))
+    faces = dirt.faces.copy()
+    faces[rows] = np.stack([a, middle, c], axis=1)
+    dirt = dirt._replace(
+        parents=np.concatenate([dirt.parents, np.stack([a, b], axis=1)]),
+        stray=np.concatenate([dirt.stray, np.zeros((len(rows), 3))]),
+        faces=faces,
+    )
+    return _more(dirt, np.stack([middle, b, c], axis=1), dirt.origin[rows])
+
+
+def _unreferenced(dirt: Dirt, count: int, rng: np.random.Generator) -> Dirt:
+    """Vertices of no face, anywhere around the mesh."""
+    one = rng.integers(dirt.parents.max() + 1, size=count)
+    stray = rng.uniform(-FAR, FAR, size=(count, 3))
+    return dirt._replace(
+        parents=np.concatenate([dirt.parents, np.stack([one, one], axis=1)]), stray=np.concatenate([dirt.stray, stray])
+    )
