@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..recommend.scan import Scan
     from ..recommend.trials import Setup
 
-POINTS = 10_000
+POINTS = 6000
 SECONDS = 30.0
 LEAST_POINTS = 200
 

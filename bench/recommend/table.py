@@ -15,11 +15,11 @@ WIDTH = 100  # of notes
 MOST_MESSAGE = 200  # letters of a failure's message
 LEGEND = (
     "A rank of 1-3: no method is surely better than this one, and all but three at most are surely worse. Lower is "
-    "better throughout; distances are in thousandths of the radius. score: held out plus others, relative to the best. "
-    "held out: between the mesh of a half and the points of the other half, mean of both directions. others: to the "
-    "meshes of other methods. halves: between the meshes of the two halves; does not count. x noise: median distance "
-    "of held-out points over what the noise alone makes it. pieces, open edges, seconds and memory are of the tried "
-    "points, and do not count."
+    "better throughout; distances are in thousandths of the radius. score: three quarters of to mesh, a quarter of to "
+    "points, and others, relative to the best. to mesh, to points: from the points of one half of the scan to the mesh "
+    "of the other, and back. others: to the meshes of other methods. halves: between the meshes of the two halves. x "
+    "noise: median distance of held-out points over what the noise alone makes it. halves and what is right of it do "
+    "not count; pieces, open edges, seconds and memory are of the tried points."
 )
 
 
@@ -69,7 +69,19 @@ def _methods(found: Recommendation) -> list[str]:
 
     shown = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
     shown.add_column("method")
-    titles = ("rank", "score", "held out", "others", "halves", "x noise", "pieces", "open edges", "seconds", "peak MB")
+    titles = (
+        "rank",
+        "score",
+        "to mesh",
+        "to points",
+        "others",
+        "halves",
+        "x noise",
+        "pieces",
+        "open edges",
+        "seconds",
+        "peak MB",
+    )
     for title in titles:
         shown.add_column(title, justify="right")
     verdict = found.verdict
@@ -111,7 +123,7 @@ def _notes(found: Recommendation) -> list[str]:
     texts += [_prior(scan) for scan in found.scans]
     for label, why in found.failed.items():
         texts.append(f"no rank: {label}: {shortened(one_line(why), MOST_MESSAGE)}")
-    for i, place in enumerate(found.solved):
-        notes = {row[place].note for row in found.trials} - {""}
-        texts += [f"{found.candidates[found.solved[i]].label}: {shortened(n, MOST_MESSAGE)}" for n in sorted(notes)]
+    for index in found.solved:
+        notes = {row[index].note for row in found.trials} - {""}
+        texts += [f"{found.candidates[index].label}: {shortened(note, MOST_MESSAGE)}" for note in sorted(notes)]
     return texts

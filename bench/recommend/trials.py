@@ -72,11 +72,11 @@ def trials(
     """
     libraries = tuple(dict.fromkeys(name for c in chosen for part in c.choice.parts for name in part.requires))
     jobs = min(setup.jobs, len(scans) * len(chosen))
-    with contextlib.ExitStack() as stack:
-        folder = Path(stack.enter_context(TemporaryDirectory(prefix="detailbench-recommend-")))
+    with TemporaryDirectory(prefix="detailbench-recommend-") as name, contextlib.ExitStack() as servers:
+        folder = Path(name)
         idle: SimpleQueue[Isolation] = SimpleQueue()
         for _ in range(jobs):
-            idle.put(stack.enter_context(Isolation(libraries, setup.plugins, 1)))
+            idle.put(servers.enter_context(Isolation(libraries, setup.plugins, 1)))
         for number, scan in enumerate(scans):
             for part, cloud in enumerate((scan.cloud, scan.half(0), scan.half(1))):
                 np.savez(_cloud(folder, number, part), **cloud.arrays())
@@ -94,7 +94,8 @@ def trials(
             try:
                 return [[future.result() for future in row] for row in waiting]
             except BaseException:
-                pool.shutdown(cancel_futures=True)
+                pool.shutdown(wait=False, cancel_futures=True)
+                servers.close()  # ends the workers, for which the pool would wait
                 raise
 
 
