@@ -28,7 +28,7 @@ BASH = """_detailbench() {
     COMPREPLY=()
     local word
     while IFS= read -r word; do COMPREPLY+=("$word"); done < <(
-        COMP_LINE="$COMP_LINE" COMP_POINT="$COMP_POINT" COMP_WORDBREAKS="$COMP_WORDBREAKS" \\
+        BENCH_LINE="$COMP_LINE" BENCH_POINT="$COMP_POINT" BENCH_BREAKS="$COMP_WORDBREAKS" \\
             "${COMP_WORDS[0]/#\\~/$HOME}" completion words 2>/dev/null)
 }
 complete -o nospace -o default -F _detailbench detailbench
@@ -84,11 +84,11 @@ def run(args: argparse.Namespace) -> int:
     if args.shell in SCRIPTS:
         print(SCRIPTS[args.shell], end="")
         return 0
-    line = os.environ.get("COMP_LINE")
-    words = args.words if line is None else words_of(line, os.environ.get("COMP_POINT", ""))[1:]
+    line = os.environ.get("BENCH_LINE")  # not under bash's names, which a wrapper that bash runs would not pass on
+    words = args.words if line is None else words_of(line, os.environ.get("BENCH_POINT", ""))[1:]
     found = completions(words or [""])
     if line is not None:
-        found = behind_breaks(found, words[-1] if words else "", os.environ.get("COMP_WORDBREAKS", ""))
+        found = behind_breaks(found, words[-1] if words else "", os.environ.get("BENCH_BREAKS", ""))
     print("\n".join(found))
     return 0
 

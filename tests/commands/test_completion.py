@@ -133,7 +133,7 @@ def test_bash_completes_with_the_script(tmp_path):
     """The words that bash itself would put in, after it has read the script."""
     assert shutil.which("bash")
     command = tmp_path / "detailbench"
-    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m bench "$@"\n')
+    command.write_text(f'#!/bin/bash\nexec "{sys.executable}" -m bench "$@"\n')
     command.chmod(0o755)
     ask = (
         f'{BASH}\nCOMP_LINE="{command} run method=poiss"; COMP_POINT=${{#COMP_LINE}}; COMP_CWORD=4\n'
