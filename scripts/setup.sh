@@ -150,7 +150,10 @@ fi
 
 quiet=-q
 if [ -t 1 ]; then quiet=; fi
-say "packages go into .venv ($("$python" -V)); the first time this downloads about 1 GB"
+say "packages go into .venv ($("$python" -V)), which takes 3 GB; the first time this downloads about 1 GB"
+if ! "$python" -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then
+    say "CGAL has no build for Python 3.13: the methods that need it will be skipped. Python 3.12 has all of them"
+fi
 [ -x .venv/bin/pip ] || "$python" -m venv .venv
 # What builds this package is pinned too, so it is built in the environment itself and not in one that pip makes up.
 pip -c constraints.txt setuptools wheel
