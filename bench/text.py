@@ -15,6 +15,11 @@ _LINES = re.compile(rf"(?![\n\t])[{OBEYED}]")
 _CELL = re.compile(rf"[{OBEYED}]")
 
 
+def counted(n: int, word: str) -> str:
+    """``1 shape``, ``3 shapes``."""
+    return f"{n} {word}" if n == 1 else f"{n} {word}s"
+
+
 def shown(text: str) -> str:
     """A text whose control characters are shown, as ``\\x1b``, except for line ends and tabs."""
     return _LINES.sub(_escaped, text)

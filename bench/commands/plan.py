@@ -15,7 +15,7 @@ from typing import Any
 from ..cli import add_plugin_argument
 from ..errors import UsageError
 from ..plugins.registry import load_plugins
-from ..text import duration
+from ..text import counted, duration
 
 PASSES_ON = True
 
@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     workers = workers_of(overrides, threads_of(overrides))
     for line in trainings.values():
         print(line)
-    print(f"{len(lines)} cells, {summary(planned, finished, seconds, unknown, workers)}")
+    print(f"{counted(len(lines), 'cell')}, {summary(planned, finished, seconds, unknown, workers)}")
     if line := told(stale):
         print(line)
     if word := word_of_threads(overrides, len(available())):

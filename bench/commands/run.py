@@ -51,6 +51,7 @@ from ..sweep.overrides import (
     word_of_threads,
 )
 from ..sweep.progress import Bars, Follow, Lines
+from ..text import counted
 
 PASSES_ON = True  # Hydra's own flags are passed on
 
@@ -192,8 +193,8 @@ def _report(
     cached, for_outputs = sum(c["cached"] for c in cells), sum(c["for_outputs"] for c in cells)
     again = f" ({for_outputs} of them again, for their outputs)" if for_outputs else ""
     print(
-        f"{len(cells)} cells, {solved}/{planned} cases solved, {planned - cached} run now{again}, {cached} there "
-        f"already; results in {results.folder}",
+        f"{counted(len(cells), 'cell')}, {solved}/{planned} cases solved, {planned - cached} run{again}, "
+        f"{cached} cached; results in {results.folder}",
         file=sys.stderr,
     )
     return code or (0 if solved == planned else 3)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ..engine.affinity import available
-from ..text import duration
+from ..text import counted, duration
 
 if TYPE_CHECKING:
     from ..plan.cell import Cell
@@ -132,11 +132,11 @@ def summary(planned: int, finished: int, seconds: Sequence[float | None], unknow
     unknown : cases that are to do, of cells whose time nobody knows
     workers : how many cells are run at a time
     """
-    text = f"{planned} cases, {finished} finished, {planned - finished} to do"
+    text = f"{counted(planned, 'case')}, {finished} finished, {planned - finished} to do"
     if known := [s for s in seconds if s]:
         beside = f", {workers} cells at a time" if workers > 1 else ""
         text += f", about {duration(max(sum(known) / workers, max(known)))}{beside}"
-    return text + (f" and {unknown} cases never timed" if unknown else "")
+    return text + (f" and {counted(unknown, 'case')} never timed" if unknown else "")
 
 
 def seconds_to_do(cell: Cell, finished: int, pace: Pace) -> float | None:

@@ -30,8 +30,8 @@ def line_of(cell: Cell, outcome: Outcome) -> str:
     left_out = f" ({cell.left_out})" if cell.left_out else ""
     text = f"{cell.title}: {outcome.record.solved}/{len(rows)} solved{left_out}"
     if outcome.cached == len(rows):
-        return f"{text}, all there already"
-    there = f", {outcome.cached} there already" if outcome.cached else ""
+        return f"{text}, all cached"
+    there = f", {outcome.cached} cached" if outcome.cached else ""
     there += f", {outcome.for_outputs} run again for the outputs" if outcome.for_outputs else ""
     failed = next((row for row in rows if row["status"] != "ok"), None)
     why = f" ({failed['status']}: {_first_line(failed['message'])})" if failed else ""

@@ -170,5 +170,5 @@ def test_results_without_the_column_are_read(shell):
     pq.write_table(pq.read_table(path).drop_columns(["artefacts"]), path)
     assert len(Results(shell.results).rows()) == 1
     done = shell.run("method=fine", "cases=1", sweep=False)
-    assert "1 there already" in done.stderr
+    assert "1 cached" in done.stderr
     assert shell.call("leaderboard", shell.results).returncode == 0

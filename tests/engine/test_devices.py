@@ -269,7 +269,7 @@ def test_plan_why_and_run_agree_on_rows_of_a_gpu_that_was_not_there(shell, plugi
         row | {"cell": cell.id, "fingerprint": mark, "device": "cuda"} for row in stored.rows
     ]))  # fmt: skip
     done = shell.call("run", *words)
-    assert done.returncode == 0 and "0 run now, 2 there already" in done.stderr, done.stderr
+    assert done.returncode == 0 and "0 run, 2 cached" in done.stderr, done.stderr
     assert (
         "it would not be run again" in shell.call("why", cell.id, f"results={shell.results}", "--plugin", TOYS).stdout
     )

@@ -37,7 +37,7 @@ def assert_goes_on(shell, launcher: str, kept: set[str]) -> None:
     before = Counter(shell.calls())
     done = shell.run(*SWEEP, launcher=launcher)
     assert done.returncode == 0, done.stderr
-    assert f"{len(ALL)}/{len(ALL)} cases solved, {len(ALL - kept)} run now, {len(kept)} there already" in done.stderr
+    assert f"{len(ALL)}/{len(ALL)} cases solved, {len(ALL - kept)} run, {len(kept)} cached" in done.stderr
     after = Counter(shell.calls())
     assert set(after) == ALL
     assert all(after[call] == before[call] == 1 for call in kept)

@@ -77,7 +77,7 @@ def test_the_table_of_a_run_is_of_that_run_after_an_edit_is_taken_back(shell):
     assert edited == pytest.approx(100 * first, rel=1e-3)
     toys.write_text(text)
     reverted = shell.run("method=fine", **words)
-    assert "0 run now, 2 there already" in reverted.stderr
+    assert "0 run, 2 cached" in reverted.stderr
     assert board(reverted.stdout) == first
     # The plugin is no plugin of this installation, and its file is there to be compared with.
     assert board(leaderboard(shell, shell.results)) == first
@@ -110,7 +110,7 @@ def test_a_record_from_the_future_shadows_nothing(shell):
     dated(file, "2999-01-01T00:00:00+00:00")
     toys.write_text(text)
     done = shell.run("method=fine", **words)
-    assert "2 run now" in done.stderr
+    assert "2 run" in done.stderr
     toys.unlink()  # what is newest counts, and that is told by the time of the file
     ranked = leaderboard(shell, shell.results)
     assert board(ranked) == board(done.stdout)
@@ -198,7 +198,7 @@ def test_a_partial_file_that_blocked_its_cell_is_read(shell):
     partial.write_bytes(b"\n".join(lines))
     done = shell.run("method=fine", "cases=3", sweep=False)
     assert done.returncode == 0, done.stderr
-    assert "2 run now, 1 there already" in done.stderr
+    assert "2 run, 1 cached" in done.stderr
     assert shell.rows()["message"].iloc[0] == r"torn \udcff"
     assert Counter(shell.calls()) == {"fine 0 0": 1, "fine 0 1": 2, "fine 0 2": 2}
 
@@ -291,7 +291,7 @@ def test_absolute_paths_of_earlier_versions_are_found_in_a_folder_that_was_moved
         for row in results.rows().to_dict("records"):
             assert results.output_of(row).is_relative_to(folder)
             assert results.reference_of(row).is_relative_to(folder) and results.reference_of(row).is_file()
-    assert "0 run now" in shell.run("method=fine", "outputs=all", sweep=False).stderr
+    assert "0 run" in shell.run("method=fine", "outputs=all", sweep=False).stderr
     shutil.rmtree(copy / "outputs")  # the folder alone was copied: no path of a record leads outside
     assert Results(copy).output_of(Results(copy).rows().iloc[0]) is None
 
@@ -305,21 +305,21 @@ def test_outputs_that_are_asked_for_later_are_made(shell):
     (file,) = shell.files()
     before = file.read_bytes()
     first = shell.run(*words, "outputs=first", sweep=False)
-    assert "1 run now (1 of them again, for their outputs), 2 there already" in first.stderr
+    assert "1 run (1 of them again, for their outputs), 2 cached" in first.stderr
     plan = shell.run(*words, "outputs=all", sweep=False, act=lambda _, *rest, **options: shell.call("plan", *rest))
     assert "no outputs" in plan.stdout and "3 cases, 1 finished, 2 to do" in plan.stdout
     every = shell.run(*words, "outputs=all", sweep=False)
-    assert "2 run now (2 of them again, for their outputs), 1 there already" in every.stderr
+    assert "2 run (2 of them again, for their outputs), 1 cached" in every.stderr
     assert len(list(shell.results.glob("outputs/*/ball-test-*.ply"))) == 3
     rows = Results(shell.results).records(file.name[:12])[0].rows
     next(shell.results.glob("outputs/*/ball-test-001.ply")).unlink()
-    assert "1 run now (1 of them again" in shell.run(*words, "outputs=all", sweep=False).stderr
+    assert "1 run (1 of them again" in shell.run(*words, "outputs=all", sweep=False).stderr
     assert Counter(shell.calls()) == {"fine 0 0": 2, "fine 0 1": 3, "fine 0 2": 2}
     # A run that was killed between its last case and its record: the next one writes that record.
     file.write_bytes(before)
     partial = shell.results / ".partial" / f"{file.stem}.jsonl"
     partial.write_text("\n".join(map(json.dumps, rows)))
-    assert "0 run now, 3 there already" in shell.run(*words, "outputs=all", sweep=False).stderr
+    assert "0 run, 3 cached" in shell.run(*words, "outputs=all", sweep=False).stderr
     assert len(shell.calls()) == 7
     assert (shell.rows()["output"] != "").all() and not partial.exists()
 

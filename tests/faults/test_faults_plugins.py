@@ -123,8 +123,8 @@ def test_one_file_named_twice_is_no_collision(shell):
 def test_an_edited_plugin_is_run_again_and_why_says_so(shell):
     toys = Path(shutil.copy(TOYS, shell.folder / "toys.py"))
     words = {"sweep": False, "plugins": (toys,)}
-    assert "2 run now" in shell.run("method=fine", **words).stderr
-    assert "0 run now, 2 there already" in shell.run("method=fine", **words).stderr
+    assert "2 run" in shell.run("method=fine", **words).stderr
+    assert "0 run, 2 cached" in shell.run("method=fine", **words).stderr
     cell = shell.rows()["cell"].iloc[0]
     current = shell.call("why", cell[:6], f"results={shell.results}", "--plugin", str(toys))
     assert current.returncode == 0
@@ -134,7 +134,7 @@ def test_an_edited_plugin_is_run_again_and_why_says_so(shell):
     assert "source of method fine was edited" in why.stdout
     assert "not current" in why.stdout
     assert "changed" in shell.run("method=fine", act=_plan(shell), **words).stdout
-    assert "2 run now, 0 there already" in shell.run("method=fine", **words).stderr
+    assert "2 run, 0 cached" in shell.run("method=fine", **words).stderr
     assert "current:" in shell.call("why", cell, f"results={shell.results}", "--plugin", str(toys)).stdout
     assert len(shell.rows()) == 2  # the newest of each
 
@@ -152,10 +152,10 @@ def test_a_metric_s_version_and_an_added_metric_are_run_again(shell):
     cell = shell.rows()["cell"].iloc[0]
     why = shell.call("why", cell, f"results={shell.results}", "--plugin", str(toys))
     assert "version of metric spread: 1 -> 2" in why.stdout
-    assert "2 run now" in shell.run("method=fine", **words).stderr
+    assert "2 run" in shell.run("method=fine", **words).stderr
     more = shell.run("method=fine", "metric=[spread,hausdorff]", **words)
     assert more.returncode == 0, more.stderr
-    assert "2 run now" in more.stderr
+    assert "2 run" in more.stderr
     rows = shell.rows()
     assert len(rows) == 2
     assert rows["score.hausdorff"].notna().all()
@@ -196,7 +196,7 @@ def test_a_method_may_fail_and_take_too_long_before_it_is_called(shell):
     assert list(late["status"]) == ["timeout", "timeout"]
     assert set(late["message"]) == {"preparing the method took longer than limit.setup_seconds=1"}
     same = shell.run(*slow, "limit.setup_seconds=1", sweep=False)
-    assert "0 run now, 2 there already" in same.stderr
+    assert "0 run, 2 cached" in same.stderr
     assert shell.calls() == []
     more = shell.run(*slow, "limit.setup_seconds=60", sweep=False)
     assert more.returncode == 0, more.stderr

@@ -37,7 +37,7 @@ def test_damaged_results_are_set_aside_reported_and_computed_again(shell):
     done = shell.run(*FOUR, launcher="joblib")
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
-    assert "8/8 cases solved, 6 run now, 2 there already" in done.stderr
+    assert "8/8 cases solved, 6 run, 2 cached" in done.stderr
     assert {p.name for p in (shell.results / "damaged").iterdir()} == {p.name for p in (half, garbage, empty)}
     for path in (half, garbage, empty):
         assert sum(path.name in line and "damaged" in line for line in done.stderr.splitlines()) == 1
@@ -76,7 +76,7 @@ def test_what_only_reads_leaves_odd_files_where_they_are_and_says_each_once(shel
     assert "it would not be run again" in why.stdout
     assert set(shell.results.glob("cells/*/*")) == before and not (shell.results / "damaged").exists()
     again = shell.run("method=fine", "method.salt=1,2,3")
-    assert "2 run now, 4 there already" in again.stderr
+    assert "2 run, 4 cached" in again.stderr
     assert [path.name for path in (shell.results / "damaged").iterdir()] == [damaged.name]
     assert good.exists() and other.with_name("mine.parquet").exists()
     for done in (board, plan, why, again):
@@ -100,7 +100,7 @@ def test_a_torn_line_of_an_unfinished_cell_costs_that_case_alone(shell):
     before = Counter(shell.calls())
     done = shell.run("method=fine", "method.take=0.4", "cases=4", sweep=False)
     assert done.returncode == 0, done.stderr
-    assert f"{4 - len(kept) + 1} run now, {len(kept) - 1} there already" in done.stderr
+    assert f"{4 - len(kept) + 1} run, {len(kept) - 1} cached" in done.stderr
     after = Counter(shell.calls())
     assert all(after[f"fine 0 {index}"] == before[f"fine 0 {index}"] for index in range(len(kept) - 1))
 

@@ -148,7 +148,7 @@ def test_a_folder_of_an_earlier_version_is_gone_on_with(shell):
 
     assert "3 cases, 3 finished, 0 to do" in plan() and "not current" not in plan()
     again = shell.run("method=fine", "cases=3", **words)
-    assert "0 run now, 3 there already" in again.stderr and "not current" not in again.stderr
+    assert "0 run, 3 cached" in again.stderr and "not current" not in again.stderr
     assert again.stdout == first.stdout
     id = shell.rows()["cell"].iloc[0]
     why = shell.call("why", id, f"results={shell.results}", "--plugin", toys).stdout
@@ -156,12 +156,12 @@ def test_a_folder_of_an_earlier_version_is_gone_on_with(shell):
     # What is missing is added under today's fingerprint, with the rows that were there.
     assert "no outputs" in plan("outputs=first")
     more = shell.run("method=fine", "cases=3", "outputs=first", **words)
-    assert "1 run now (1 of them again, for their outputs), 2 there already" in more.stderr
+    assert "1 run (1 of them again, for their outputs), 2 cached" in more.stderr
     assert len(shell.calls()) == 4 and len(shell.files()) == 2
     assert set(shell.rows()["fingerprint"]) == {today} and len(shell.rows()) == 3
     record = Results(shell.results).read(id, today)
     assert record and fingerprint(record.meta["ingredients"]) == today
-    assert "0 run now, 3 there already" in shell.run("method=fine", "cases=3", "outputs=first", **words).stderr
+    assert "0 run, 3 cached" in shell.run("method=fine", "cases=3", "outputs=first", **words).stderr
 
 
 def test_what_cannot_be_current_is_said_in_one_line(shell):
@@ -177,5 +177,5 @@ def test_what_cannot_be_current_is_said_in_one_line(shell):
     why = shell.call("why", id, f"results={shell.results}", "--plugin", toys).stdout
     assert sum("is not read any more" in text for text in why.splitlines()) == 1 and "not current" in why
     done = shell.run("method=fine", **words)
-    assert sum(line in text for text in done.stderr.splitlines()) == 1 and "2 run now" in done.stderr
+    assert sum(line in text for text in done.stderr.splitlines()) == 1 and "2 run" in done.stderr
     assert "not current" not in shell.run("method=fine", **words).stderr

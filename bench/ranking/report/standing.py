@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from statistics import median
 from typing import Any
 
+from ...text import counted
 from ..resolution import FEWEST, MOST
 
 Line = dict[str, Any]  # one row of a board
@@ -39,13 +40,13 @@ def resolution(metric: str, lines: Sequence[Line]) -> list[str]:
     """
     shapes = max((line["shapes"] for line in lines), default=0)
     if not is_ranked(lines):
-        return [f"Only {count(shapes, 'shape')}: too few to rank methods, which takes {FEWEST}."]
+        return [f"Only {counted(shapes, 'shape')}: too few to rank methods, which takes {FEWEST}."]
     compared = [line for line in lines if line["versus_next"]]
     if not compared:
         return []
     apart = sum(line["versus_next"] == "better" for line in compared)
     return [
-        f"Resolution by {metric}: {apart} of {count(len(compared), 'pair')} of neighbours surely differ; "
+        f"Resolution by {metric}: {apart} of {counted(len(compared), 'pair')} of neighbours surely differ; "
         f"{shapes} shapes detect {_size(median(line['detectable'] for line in compared))} between neighbours "
         f"(median, power 80 %); {_first_two(compared[0])}."
     ]
@@ -125,7 +126,7 @@ def coverage(lines: Sequence[Line], shown: Sequence[str]) -> list[str]:
         name: max(line["undefined"] for line in lines if line["metric"] == name)
         for name in dict.fromkeys(line["metric"] for line in lines)
     }
-    parts = [f"{name} (up to {count(n, 'output')} of a method)" for name, n in missing.items() if n]
+    parts = [f"{name} (up to {counted(n, 'output')} of a method)" for name, n in missing.items() if n]
     if parts:
         notes.append(
             f"Not defined for every output: {', '.join(parts)}. Each two are compared where both have a score."
@@ -138,11 +139,6 @@ def front(criteria: Sequence[str], instead: bool) -> list[str]:
     both = " and ".join(criteria)
     why = [f"This task has no single rank: it is judged by {both}."] if instead else []
     return [*why, f"front: 1 where no other method is better in both {both}, by the means; equal is not better."]
-
-
-def count(n: int, word: str) -> str:
-    """``1 shape``, ``3 shapes``."""
-    return f"{n} {word}" if n == 1 else f"{n} {word}s"
 
 
 def _named(members: Sequence[str]) -> str:
