@@ -8,6 +8,7 @@ curve they are answered in less than half the time, in every tree that was tried
 
 from __future__ import annotations
 
+import os
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,6 +29,11 @@ class Nearest(NamedTuple):
     """(n,) float64 array, Euclidean"""
     index: np.ndarray
     """(n,) int array into the other set"""
+
+
+def processors() -> int:
+    """How many processors this process may use: a call of a method is held to those that it is given."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
 
 
 def curve_order(points: np.ndarray) -> np.ndarray:

@@ -53,12 +53,11 @@ def consistent_signs(points: np.ndarray, normals: np.ndarray, neighbours: np.nda
     piece : (n,) int array, the number of each point's piece
     """
     i, j = _edges(neighbours)
-    across = np.empty(len(i), dtype=np.float32)
     cost = np.empty(len(i), dtype=np.float32)
     for part in (slice(begin, begin + 500_000) for begin in range(0, len(i), 500_000)):
-        across[part], direct = _carried(points, normals, i[part], j[part])
-        doubt = np.minimum(np.abs(across[part]), np.abs(direct))
-        cost[part] = np.where(across[part] * direct > 0, 1 - doubt, 1 + doubt)
+        across, direct = _carried(points, normals, i[part], j[part])
+        doubt = np.minimum(np.abs(across), np.abs(direct))
+        cost[part] = np.where(across * direct > 0, 1 - doubt, 1 + doubt)
     forest = _spanning_forest(len(points), i, j, cost)
     above, _ = _carried(points, normals, np.arange(len(points)), forest.parent)
     is_root = forest.parent == np.arange(len(points))
@@ -66,13 +65,20 @@ def consistent_signs(points: np.ndarray, normals: np.ndarray, neighbours: np.nda
 
 
 def _edges(neighbours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The undirected edges of a neighbour graph, each once."""
-    n, k = neighbours.shape
-    start, end = np.repeat(np.arange(n, dtype=np.int64), k), neighbours.ravel().astype(np.int64)
+    """The undirected edges (i, j) of a neighbour graph with i < j, each once, in the order of i and then of j."""
+    n, rows = len(neighbours), np.arange(len(neighbours), dtype=np.int64)
     # One number for each edge: rows are a good deal slower to sort, and so is numpy's hashing of many that differ.
-    edges = np.sort(np.minimum(start, end) * n + np.maximum(start, end))
-    i, j = np.divmod(edges[np.append(True, edges[1:] != edges[:-1])], n)
-    return i[i != j], j[i != j]
+    keys = []
+    for column in neighbours.T:
+        other = np.flatnonzero(column != rows)
+        end = column[other].astype(np.int64)
+        keys.append(np.minimum(other, end) * n + np.maximum(other, end))
+    edges = np.concatenate(keys)
+    del keys
+    edges.sort()
+    edges = edges[np.append(True, edges[1:] != edges[:-1])] if len(edges) else edges
+    i = edges // n
+    return i.astype(np.int32), (edges - i * n).astype(np.int32)
 
 
 def _carried(points: np.ndarray, normals: np.ndarray, i: np.ndarray, j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,16 +91,18 @@ def _carried(points: np.ndarray, normals: np.ndarray, i: np.ndarray, j: np.ndarr
 
 
 def _spanning_forest(count: int, i: np.ndarray, j: np.ndarray, cost: np.ndarray) -> Forest:
-    """The cheapest tree of every connected piece.
+    """The cheapest tree of every connected piece; the edges are in the order of i.
 
     A node above all, joined to one node of each piece, makes one tree of the forest: it is walked once, however many
     pieces there are.
     """
-    from scipy.sparse import coo_array, csr_array
+    from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
     # An edge that costs nothing would not be stored; the order of the others is not touched.
-    tree = minimum_spanning_tree(coo_array((cost + 1e-6, (i, j)), shape=(count, count)).tocsr())
+    starts = np.searchsorted(i, np.arange(count + 1)).astype(np.int32)
+    graph = csr_array(((cost + 1e-6).astype(np.float64), j, starts), shape=(count, count))
+    tree = minimum_spanning_tree(graph, overwrite=True)
     _, piece = connected_components(tree, directed=False)
     _, roots = np.unique(piece, return_index=True)
     tree = tree.tocoo()

@@ -10,6 +10,7 @@ from ..errors import BadInput
 from ..notices import notice
 from ..stages import stage
 from .cloud import PointCloud
+from .distinct import distinct_rows
 from .neighbourhood_size import REGION, SIZES, choose_size
 from .neighbours import curve_order
 from .normal_signs import consistent_signs, orient_normals
@@ -18,6 +19,7 @@ from .planes import fit_planes
 NEAR = 12  # neighbours of each point along which the orientation may travel
 # Neighbours farther away along which it may travel too, by rank: the nearest of a dense scan line all lie on that line.
 FAR = (16, 24, 32, 48, 64, 96, 128)
+DENSE = 100_000  # points above which sizes are tried at some of the points only
 
 
 class Estimate(NamedTuple):
@@ -98,12 +100,12 @@ def oriented_normals(points: np.ndarray, k: int = 0) -> np.ndarray:
     BadInput
         If fewer than three points differ.
     """
-    distinct, inverse = np.unique(points, axis=0, return_inverse=True)
+    distinct, inverse = distinct_rows(points)
     if len(distinct) < 3:
         raise BadInput(f"{len(points)} points, of which {len(distinct)} differ: normals need at least 3")
     with stage("normals"):
         found = estimate_normals(distinct, k)
-        return orient_normals(found.flattened, found.normals, found.neighbours)[inverse.ravel()]
+        return orient_normals(found.flattened, found.normals, found.neighbours)[inverse]
 
 
 def estimate_normals(points: np.ndarray, k: int = 0) -> Estimate:
@@ -124,6 +126,10 @@ def estimate_normals(points: np.ndarray, k: int = 0) -> Estimate:
 
     n, order = len(points), curve_order(points)
     along = np.ascontiguousarray(points[order], dtype=np.float64)
+    back = np.empty_like(order)
+    back[order] = np.arange(n)
+    if not k and n > DENSE:
+        return _estimate_dense(along, order, back)
     sizes = [min(k, n)] if k else [size for size in SIZES if size <= n] or [n]
     last = REGION if len(sizes) > 1 else NEAR + 1
     ranks = np.array([*range(min(last, n)), *(rank for rank in FAR if last <= rank < min(n, sizes[-1]))])
@@ -138,9 +144,18 @@ def estimate_normals(points: np.ndarray, k: int = 0) -> Estimate:
     used = np.isin(ranks, [*range(1, NEAR + 1), *FAR])
     near = ranks[used] < np.maximum(NEAR + 1, planes.sizes[chosen] // 2)[:, None]
     neighbours = order[np.where(near, planes.neighbours[:, used], rows[:, None])]
-    back = np.empty_like(order)
-    back[order] = rows
     return Estimate(normals[back], flattened[back], planes.sizes[chosen][back], neighbours[back])
+
+
+def _estimate_dense(along: np.ndarray, order: np.ndarray, back: np.ndarray) -> Estimate:
+    """The same for very many points, ``along`` a space-filling curve, in the order that they came in."""
+    from .dense_normals import dense_planes
+
+    planes = dense_planes(along, FAR)
+    _notice_of_lines(planes.is_plane)
+    flattened = along - planes.offsets[:, None] * planes.normals
+    neighbours = order.astype(np.int32)[planes.neighbours[back]]
+    return Estimate(planes.normals[back], flattened[back], planes.sizes[back], neighbours)
 
 
 def disagreement(points: np.ndarray, normals: np.ndarray) -> float:

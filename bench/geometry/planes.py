@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from .neighbours import processors
+
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
@@ -28,7 +30,9 @@ class Planes(NamedTuple):
     """(n, r) int32 array: the neighbours of the ranks that were asked for"""
 
 
-def fit_planes(points: np.ndarray, tree: cKDTree, sizes: Sequence[int], ranks: np.ndarray) -> Planes:
+def fit_planes(
+    points: np.ndarray, tree: cKDTree, sizes: Sequence[int], ranks: np.ndarray, at: np.ndarray | None = None
+) -> Planes:
     """Principal component analysis of the nearest neighbours of every point, at several sizes in one pass.
 
     Parameters
@@ -39,21 +43,24 @@ def fit_planes(points: np.ndarray, tree: cKDTree, sizes: Sequence[int], ranks: n
     sizes : increasing, at most n
     ranks : (r,) int array
         Which neighbours to keep: 0 is the point itself. All are below n.
+    at : (m,) int array
+        The points whose planes are wanted, in this order; without it all n.
 
     Returns
     -------
     Planes
     """
-    n, s = len(points), len(sizes)
+    centers = points if at is None else points[at]
+    n, s = len(centers), len(sizes)
     most = max(sizes[-1], int(ranks[-1]) + 1)
     normals, variances = np.empty((n, s, 3), np.float32), np.empty((n, s, 3), np.float32)
     offsets, kept = np.empty((n, s), np.float32), np.empty((n, len(ranks)), np.int32)
     step = max(1, CHUNK // most)
     for part in (slice(begin, begin + step) for begin in range(0, n, step)):
-        found = tree.query(points[part], most)[1].reshape(-1, most)
+        found = tree.query(centers[part], most, workers=processors())[1].reshape(-1, most)
         kept[part] = found[:, ranks]
         # Relative to the point itself: differences of large coordinates are exact, and sums of small numbers accurate.
-        local = points[found] - points[part, None]
+        local = points[found] - centers[part, None]
         first, second, begin = 0.0, 0.0, 0
         for scale, size in enumerate(sizes):
             ring = local[:, begin:size]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import BadInput
+from .distinct import distinct_rows
+from .neighbours import processors
 
 
 def mean_spacing(points: np.ndarray) -> float:
@@ -30,9 +32,9 @@ def mean_spacing(points: np.ndarray) -> float:
     """
     from scipy.spatial import cKDTree
 
-    distinct = np.unique(points, axis=0)
+    distinct, _ = distinct_rows(points)
     if len(distinct) < 2:
         raise BadInput(f"{len(points)} points, of which {len(distinct)} differ: a spacing needs at least 2")
-    distances = np.sort(cKDTree(distinct).query(distinct, 2)[0][:, 1])
+    distances = np.sort(cKDTree(distinct).query(distinct, 2, workers=processors())[0][:, 1])
     kept = max(1, int(np.ceil(0.99 * len(distances))))
     return float(distances[:kept].mean())

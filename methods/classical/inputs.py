@@ -6,6 +6,7 @@ import numpy as np
 
 from bench import BadInput, PointCloud, Run
 from bench.geometry.check import check_points
+from bench.geometry.distinct import distinct_rows
 
 FLAT = 0.02  # the ratio of thickness to width (standard deviations) below which points have no inside
 COARSE = 5.0  # mean spacings; a cell that is wider loses what the points show
@@ -34,7 +35,7 @@ def distinct_points(points: np.ndarray, method: str, at_least: int) -> tuple[np.
         If points are not finite, too few differ, or all lie on one line.
     """
     check_points(points, method, at_least=at_least)
-    distinct, inverse = np.unique(points, axis=0, return_inverse=True)
+    distinct, inverse = distinct_rows(points)
     if len(distinct) < at_least:
         raise BadInput(f"{method}: only {len(distinct)} of {len(points)} points differ; expected at least {at_least}")
     # Several of the libraries compute in float32, in which such points are one: they crash.
@@ -43,7 +44,7 @@ def distinct_points(points: np.ndarray, method: str, at_least: int) -> tuple[np.
     widths = np.linalg.svd(distinct - distinct.mean(axis=0), compute_uv=False)
     if not widths[1] > 1e-6 * widths[0]:
         raise BadInput(f"{method}: all {len(points)} points lie on one line; expected points of a surface")
-    return distinct, inverse.ravel()
+    return distinct, inverse
 
 
 def distinct_oriented(cloud: PointCloud, method: str, at_least: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

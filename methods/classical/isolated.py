@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from bench import PointCloud, Run
+from bench.geometry.distinct import distinct_rows
+from bench.geometry.neighbours import processors
 
 NEIGHBOURS = 8  # up to so many stray points may lie together
 LINK = 3.0  # neighbours belong together up to so many spacings of the denser one of them
@@ -36,11 +38,11 @@ def isolated(points: np.ndarray) -> np.ndarray:
     """
     from scipy.spatial import cKDTree
 
-    distinct, inverse = np.unique(points, axis=0, return_inverse=True)
+    distinct, inverse = distinct_rows(points)
     strays = np.zeros(len(distinct), dtype=bool)
     if len(distinct) < 4 * NEIGHBOURS:
-        return strays[inverse.ravel()]
-    distances, neighbours = cKDTree(distinct).query(distinct, NEIGHBOURS + 1)
+        return strays[inverse]
+    distances, neighbours = cKDTree(distinct).query(distinct, NEIGHBOURS + 1, workers=processors())
     spacing = distances[:, -1]
     reach = REACH * np.median(spacing)
     # Nothing that is far lies closer to its eighth neighbour than that, but a crowd, which is no stray.
@@ -49,7 +51,7 @@ def isolated(points: np.ndarray) -> np.ndarray:
         strays = _far_pieces(distinct, spacing, piece, reach)[piece]
         if strays.mean() > MOST:
             strays[:] = False
-    return strays[inverse.ravel()]
+    return strays[inverse]
 
 
 def without_isolated(cloud: PointCloud, method: str, run: Run) -> tuple[PointCloud, np.ndarray]:
