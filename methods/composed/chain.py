@@ -1,4 +1,4 @@
-"""A method that is made of others: denoisers one after the other, then what solves the task."""
+"""A method that is made of others: denoisers one after the other, what solves the task, and a mesh of fewer faces."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench import InvalidOutput, PointCloud, Run, build_parts, generator, register, validate_cloud
+from bench import InvalidOutput, PointCloud, Run, build_parts, generator, register, validate_cloud, validate_mesh
 from bench.geometry.farthest import farthest_points, load_compiled
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from bench import Plugin
 
 EXAMPLE = "[{wlop: {radius: 3.0}}, poisson]"
+FEWEST = 4  # faces of a mesh that encloses something
 FINE = 1000  # parts of a step's progress
 
 
@@ -35,13 +36,17 @@ class _AsTheLastStep:
         return partial(self._function, chain)
 
 
-@register("method", requires=("numba",))
+@register("method", requires=("numba", "open3d"))
 @dataclass(frozen=True)
 class Chain:
     """Methods one after the other: all but the last denoise the cloud, the last solves the task.
 
     Any denoiser goes before any method that takes a cloud: ``steps=[{wlop: {radius: 3.0}}, poisson]``. A chain solves
     those of ``denoise``, ``upsample`` and ``reconstruct`` that its last step solves.
+
+    With ``faces`` the mesh of the last step is reduced to so many faces by quadric error metrics (Garland and Heckbert
+    1997): ``steps=[radius_outlier, jet, poisson] faces=20000``. A note tells how far the reduced mesh is from the mesh
+    before, in the unit of the frame, in which the input has radius 1. Such a chain solves ``reconstruct`` alone.
 
     A denoiser may return another number of points than it is given. ``upsample`` keeps its promise of ``ratio * N``
     points, N of the input, all the same: the last step has the least ratio that suffices for the points that it is
@@ -56,6 +61,7 @@ class Chain:
 
     # methods: names, or {name: {parameter: value}}
     steps: tuple[Any, ...] = ("statistical_outlier", "identity")
+    faces: int = 0  # reduce the mesh of the last step to so many faces at most, 4 or more; 0 keeps all
 
     def __post_init__(self) -> None:
         if isinstance(self.steps, str):
@@ -68,6 +74,10 @@ class Chain:
                     f"steps: number {number}, {plugin.name}, does not solve denoise; only the last may return anything "
                     f"else than a better cloud: {EXAMPLE}"
                 )
+        if self.faces and self.faces < FEWEST:
+            raise ValueError(f"faces: expected 0, which keeps all, or at least {FEWEST}, got {self.faces}")
+        if self.faces and not self._parts[-1].plugin.solves("reconstruct"):
+            raise ValueError(f"faces: the last step, {self._parts[-1].plugin.name}, gives no mesh to reduce")
 
     @cached_property
     def _parts(self) -> tuple[Any, ...]:
@@ -112,6 +122,8 @@ class Chain:
         plugin, method = self._parts[-1]
         if not callable(getattr(method, task, None)):
             raise AttributeError(f"chain: its last step, {plugin.name}, does not solve {task}")
+        if self.faces and task != "reconstruct":
+            raise AttributeError(f"chain: with faces={self.faces} it gives a mesh, and does not solve {task}")
 
     # -- the tasks -------------------------------------------------------------------------------------------------
 
@@ -122,8 +134,15 @@ class Chain:
 
     @_AsTheLastStep
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
-        """The last step's mesh of the denoised cloud."""
-        return self._solve("reconstruct", cloud, run)
+        """The last step's mesh of the denoised cloud, with ``faces`` reduced."""
+        mesh = self._last("reconstruct", run, self._reduced, cloud=self._denoised(cloud, run))
+        fewer = self._reduced(mesh)
+        if fewer is not mesh:
+            from bench.geometry.simplify import mesh_distance
+
+            distance = mesh_distance(mesh, fewer, run.rng)
+            run.note(f"reduced from {len(mesh.faces):,} to {len(fewer.faces):,} faces, at a distance of {distance}")
+        return fewer
 
     @_AsTheLastStep
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
@@ -147,6 +166,15 @@ class Chain:
             return _chosen(output, farthest_points(output.points, wanted))
 
         return thinned(self._last("upsample", run, thinned, cloud=denoised, ratio=asked))
+
+    def _reduced(self, mesh: Trimesh) -> Trimesh:
+        """A mesh of the last step with as many faces as are asked for, at most."""
+        if not self.faces:
+            return mesh
+        from bench.geometry.simplify import simplify
+
+        validate_mesh(mesh, f"a mesh from {self._name(len(self._parts))}")
+        return simplify(mesh, self.faces)
 
     def _solve(self, task: str, cloud: PointCloud, run: Run) -> Any:
         return self._last(task, run, lambda output: output, cloud=self._denoised(cloud, run))

@@ -255,3 +255,36 @@ def test_a_step_may_be_a_chain(ball):
     nested = Chain(steps=({"chain": {"steps": [OUTLIERS, "identity"]}}, "identity"))
     flat = replace(nested, steps=(OUTLIERS, "identity", "identity"))
     assert np.array_equal(nested.denoise(ball, Run()).points, flat.denoise(ball, Run()).points)
+
+
+# -- a mesh of fewer faces ---------------------------------------------------------------------------------------------
+
+
+def test_a_mesh_is_reduced_and_a_note_says_what_that_costs(ball):
+    whole = Chain(steps=(OUTLIERS, "identity")).reconstruct(ball, Run())
+    traces = []
+    run = Run(on_trace=lambda output, seconds, **more: traces.append(output))
+    chain = Chain(steps=(OUTLIERS, "identity"), faces=200)
+    fewer = chain.reconstruct(ball, run)
+    assert len(whole.faces) > 200 >= len(fewer.faces)
+    Reconstruct().validate(fewer, Reconstruct().input(ball))
+    assert run.notes == [note for note in run.notes if note.startswith(f"reduced from {len(whole.faces):,} to ")]
+    assert "at a distance of rms" in run.notes[0]
+    run = Run()
+    same = Chain(steps=(OUTLIERS, "identity"), faces=10**6).reconstruct(ball, run)
+    assert np.array_equal(same.faces, whole.faces) and run.notes == []
+    assert solvable(chain) == ["reconstruct"]
+    assert Choice.of("method", {"_name_": "chain", "faces": 200}).label == "chain[faces=200]"
+
+
+@pytest.mark.parametrize(
+    ("steps", "faces", "message"),
+    [
+        (("identity",), 3, "expected 0, which keeps all, or at least 4, got 3"),
+        (("identity",), -1, "expected 0"),
+        (("jet",), 100, "the last step, jet, gives no mesh to reduce"),
+    ],
+)
+def test_faces_that_cannot_be_are_refused(steps, faces, message):
+    with pytest.raises(ValueError, match=message):
+        Chain(steps=steps, faces=faces)
