@@ -16,7 +16,15 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-@register("metric", version=1, better="lower", outputs=("mesh", "cloud"), floor=True, requires=("scipy", "pykdtree"))
+@register(
+    "metric",
+    version=1,
+    length="file",
+    better="lower",
+    outputs=("mesh", "cloud"),
+    floor=True,
+    requires=("scipy", "pykdtree"),
+)
 @dataclass(frozen=True)
 class DtuDistances:
     """Accuracy, completeness and their mean as the DTU benchmark measures them, in the units of its files (mm).

@@ -12,8 +12,8 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Where each kind is described; one of the files is enough.
 PAGES = {
     "task": ("write-a-plugin.md", "cages.md", "multiview.md"),
-    "dataset": ("datasets.md",),
-    "sensor": ("sensors.md",),
+    "dataset": ("datasets.md", "own-data.md"),
+    "sensor": ("sensors.md", "own-data.md"),
     # Pseudo-methods bound the scores of metrics.
     "method": (
         "which-method.md",
@@ -25,7 +25,7 @@ PAGES = {
         "cages.md",
         "metrics.md",
     ),
-    "metric": ("metrics.md",),
+    "metric": ("metrics.md", "own-data.md"),
 }
 
 

@@ -347,7 +347,8 @@ def _sensor(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel
     sensor = build(plugin, asked["values"])
     gives, noun = given_by(plugin, sensor), noun_of(plugin, sensor)
     if not needs_a_source(plugin, sensor):
-        given = sensor.sense(toy_shape(), generator("check"))
+        shape = Shape("toy", toy_shape().mesh, scan=lambda: toy_cloud("oriented"))
+        given = sensor.sense(shape, generator("check"))
     elif gives == "views":
         given = sensor.spoil(toy_views(), toy_ball(), generator("check"))
     else:

@@ -88,13 +88,23 @@ def run(args: argparse.Namespace) -> int:
     _show(said)
     if convention:
         scores = in_convention(convention, scores)
+    in_files = all(choice.plugin.options.get("length") == "file" for choice in chosen)
     if args.units == "file":
         scores = in_units_of_files(scores, case.frame.radius)
     if args.json:
         print(json.dumps(as_json(args, case, scores, left_out), indent=2))
     else:
         print(f"{args.output} ({words(output)}) against {args.reference} ({words(case.reference.mesh)})\n")
-        print(score_table(scores, case, case.compare(output).samples, left_out, convention, units=args.units))
+        print(
+            score_table(
+                scores,
+                case,
+                case.compare(output).samples,
+                left_out,
+                convention,
+                units="file" if in_files else args.units,
+            )
+        )
     return 0
 
 

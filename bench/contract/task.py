@@ -97,6 +97,11 @@ class Task:
         str
             Empty where there is nothing to say.
         """
+        if "reference_points" in medians:
+            return (
+                f"input, median of the cases: {medians['points']:,.0f} points; references are clouds of "
+                f"{medians['reference_points']:,.0f} points."
+            )
         if "rms" not in medians:
             return generic_words(medians)
         varies = medians.get("density_variation", math.nan)

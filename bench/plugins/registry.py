@@ -102,6 +102,8 @@ class Plugin:
     def length(self, key: str) -> int:
         """The power of a length that a score of this metric is: 1 of a distance, 2 of its square, 0 of a share."""
         length = self.options.get("length", 0)
+        if length == "file":
+            return 0
         return length if isinstance(length, int) else length.get(key.partition("@")[0], 0)
 
     def solves(self, task: str) -> bool:
@@ -407,7 +409,7 @@ def register(
         Of a metric: ``version`` (int), ``better`` (``lower``, ``higher``, ``reference``, or a mapping from score to
         one of them), ``outputs`` (tuple of ``"mesh"``, ``"cloud"``), ``floor`` (bool: score a perfect output too),
         ``length`` (int, or a mapping from score, without its ``@...``, to one: 1 of a length, 2 of its square, 0 of
-        what has no unit, as is every score that is not named).
+        what has no unit, as is every score that is not named; ``"file"``: in the units of the reference's file).
         Of a dataset: ``own`` (bool: its files are the user's, and a run takes all of them where no number is given),
         ``scans`` (bool: its shapes bring their scans, and go with the sensors that give these).
         Of a sensor: ``scans`` (bool: it gives the scan that a shape brings), ``gives`` (``"cloud"``, ``"views"``, or a
@@ -484,6 +486,10 @@ def _check_options(kind: str, name: str, options: Mapping[str, Any]) -> None:
     gives = options.get("gives", "cloud")
     if not isinstance(gives, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", gives) or gives == "none":
         raise PluginError(f"sensor {name}: gives={gives!r}; expected a word like 'cloud' or 'views'")
+    length = options.get("length", 0)
+    powers = list(length.values()) if isinstance(length, Mapping) else [length]
+    if length != "file" and not all(isinstance(power, int) for power in powers):
+        raise PluginError(f"metric {name}: length={length!r}; expected a whole number, a mapping to them, or 'file'")
     better = options.get("better", "lower")
     for direction in [better] if isinstance(better, str) else better.values():
         if direction not in DIRECTIONS:
