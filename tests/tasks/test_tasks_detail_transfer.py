@@ -241,7 +241,10 @@ def test_files_that_cannot_be_used_are_named(files, tmp_path):
 
 def test_the_number_of_files_tells_the_task(files, shell):
     identity = registry().find("method", "identity")
-    assert [_task_for(identity, "out.obj", ["a.ply"] * count, []) for count in (1, 3)] == ["reconstruct", "detail_transfer"]
+    assert [_task_for(identity, "out.obj", ["a.ply"] * count, []) for count in (1, 3)] == [
+        "reconstruct",
+        "detail_transfer",
+    ]
     with pytest.raises(UsageError, match="task=deform or task=detail_transfer"):
         _task_for(identity, "out.obj", ["a.ply"] * 2, [])
     done = shell.call("apply", "method=identity", *files.values(), "out.obj")
