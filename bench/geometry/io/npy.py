@@ -133,4 +133,4 @@ def _records(array: np.ndarray, name: str) -> RawGeometry:
             columns += list(values.T)
     if not 3 <= len(columns) <= 100:
         raise BadInput(f"{name}: holds records of {len(columns)} numbers; {EXPECTED}")
-    return geometry_of(np.stack(columns, axis=1).astype(np.float64), names, name)
+    return geometry_of(np.stack(columns, axis=1, dtype=np.float64), names, name)

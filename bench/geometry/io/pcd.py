@@ -50,7 +50,7 @@ def read_pcd(data: bytes, name: str) -> RawGeometry:
             notice(f"{name}: leaves out the field {label[:40]!r}, which has {values.shape[1]} numbers for each point")
     if not {"x", "y", "z"} <= {one.lower() for one in names}:
         raise BadInput(f"{name}: its fields are {', '.join(names)[:200]!r}; expected x, y and z among them")
-    return geometry_of(np.stack(columns, axis=1).astype(np.float64), names, name)
+    return geometry_of(np.stack(columns, axis=1, dtype=np.float64), names, name)
 
 
 def is_packed(title: str) -> bool:

@@ -7,6 +7,7 @@ lines are looked at one by one for the first that does not fit, so that the mess
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import re
@@ -57,7 +58,7 @@ class Form(NamedTuple):
         if not self.separator:
             cells = line.split()
         else:
-            cells = [cell.strip().strip('"').strip() for cell in line.split(self.separator)]
+            cells = [cell.strip() for cell in _split(line, self.separator)]
         if self.decimal == ",":  # a point would separate thousands
             return [cell.replace(".", "?").replace(",", ".") for cell in cells]
         return cells
@@ -78,6 +79,14 @@ FORMS = (
     Form("|"),
     Form("any"),
 )
+
+
+def _split(line: str, separator: str) -> list[str]:
+    """The cells of a line, of which some may be in quotation marks."""
+    if '"' in line:
+        with contextlib.suppress(csv.Error):  # a word too long for it
+            return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [""])
+    return line.split(separator)
 
 
 class Fit(NamedTuple):
@@ -335,9 +344,13 @@ def _parsed(data: bytes, begin: int, fit: Fit) -> np.ndarray | None:
             table[row : (row := row + len(values))] = values[:, : table.shape[1]]
     except (ValueError, pd.errors.ParserError):
         return None
-    doubtful = not whole or form.separator == "any"
-    if (doubtful or (after and np.isnan(table[:row, -1]).any())) and _first_wrong(data, begin, fit):
-        return None  # the parser fills short lines
+    # The parser fills short lines, and takes any where a choice of columns is given.
+    doubtful = not whole or form.separator == "any" or (after and np.isnan(table[:row, -1]).any())
+    is_counted = (
+        whole and len(form.separator) == 1 and data.count(form.separator.encode(), begin) == row * (fit.width - 1)
+    )
+    if doubtful and not is_counted and _first_wrong(data, begin, fit):
+        return None
     return table[:row]
 
 
