@@ -22,6 +22,7 @@ CLOUDS = (
     "Points alone have no truth to be scored against: name them as the scans of dataset=paired beside their references "
     "(dataset.input=SCANS dataset.reference=TRUTHS), or apply a method to them: detailbench apply method=NAME IN OUT"
 )
+TEXTS = (".txt", ".csv")  # which may be points, and mostly are notes beside meshes
 # Parameters that came later: cells that do without them are called as before (docs/write-a-plugin.md).
 LATER = {"since": "0.2"}
 
@@ -128,6 +129,19 @@ class Files:
         """How many meshes a split has."""
         return sum(found.split == split for found in self._named().values())
 
+    def ignored(self) -> str:
+        """What ``path`` names besides meshes: files of points, which have no truth to be scored against."""
+        from bench.geometry.io.either import cloud_suffixes
+
+        points = sorted(
+            file.name
+            for part in _parts("path", self.path)
+            for file in _candidates(expanded(part))
+            if file.suffix.lower() in set(cloud_suffixes()) - {*SUFFIXES, *TEXTS} and file.is_file()
+        )
+        shown = ", ".join(points[:3]) + (", ..." if len(points) > 3 else "")
+        return f"{len(points)} files of points left out ({shown}); scans go with dataset=paired" if points else ""
+
     def state(self) -> dict[str, str]:
         """The SHA-256 of each file's content by the id of its shape, so that an edited file is a changed input."""
         state = {f"{id} ({found.file.name})": sha256(found.file) for id, found in self._named().items()}
@@ -169,15 +183,23 @@ def _refuse_common(found: Iterable[_Found]) -> None:
             )
 
 
-def _files(key: str, path: str) -> list[Path]:
-    """The mesh files that a parameter names, sorted."""
+def _parts(key: str, path: str) -> list[str]:
+    """The files, folders and patterns of a parameter."""
     parts = [part for part in path.split(os.pathsep) if part.strip()]
     if not parts:
         raise UsageError(f"dataset.{key} is empty; {EXPECTED}")
     # A file whose name holds the separator is meant as it stands.
-    if expanded(path).exists():
-        parts = [path]
-    return sorted({file for part in parts for file in _matches(key, part)})
+    return [path] if expanded(path).exists() else parts
+
+
+def _files(key: str, path: str) -> list[Path]:
+    """The mesh files that a parameter names, sorted."""
+    return sorted({file for part in _parts(key, path) for file in _matches(key, part)})
+
+
+def _candidates(path: Path) -> list[Path]:
+    """All that a file, a folder or a pattern names, whatever it is."""
+    return [path, *(path.iterdir() if path.is_dir() else map(Path, glob.iglob(str(path), recursive=True)))]
 
 
 def _matches(key: str, part: str) -> list[Path]:
@@ -187,8 +209,7 @@ def _matches(key: str, part: str) -> list[Path]:
     except UsageError as error:
         from bench.geometry.io.files import CLOUD_READERS
 
-        there = [path, *(path.iterdir() if path.is_dir() else map(Path, glob.iglob(str(path), recursive=True)))]
-        if any(file.suffix.lower() in CLOUD_READERS for file in there if file.is_file()):
+        if any(file.suffix.lower() in CLOUD_READERS and file.is_file() for file in _candidates(path)):
             raise UsageError(f"{error}. {CLOUDS}") from None
         raise
 

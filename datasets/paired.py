@@ -13,7 +13,7 @@ import numpy as np
 from bench import BadInput, PointCloud, Shape, UsageError, register
 
 from .common.own_files import expanded, find, safe_ids, sha256
-from .common.pairing import Key, keys_of, partners, stem
+from .common.pairing import Key, keys_of, pairs_of_table, partners, stem
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -40,7 +40,8 @@ class Paired:
     What a method gets is the scan as it is (``sensor=scan``, which need not be said). Where the truth is a cloud,
     metrics that need a surface are left out, and the message of the row says so.
 
-    All pairs are test data unless lists say which are: text files with a name a line, of the scans without suffixes.
+    Where names do not match, ``table`` says what belongs together. All pairs are test data unless lists say which are:
+    text files with a name a line, of the scans without suffixes.
     """
 
     path: str = ""  # a folder that all others are relative to; the current one if empty
@@ -48,6 +49,7 @@ class Paired:
     reference: str = ""  # their truths
     test_names: str = ""  # a file that lists the scans of the test split; without it, all that train_names does not
     train_names: str = ""  # a file that lists the scans of the train split
+    table: str = ""  # instead of all these: a file with a line a pair, "scan,reference" or "scan,reference,split"
     units: str = ""  # of the coordinates, as text: mm
     licence: str = ""  # of the data, as text
     crop: list[float] = field(default_factory=list)  # x y z, x y z: corners of a box to which both are cut; whole if []
@@ -58,6 +60,10 @@ class Paired:
         low, high = self.crop[:3], self.crop[3:]
         if self.crop and not (len(low) == len(high) == 3 and all(a < b for a, b in zip(low, high, strict=True))):
             raise ValueError(f"crop: expected six numbers, the lowest x y z and the highest x y z, got {self.crop}")
+
+        others = ("input", "reference", "test_names", "train_names", "mask", "plane")
+        if self.table and (given := [name for name in others if getattr(self, name)]):
+            raise ValueError(f"table and {given[0]}: give one of them; the table has the scans, references and splits")
 
     def shapes(self, split: str) -> Iterator[Shape]:
         """The references of a split, each with its scan.
@@ -100,6 +106,8 @@ class Paired:
 
     def _named(self) -> dict[str, _Pair]:
         """The pairs of both splits by their ids."""
+        if self.table:
+            return self._of_table()
         inputs = self._found("input")
         splits = self._splits(inputs)
         inputs = {file: key for file, key in inputs.items() if file in splits}
@@ -115,6 +123,12 @@ class Paired:
         pairs = [_Pair(splits[file], file, **{part: files[file] for part, files in found.items()}) for file in inputs]
         ids = safe_ids("-".join(inputs[pair.input]) for pair in pairs)
         return dict(zip(ids, pairs, strict=True))
+
+    def _of_table(self) -> dict[str, _Pair]:
+        table = self._at(self.table)
+        folder = expanded(self.path) if self.path else table.parent
+        pairs = [_Pair(split, scan, truth) for scan, truth, split in pairs_of_table(table, folder)]
+        return dict(zip(safe_ids(stem(pair.input) for pair in pairs), pairs, strict=True))
 
     def _partners(self, inputs: Mapping[Path, Key], part: str) -> dict[Path, Path]:
         """The file of a parameter that belongs to each scan; one that is named itself belongs to all."""

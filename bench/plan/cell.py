@@ -67,9 +67,11 @@ class Cell(Resolved):
 
     @property
     def left_out(self) -> str:
-        """``2 of 6 cases left out (cases=4)``; empty where none are, or nobody counts them."""
+        """``2 of 6 cases left out (cases=4)``, and what else a dataset ignores; empty where nothing is known to be."""
         rest = (self._there or 0) - self.cases
-        return f"{rest} of {self._there} cases left out (cases={self.cases})" if rest > 0 else ""
+        text = f"{rest} of {self._there} cases left out (cases={self.cases})" if rest > 0 else ""
+        ignored = getattr(self.dataset.made, "ignored", str)  # without it: nothing
+        return "; ".join(filter(None, (text, ignored())))
 
     @functools.cached_property
     def _there(self) -> int | None:

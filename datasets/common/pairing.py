@@ -8,6 +8,7 @@ where there is no ``*``.
 
 from __future__ import annotations
 
+import csv
 import glob
 import re
 from collections.abc import Iterable, Mapping
@@ -15,6 +16,9 @@ from pathlib import Path
 
 from bench import UsageError
 
+from .own_files import expanded
+
+TITLES = ("input", "scan", "noisy")  # of the first column of a table
 Key = tuple[str, ...]  # what the stars of a pattern stand for
 
 
@@ -61,6 +65,48 @@ def partners(inputs: Mapping[Path, Key], others: Mapping[Path, Key], what: str) 
         if fitting:
             found[file] = fitting[0]
     return found
+
+
+def pairs_of_table(file: Path, folder: Path) -> list[tuple[Path, Path, str]]:
+    """The scan, the reference and the split of each line of a table.
+
+    Columns are separated by a tab, a semicolon or a comma, whichever of them comes first in this order in the file; a
+    line of titles and lines that begin with ``#`` are left out. The split is ``test`` where there is no third column.
+
+    Parameters
+    ----------
+    file : Path
+    folder : Path
+        That the names in the table are relative to.
+
+    Raises
+    ------
+    UsageError
+        Naming the line, and what was expected of it.
+    """
+    expected = "expected a line a pair, scan and reference with a comma between them, and test or train if you like"
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "it is no text"
+        raise UsageError(f"dataset.table={file}: cannot be read ({why}); {expected}") from error
+    separator = next((letter for letter in "\t;," if letter in text), ",")
+    pairs = []
+    for number, row in enumerate(csv.reader(text.splitlines(), delimiter=separator), 1):
+        cells = [cell.strip() for cell in row]
+        if not any(cells) or cells[0].startswith("#") or (number == 1 and cells[0].lower() in TITLES):
+            continue
+        split = cells[2] if len(cells) > 2 and cells[2] else "test"
+        if len(cells) not in (2, 3) or split not in ("test", "train"):
+            raise UsageError(f"{file}: line {number} is {separator.join(row)!r}; {expected}")
+        found = [folder / expanded(name) for name in cells[:2]]
+        for path in found:
+            if not path.is_file():
+                raise UsageError(f"{file}: line {number} names {path}, and there is no such file")
+        pairs.append((*found, split))
+    if not pairs:
+        raise UsageError(f"{file}: has no pairs; {expected}")
+    return pairs
 
 
 def _plain(text: str) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from bench import BadInput, UsageError
+from bench import BadInput, PointCloud, UsageError
 from bench.datasets.files import SUFFIXES, Files
 from bench.geometry.io.files import MESH_READERS, save
 from bench.plan.cell import Choice
@@ -300,3 +300,27 @@ def test_pairs_are_deformed(folder, tmp_path):
     with pytest.raises(BadInput, match=r"a.obj \(80 faces\) and box.ply \(12 faces\) do not have the same faces"):
         recipe(tmp_path / "box.ply", corresponding=True).build()
     assert len(recipe(folder / "b.ply", corresponding=True).build().reference.mesh.faces) == 80
+
+
+def test_points_are_told_where_to_go(folder, tmp_path):
+    (folder / "scan.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n")
+    (folder / "lone").mkdir()
+    (folder / "lone" / "scan.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n")
+    assert ids(folder) == ["a", "b", "c", "d"]
+    says = "1 files of points left out (scan.xyz); scans go with dataset=paired"
+    assert Files(str(folder)).ignored() == Files(str(folder / "*")).ignored() == says
+    assert Files(str(folder / "*.ply")).ignored() == ""
+    for path in (folder / "scan.xyz", folder / "lone", folder / "lone" / "*"):
+        with pytest.raises(UsageError, match=r"dataset=paired.*detailbench apply method=NAME IN OUT"):
+            ids(path)
+    save(PointCloud(trimesh.creation.icosphere(1).vertices), folder / "b.ply")
+    shapes = {shape.id: shape for shape in Files(str(folder)).shapes("test")}
+    with pytest.raises(BadInput, match=r"b.ply: has 42 points but no faces; .*dataset=paired"):
+        _ = shapes["b"].mesh
+    assert len(shapes["a"].mesh.faces) == 80
+
+
+def test_how_many_there_are(two_folders):
+    test, train = two_folders
+    files = Files(str(test), train_path=str(train))
+    assert (files.count("test"), files.count("train"), Files(str(test)).count("train")) == (2, 2, 0)

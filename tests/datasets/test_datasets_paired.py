@@ -210,6 +210,43 @@ def test_wrong_lists_are_told(folder):
         paired(folder, test_names="none.txt").check()
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_table_says_what_belongs_together(folder, separator):
+    rows = [
+        ("scan", "reference", "split"),
+        ("scans/a_noisy.ply", "mesh/c.off", ""),
+        ("scans/b_noisy.ply", "mesh/a.off", "train"),
+    ]
+    (folder / "pairs.csv").write_text("\n".join(separator.join(row) for row in rows) + "\n# the rest\n\n")
+    dataset = Paired(table=str(folder / "pairs.csv"))
+    assert matched(dataset) == [("a_noisy.ply", "c.off")] and matched(dataset, "train") == [("b_noisy.ply", "a.off")]
+    assert matched(Paired(path=str(folder), table="pairs.csv")) == matched(dataset)
+    parts = ["scan (a_noisy.ply)", "reference (c.off)", "scan (b_noisy.ply)", "reference (a.off)"]
+    assert [name.partition(" ")[2] for name in dataset.state()] == parts
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a.ply\n", "line 1 is 'a.ply'; expected a line a pair"),
+        ("# x\nscans/a_noisy.ply,mesh/a.off,val\n", "line 2 is 'scans/a_noisy.ply,mesh/a.off,val'; expected"),
+        ("scans/a_noisy.ply,mesh/z.off\n", "line 1 names .*z.off, and there is no such file"),
+        ("# nothing\n", "has no pairs"),
+        (None, "cannot be read"),
+    ],
+)
+def test_a_wrong_table_is_told_by_line(folder, text, says):
+    if text is not None:
+        (folder / "pairs.csv").write_text(text)
+    with pytest.raises(UsageError, match=says):
+        Paired(table=str(folder / "pairs.csv")).check()
+
+
+def test_a_table_stands_alone(folder):
+    with pytest.raises(ValueError, match="table and input: give one of them"):
+        Paired(table="pairs.csv", input="scans")
+
+
 # --- cases ------------------------------------------------------------------------------------------------------------
 
 
