@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from bench import BadInput, PointCloud, Shape, ShapePair, UsageError, register
 from bench.geometry.io.suffixes import MESH_SUFFIXES as SUFFIXES
 
-from .common.own_files import UNREADABLE, expanded, find, safe_ids, sha256
+from .common.own_files import TEXTS, UNREADABLE, expanded, find, safe_ids, sha256
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -22,7 +22,6 @@ CLOUDS = (
     "Points alone have no truth to be scored against: name them as the scans of dataset=paired beside their references "
     "(dataset.input=SCANS dataset.reference=TRUTHS), or apply a method to them: detailbench apply method=NAME IN OUT"
 )
-TEXTS = (".txt", ".csv")  # which may be points, and mostly are notes beside meshes
 # Parameters that came later: cells that do without them are called as before (docs/write-a-plugin.md).
 LATER = {"since": "0.2"}
 

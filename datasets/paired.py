@@ -12,7 +12,7 @@ import numpy as np
 
 from bench import BadInput, PointCloud, Shape, UsageError, register
 
-from .common.own_files import expanded, find, safe_ids, sha256
+from .common.own_files import TEXTS, expanded, find, safe_ids, sha256
 from .common.pairing import Key, keys_of, pairs_of_table, partners, stem
 
 if TYPE_CHECKING:
@@ -151,7 +151,10 @@ class Paired:
             raise UsageError(f"dataset.path={self.path}: no such folder; expected one that holds {self._layout}")
         if self.path:
             expected += f"; the folder is to hold {self._layout}"
-        return keys_of(path, sorted(find(given, path, _suffixes(part), expected, "file that can be read")))
+        files = sorted(find(given, path, _suffixes(part), expected, "file that can be read"))
+        if path.is_dir():  # notes and lists beside the data
+            files = [file for file in files if file.suffix.lower() not in TEXTS] or files
+        return keys_of(path, files)
 
     @property
     def _layout(self) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 from bench import UsageError
 
 UNREADABLE = "unreadable"
+TEXTS = (".txt", ".csv")  # which may be points, and mostly are notes and lists beside them
 
 
 def safe_ids(stems: Iterable[str]) -> list[str]:
@@ -55,7 +56,8 @@ def find(given: str, path: Path, suffixes: tuple[str, ...], expected: str, what:
         return [path]
     if path.is_dir():
         try:
-            found, where = list(path.iterdir()), "the folder"
+            # Hidden files are no one's data: macOS leaves ._a.ply beside a.ply.
+            found, where = [file for file in path.iterdir() if not file.name.startswith(".")], "the folder"
         except OSError as error:
             raise UsageError(f"{given}: the folder cannot be read ({error.strerror})") from error
     else:

@@ -81,6 +81,14 @@ def test_names_match_where_folders_are_given(folder):
     assert matched(paired(folder, input="scans", reference="**/*.off")) == [(f"{n}.ply", f"{n}.off") for n in NAMES]
 
 
+def test_notes_and_hidden_files_beside_the_data_are_left_alone(folder):
+    for file in (folder / "scans").iterdir():
+        file.rename(file.with_name(file.name.replace("_noisy", "")))
+    for name in ("readme.txt", "._a.ply", ".hidden.ply"):
+        (folder / "scans" / name).touch()
+    assert matched(paired(folder, input="scans", reference="mesh")) == [(f"{n}.ply", f"{n}.off") for n in NAMES]
+
+
 def test_without_a_common_folder(folder, monkeypatch):
     monkeypatch.chdir(folder)
     assert matched(Paired(input="scans/*_noisy.ply", reference="mesh/*.off")) == ALL
