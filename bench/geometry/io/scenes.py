@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib.util
 import io
 import json
+import zipfile
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -22,7 +24,8 @@ NEEDED = {"3mf": ("lxml", "networkx"), "dae": ("collada",), "glb": (), "gltf": (
 TITLES = {"3mf": "3MF", "dae": "COLLADA", "glb": "GLB", "gltf": "glTF"}
 # What a file may ask of its reader without a change of its surface.
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_mesh_quantization")
-TRIANGLE_MODES, FANS = (4, 5), 6
+TRIANGLES, FANS = 4, 6  # modes of primitives
+MOST_TIMES, MOST_BYTES = 200, 2**28  # of an archive: no compression of a mesh is better
 
 
 class _Part(NamedTuple):
@@ -52,8 +55,13 @@ def read_gltf(data: bytes, name: str) -> RawGeometry:
 
 def read_3mf(data: bytes, name: str) -> RawGeometry:
     """The meshes of a 3MF file, see :func:`read_scene`."""
-    if data[:2] != b"PK":
-        raise BadInput(f"{name}: is no archive; expected a 3MF file")
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            size = sum(part.file_size for part in archive.infolist())
+    except (zipfile.BadZipFile, ValueError, NotImplementedError) as error:
+        raise BadInput(f"{name}: is no whole archive ({error}); expected a 3MF file") from None
+    if size > max(MOST_TIMES * len(data), MOST_BYTES):
+        raise BadInput(f"{name}: promises {size:,} bytes in an archive of {len(data):,}; the file is damaged")
     return read_scene(data, name, "3mf")
 
 
@@ -85,8 +93,6 @@ def read_scene(data: bytes, name: str, kind: str) -> RawGeometry:
         parts = _parts(data, name, kind)
     except BadInput:
         raise
-    except FileNotFoundError as error:
-        raise BadInput(f"{name}: names the file {error.args[-1]}, which is not there; expected it beside it") from None
     except Exception as error:  # a parser raises whatever comes of a damaged file
         raise BadInput(
             f"{name}: cannot be read as {TITLES[kind]} ({type(error).__name__}: {error}); the file is damaged, or not "
@@ -147,12 +153,16 @@ def _check_gltf(text: bytes, most: int | None, name: str) -> None:
         needed = [word for word in header.get("extensionsRequired", []) if not word.startswith(HARMLESS)]
         accessors = header.get("accessors", [])
         primitives = [p for mesh in header.get("meshes", []) for p in mesh["primitives"]]
-        modes = {p.get("mode", TRIANGLE_MODES[0]) for p in primitives}
+        modes = {p.get("mode", TRIANGLES) for p in primitives}
         places = [accessors[p["attributes"]["POSITION"]] for p in primitives]
         scaled = any(place.get("normalized") for place in places)
+        files = [buffer["uri"] for buffer in header.get("buffers", []) if "uri" in buffer]
+        gone = [file for file in files if not file.startswith("data:") and not _is_beside(file, name)]
         empty = max((int(a["count"]) for a in accessors if "bufferView" not in a), default=0)
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:
         raise BadInput(f"{name}: cannot read its JSON ({error!r}); expected glTF 2.0. The file is damaged") from None
+    if gone:
+        raise BadInput(f"{name}: names the file {gone[0][:200]!r}, which is not there; expected it beside this one")
     if needed or scaled:
         what = ", ".join(needed) or "places as fractions of whole numbers"
         raise BadInput(f"{name}: needs what is not read here ({what}); export it without compression, or as PLY")
@@ -160,3 +170,11 @@ def _check_gltf(text: bytes, most: int | None, name: str) -> None:
         raise BadInput(f"{name}: holds triangle fans, which are not read; export it as triangles, or as PLY")
     if empty > max(most or 0, 10_000_000):
         raise BadInput(f"{name}: promises {empty} values that it does not hold; the file is damaged, export it again")
+
+
+def _is_beside(file: str, name: str) -> bool:
+    """Whether it is a file, and no device or pipe, seen from the folder of the scene."""
+    try:
+        return (Path(name).parent / unquote(file)).is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        return False

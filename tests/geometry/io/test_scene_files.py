@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import json
 import struct
+import zipfile
 
 import numpy as np
 import pytest
@@ -69,8 +71,14 @@ def test_glb_and_gltf(tmp_path):
     path = tmp_path / "model.gltf"
     check_three(quiet(scenes.read_gltf, path.read_bytes(), path))
     next(tmp_path.glob("*.bin")).unlink()
-    with pytest.raises(BadInput, match=r"names the file .*\.bin, which is not there"):
+    with pytest.raises(BadInput, match=r"names the file '.*\.bin', which is not there"):
         load_mesh(path)
+    for device in ("/dev/zero", "x" * 5000, "\0"):
+        header = json.loads(path.read_text())
+        header["buffers"][0]["uri"] = device
+        (tmp_path / "other.gltf").write_text(json.dumps(header))
+        with pytest.raises(BadInput, match="which is not there"):
+            load_mesh(tmp_path / "other.gltf")
 
 
 def test_seams_are_closed_and_said():
@@ -135,15 +143,25 @@ def test_harmless_extensions_are_none_of_our_concern():
 @pytest.mark.parametrize(("suffix", "library"), [(".3mf", "lxml"), (".dae", "pycollada")])
 def test_a_missing_library_is_named_with_its_line(tmp_path, monkeypatch, suffix, library):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    (tmp_path / f"a{suffix}").write_bytes(b"PK<COLLADA>")
+    data = io.BytesIO(b"<COLLADA>")
+    if suffix == ".3mf":
+        zipfile.ZipFile(data, "w").close()
+    (tmp_path / f"a{suffix}").write_bytes(data.getvalue())
     with pytest.raises(MissingLibrary, match=rf"^{library} reads .*a\{suffix}.*detailbench\[scenes\]") as error:
         load_mesh(tmp_path / f"a{suffix}")
     assert not isinstance(error.value, UsageError)
 
 
-def test_3mf(tmp_path):
+def test_3mf(tmp_path, monkeypatch):
     check_three(quiet(scenes.read_3mf, three_cubes().export(file_type="3mf"), "a.3mf"))
-    for data, says in ((b"solid", "no archive"), (b"PK\3\4", "cannot be read as 3MF")):
+    monkeypatch.setattr(scenes, "MOST_BYTES", 1_000_000)
+    bomb, empty = io.BytesIO(), io.BytesIO()
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", b" " * 1_000_001)
+    zipfile.ZipFile(empty, "w").close()
+    sound = three_cubes().export(file_type="3mf")
+    files = [(bomb.getvalue(), "promises 1,000,001 bytes"), (empty.getvalue(), "cannot be read as 3MF")]
+    for data, says in [*files, (b"solid", "no whole archive"), (sound[:-30], "no whole archive")]:
         (tmp_path / "a.3mf").write_bytes(data)
         with pytest.raises(BadInput, match=says):
             load_mesh(tmp_path / "a.3mf")
