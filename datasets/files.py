@@ -130,13 +130,13 @@ class Files:
 
     def ignored(self) -> str:
         """What ``path`` names besides meshes: files of points, which have no truth to be scored against."""
-        from bench.geometry.io.either import cloud_suffixes
+        from bench.geometry.io.files import CLOUD_READERS
 
         points = sorted(
             file.name
             for part in _parts("path", self.path)
             for file in _candidates(expanded(part))
-            if file.suffix.lower() in set(cloud_suffixes()) - {*SUFFIXES, *TEXTS} and file.is_file()
+            if file.suffix.lower() in set(CLOUD_READERS) - {*SUFFIXES, *TEXTS} and file.is_file()
         )
         shown = ", ".join(points[:3]) + (", ..." if len(points) > 3 else "")
         return f"{len(points)} files of points left out ({shown}); scans go with dataset=paired" if points else ""
