@@ -202,7 +202,7 @@ def _read(path: str | Path, readers: dict[str, Callable[[bytes, str], RawGeometr
         raise BadInput(f"{name}: no such file; expected {what} ({suffixes})") from None
     except OSError as error:
         raise BadInput(f"{name}: cannot be read ({error.strerror or error}); check its permissions") from error
-    if not data.strip():
+    if not data or data.isspace():
         raise BadInput(f"{name}: is empty ({len(data)} bytes); expected {what}. Copy or export it again")
     try:
         return readers[path.suffix.lower()](data, name)

@@ -55,10 +55,7 @@ class Form(NamedTuple):
             line = re.sub(r"\s*([,;|])\s*", r"\1", line.strip().strip(",;|"))
             kinds = {" " if mark.isspace() else mark for mark in re.findall(r"[,;|\s]", line)}
             return re.split(r"[,;|\s]+", line) if len(kinds) == 1 else [line]
-        if not self.separator:
-            cells = line.split()
-        else:
-            cells = [cell.strip() for cell in _split(line, self.separator)]
+        cells = [cell.strip() for cell in _split(line, self.separator)] if self.separator else line.split()
         if self.decimal == ",":  # a point would separate thousands
             return [cell.replace(".", "?").replace(",", ".") for cell in cells]
         return cells
@@ -310,7 +307,7 @@ def _parsed(data: bytes, begin: int, fit: Fit) -> np.ndarray | None:
     form = fit.form
     source = io.BytesIO(data)  # shares the bytes
     source.seek(begin)
-    if form.separator == "any" or OTHER_COMMENTS.search(data, begin):
+    if form.separator == "any" or _has_other_comments(data, begin, form):
         body = OTHER_COMMENTS.sub(b"", data[begin:])
         source = io.BytesIO(body.translate(BLANKS) if form.separator == "any" else body)
     whole = len(fit.numbers) == fit.width
@@ -352,6 +349,14 @@ def _parsed(data: bytes, begin: int, fit: Fit) -> np.ndarray | None:
     if doubtful and not is_counted and _first_wrong(data, begin, fit):
         return None
     return table[:row]
+
+
+def _has_other_comments(data: bytes, begin: int, form: Form) -> bool:
+    """Whether there are comments that the parser does not know; looked for by their signs, since patterns are slow."""
+    signs = [sign for sign in (b";", b"%", b"!") if sign != form.separator.encode()]
+    if any(data.find(sign, begin) >= 0 for sign in (b"//", *signs)):
+        return OTHER_COMMENTS.search(data, begin) is not None
+    return data.find(b"\n;", begin) >= 0
 
 
 def _refusal(data: bytes, head: Head, sample: list[str], fitting: list[Fit], name: str) -> BadInput:
