@@ -64,13 +64,14 @@ def verdict(found: Sequence[Evidence], families: Sequence[str], seed: int) -> Ve
     ----------
     found : evidence of the same k methods, one for each scan
     families : k names
-        Methods of one family, as Poisson at two depths, do not judge each other, unless there is no other family.
+        Methods of one family, as Poisson at two depths, have one vote together and do not judge each other, unless
+        there is no other family.
     seed : int
     """
     rng, names = generator(seed, "verdict"), np.asarray(families)
-    judges = names[:, None] != names
+    judges = (names[:, None] != names) / (names[:, None] == names).sum(axis=0)  # each family has one vote
     if not judges.any(axis=1).all():
-        judges = ~np.eye(len(names), dtype=bool)
+        judges = 1 - np.eye(len(names))
     parts = np.stack([_parts(e, judges, np.ones((1, PATCHES)))[0] for e in found])
     score = np.log((parts @ PARTS.T).sum(axis=2)).mean(axis=0)
     drawn = np.stack([_parts(e, judges, rng.exponential(size=(DRAWS, PATCHES))) for e in found])

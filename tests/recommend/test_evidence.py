@@ -124,6 +124,15 @@ def test_methods_of_one_family_do_not_vote_for_each_other():
     assert voting.criteria[0, 2] < apart.criteria[0, 2]
 
 
+def test_a_family_has_one_vote_however_many_of_it_are_asked():
+    """To ask for the same mesh under two depths changes nothing for the others."""
+    names = ("large", "exact", "two sheets")
+    plain = verdict([evidence(scan(), [METHODS[name] for name in names], 0)], list("abc"), 0)
+    names = ("large", "large", "large", "exact", "two sheets")
+    often = verdict([evidence(scan(), [METHODS[name] for name in names], 0)], list("aaabc"), 0)
+    assert often.score[[0, 3, 4]] == pytest.approx(plain.score)
+
+
 def test_one_family_alone_is_ranked_too(found):
     ranks = verdict([found], ["poisson"] * 5, 0)
     assert NAMES[ranks.order[0]] == "exact" and np.isfinite(ranks.score).all()
