@@ -101,7 +101,8 @@ def read_record(path: Path) -> tuple[pa.Table, dict[str, Any]]:
         size = sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups))
         if file.metadata.num_rows > MOST_ROWS or size > MOST_BYTES:
             raise NoRecord(f"holds {file.metadata.num_rows:,} rows ({size / 1e6:,.0f} MB), more than any record")
-        table = checked_rows(file.read(), meta)
+        # Without pyarrow's threads: a record is small, and a thread that still ends when Python does can abort it.
+        table = checked_rows(file.read(use_threads=False), meta)
         _check_name(path, meta)
         return table, meta
 
