@@ -148,6 +148,7 @@ class Task:
         """
         from ..geometry.check import check_points
         from ..geometry.io.files import load_cloud
+        from ..geometry.stray import frame_of_bulk
 
         if self.takes != "cloud":
             name = type(self).__name__
@@ -156,7 +157,7 @@ class Task:
             raise UsageError(f"expected one input file, got {len(paths)}: {', '.join(paths) or 'none'}")
         cloud = load_cloud(paths[0])
         check_points(cloud.points, str(paths[0]), at_least=3)
-        frame = Frame.of(cloud.points)
+        frame = frame_of_bulk(cloud.points, str(paths[0]))
         return self.input(cloud.moved(frame.apply(cloud.points))), frame
 
     def restore(self, output: Any, frame: Frame) -> Any:
