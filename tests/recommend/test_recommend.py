@@ -44,6 +44,15 @@ class GivesUp:
 
     def reconstruct(self, cloud, run):
         raise BadInput("these points are not for me")
+
+
+@register("method")
+@dataclass(frozen=True)
+class Needle:
+    """One triangle without an area."""
+
+    def reconstruct(self, cloud, run):
+        return trimesh.Trimesh(cloud.points[[0, 1, 1]], [[0, 1, 2]], process=False)
 '''
 
 
@@ -61,12 +70,12 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(folder):
-    """One run that all tests read: exact, too large, and two that fail or crash, with a balloon of noise between."""
+    """One run that all tests read: of methods one is right, one too large, one rough, and two fail."""
     from contextlib import redirect_stdout
     from io import StringIO
 
     scan, toys = str(folder / "my scan.xyz"), str(folder / "toys.py")
-    methods = "wrapped_ball[radius=1.1],gives_up,wrapped_ball,alpha_shape"
+    methods = "wrapped_ball[radius=1.1],gives_up,needle,wrapped_ball,alpha_shape"
     with redirect_stdout(StringIO()) as out:
         assert main(["recommend", scan, "--plugin", toys, "--methods", methods, "--json", "--points", "600"]) == 0
     return json.loads(out.getvalue())
@@ -80,7 +89,12 @@ def test_the_right_surface_comes_first(found):
 
 
 def test_a_method_that_fails_says_why(found):
-    assert found["failed"] == {"gives_up": "error: these points are not for me"}
+    assert found["failed"].keys() == {"gives_up", "needle"}
+    assert found["failed"]["gives_up"] == "error: these points are not for me"
+    assert (
+        found["failed"]["needle"].startswith("invalid: promised a trimesh.Trimesh")
+        and "area" in found["failed"]["needle"]
+    )
 
 
 def test_the_state_of_the_scan_is_reported(found):
