@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from bench import BadInput, PointCloud, Shape, ShapePair, UsageError, register
+from bench import BadInput, Shape, ShapePair, UsageError, register
 from bench.geometry.io.suffixes import MESH_SUFFIXES as SUFFIXES
 
 from .common.own_files import TEXTS, UNREADABLE, expanded, find, safe_ids, sha256
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 EXPECTED = f"expected a mesh file, a folder of them, or a pattern such as 'scans/*.ply' ({' '.join(SUFFIXES)})"
+# Parameters that came later: cells that do without them are called as before (docs/write-a-plugin.md).
+LATER = {"since": "0.2"}
 CLOUDS = (
     "Points alone have no truth to be scored against: name them as the scans of dataset=paired beside their references "
     "(dataset.input=SCANS dataset.reference=TRUTHS), or apply a method to them: detailbench apply method=NAME IN OUT"
 )
-# Parameters that came later: cells that do without them are called as before (docs/write-a-plugin.md).
-LATER = {"since": "0.2"}
 
 
 @register("dataset", requires=("trimesh",), own=True)
@@ -218,7 +218,7 @@ def _reader(file: Path) -> Callable[[], Trimesh]:
         from bench.geometry.io.files import load_geometry
 
         mesh = load_geometry(file)
-        if isinstance(mesh, PointCloud):
+        if not hasattr(mesh, "faces"):
             raise BadInput(f"{file}: has {len(mesh):,} points but no faces; expected a triangle mesh. {CLOUDS}")
         return mesh
 

@@ -14,6 +14,7 @@ out. --units file prints lengths in the units of the files, millimetres say, and
 
 --metric takes names from `detailbench list metrics` and sets of them (standard, full); --convention a paper's columns.
 The floor is the score of a perfect output: the reference itself, or a fresh sample of it as large as the output.
+--units file prints lengths in the units of the files, millimetres say, and squares of lengths in their squares.
 """
 
 from __future__ import annotations

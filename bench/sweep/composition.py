@@ -29,8 +29,13 @@ def usual_cases(count: int, *, _root_: DictConfig) -> int:
 
     Profiles say ``cases: ${usual_cases:4}``; what the user gives stands in place of it.
     """
+    from ..plugins.registry import load_plugins
+    from ..safe_path import isolate_imports
 
     name = (_root_.get("dataset") or {}).get("_name_")
+    if name not in registry().names("dataset"):  # in the process of a launcher, which has no plugins yet
+        isolate_imports()
+        load_plugins(list(_root_.plugins), warn=False)
     own = name in registry().names("dataset") and registry().find("dataset", name).options.get("own")
     return ALL_CASES if own else int(count)
 
@@ -69,6 +74,7 @@ def hydra_ready() -> Iterator[Any]:
     from hydra.core.global_hydra import GlobalHydra
 
     register_base()
+    register_resolvers()
     with initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         yield GlobalHydra.instance().config_loader()
 

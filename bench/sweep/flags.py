@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from ..errors import UsageError, did_you_mean
 from ..plan.keys import GROUPS
-from .quoting import quoted_files
 
 OURS = ("-m", "--multirun", "--plugin", "--config-dir", "--no-leaderboard", "--help")
 # What applications of Hydra have, and what is here in its place.
@@ -44,6 +43,8 @@ def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
         For any other flag, with the nearest right one, for a value that a flag cannot have, and for flags that do not
         go together.
     """
+    from .quoting import quoted_files
+
     overrides, flags = [], {}
     rest = list(words)
     while rest:

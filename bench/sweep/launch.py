@@ -43,7 +43,9 @@ def job(config: DictConfig) -> None:
 
     from .composition import register_resolvers
 
-    session = Session(Path(os.path.expanduser(config.results)).absolute(), config.session)
+    register_resolvers()
+    values = OmegaConf.to_container(config, resolve=True)
+    session = Session(Path(os.path.expanduser(values["results"])).absolute(), values["session"])
     here = session.owner[0] == os.getpid()
     if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
         _ignore_interrupts()

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UsageError, did_you_mean
-from ..plan.cell import USUAL_SENSOR, NotSolved, check_dataset
+from ..plan.cell import NotSolved, check_dataset
 from ..plan.keys import GROUPS, Base
 from ..plan.limits import Limits
 from ..plan.training import TrainingKeys
@@ -35,8 +35,6 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool, command: str = 
             quoting = f"; {hint(override.input_line)}" if "." in key else ""
             instead = _instead_of_sweep(command) + quoting
             raise UsageError(f"{override.input_line}: several values are a sweep; {instead}")
-        if key == "sensor" and any(presets.resolve("sensor", str(name)) == USUAL_SENSOR for name in values):
-            _check_scans(overrides, override.input_line)
         if key.startswith("hydra"):
             _check_hydra(key, values, override.input_line)
             continue
@@ -46,6 +44,7 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool, command: str = 
         if not tail and head in KINDS:
             for name in values:
                 _check_plugin_name(head, name)
+            _check_scans(head, values, overrides, override.input_line)
         elif not tail and head in ("training", "convention", "profile", "experiment"):
             for name in values:
                 _check_preset(head, name, override.is_delete())
@@ -60,18 +59,6 @@ def check_overrides(overrides: Sequence[str], *, multirun: bool, command: str = 
             _check_root_key(head, overrides, override.input_line)
             if override.is_delete() and head not in GROUPS:
                 raise UsageError(f"{override.input_line}: every run has {head}; leave this out for its usual value")
-
-
-def _check_scans(overrides: Sequence[str], line: str) -> None:
-    """Raise :class:`UsageError` where a simulation of scans is asked for, and each dataset brings its own."""
-    known = registry().names("dataset")
-    datasets = [presets.resolve("dataset", name) for name in chosen("dataset", overrides)]
-    plugins = [registry().find("dataset", name) for name in datasets if name in known]
-    if plugins and all(plugin.options.get("scans") for plugin in plugins):
-        raise UsageError(
-            f"{line}: dataset {plugins[0].name} brings its own scans: leave the sensor out, or simulate scans of the "
-            "references with dataset=files dataset.path=REFERENCES"
-        )
 
 
 def _instead_of_sweep(command: str) -> str:
@@ -411,3 +398,19 @@ def _check_key(prefix: str, key: str, known: Iterable[str], line: str) -> None:
 
 def _hint(prefix: str, key: str, known: Iterable[str]) -> str:
     return did_you_mean(key, known).replace("'", f"'{prefix}", 1) if prefix else did_you_mean(key, known)
+
+
+def _check_scans(kind: str, names: Sequence[Any], overrides: Sequence[str], line: str) -> None:
+    """Raise :class:`UsageError` where the usual simulation of scans is asked for, and each dataset brings its own."""
+    from ..plan.cell import USUAL_SENSOR
+
+    if kind != "sensor" or USUAL_SENSOR not in names:
+        return
+    known = registry().names("dataset")
+    datasets = [presets.resolve("dataset", name) for name in chosen("dataset", overrides)]
+    plugins = [registry().find("dataset", name) for name in datasets if name in known]
+    if plugins and all(plugin.options.get("scans") for plugin in plugins):
+        raise UsageError(
+            f"{line}: dataset {plugins[0].name} brings its own scans: leave the sensor out, or simulate scans of the "
+            "references with dataset=files dataset.path=REFERENCES"
+        )
