@@ -74,7 +74,6 @@ def hydra_ready() -> Iterator[Any]:
     from hydra.core.global_hydra import GlobalHydra
 
     register_base()
-    register_resolvers()
     with initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         yield GlobalHydra.instance().config_loader()
 
