@@ -215,12 +215,12 @@ def _matches(key: str, part: str) -> list[Path]:
 
 def _reader(file: Path) -> Callable[[], Trimesh]:
     def read() -> Trimesh:
-        from bench.geometry.io.files import load_geometry
+        from bench.geometry.io.files import NoFaces, load_mesh
 
-        mesh = load_geometry(file)
-        if not hasattr(mesh, "faces"):
-            raise BadInput(f"{file}: has {len(mesh):,} points but no faces; expected a triangle mesh. {CLOUDS}")
-        return mesh
+        try:
+            return load_mesh(file)
+        except NoFaces as error:
+            raise BadInput(f"{error}. {CLOUDS}") from None
 
     return read
 

@@ -46,6 +46,10 @@ if TYPE_CHECKING:
 MOST_MESSAGE = 400  # letters of a message besides the name of the file: a damaged word may be millions of letters long
 
 
+class NoFaces(BadInput):
+    """A file of points where a mesh is expected."""
+
+
 def load_mesh(path: str | Path) -> Trimesh:
     """Read a triangle mesh from a PLY, OBJ, STL or OFF file, or from a scene (GLB, glTF, 3MF, COLLADA).
 
@@ -94,7 +98,7 @@ def _mesh(raw: RawGeometry, name: str) -> Trimesh:
     from trimesh import Trimesh
 
     if not len(raw.faces):
-        raise BadInput(f"{name}: has {len(raw.vertices)} vertices but no faces; expected a triangle mesh")
+        raise NoFaces(f"{name}: has {len(raw.vertices)} vertices but no faces; expected a triangle mesh")
     mesh = Trimesh(*finite_triangles(raw.vertices, raw.faces, name), process=False)
     check_mesh(mesh, name)
     notice_suspicions(used_vertices(mesh), name)
