@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import io
 import json
+import re
 import zipfile
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -69,7 +70,11 @@ def read_dae(data: bytes, name: str) -> RawGeometry:
     """The meshes of a COLLADA file, see :func:`read_scene`."""
     if b"<COLLADA" not in data[:4096]:
         raise BadInput(f"{name}: does not begin with a COLLADA element; expected a COLLADA file (.dae)")
-    return read_scene(data, name, "dae")
+    raw = read_scene(data, name, "dae")
+    counts = b" ".join(re.findall(rb"<vcount>([^<]*)<", data)).split()
+    if b"<polygons" in data or any(count not in (b"0", b"1", b"2", b"3") for count in counts):
+        notice(f"{name}: polygons of more than three corners become fans, which is wrong where they are not convex")
+    return raw
 
 
 def read_scene(data: bytes, name: str, kind: str) -> RawGeometry:

@@ -193,8 +193,11 @@ def collada() -> str:
 
 
 def test_collada(tmp_path):
-    with collected():
+    with collected() as said:
         check_three(scenes.read_dae(collada().encode(), "a.dae"))
+    assert len(said) == 1 and "a.dae: polygons of more than three corners become fans" in said[0]
+    triangles = collada().replace("4 4 4 4 4 4 ", "3 3 3 3 3 3 3 3 ").replace("count='6'>", "count='8'>")
+    assert len(quiet(scenes.read_dae, triangles.encode(), "a.dae").faces) == 24
     for text, says in (("solid", "does not begin with a COLLADA"), ("<COLLADA>", "cannot be read as COLLADA")):
         (tmp_path / "a.dae").write_text(text)
         with pytest.raises(BadInput, match=says):
