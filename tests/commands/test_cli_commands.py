@@ -377,7 +377,7 @@ def test_apply_refuses_poor_files_by_name(shell, cloud_file, words, said):
     (shell.work / "empty.xyz").write_text("")
     (shell.work / "text.ply").write_text("once upon a time\n")
     (shell.work / "two.xyz").write_text("0 0 0\n1 1 1\n")
-    (shell.work / "nan.xyz").write_text("0 0 0\n1 1 1\nnan 0 0\n2 0 0\n")
+    (shell.work / "nan.xyz").write_text("nan 0 0\n" * 4)
     done = shell.call("apply", *words)
     assert done.returncode == 1, done.stdout
     assert "Traceback" not in done.stderr, done.stderr
