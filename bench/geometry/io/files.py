@@ -66,13 +66,14 @@ def load_mesh(path: str | Path) -> Trimesh:
 
 
 def load_cloud(path: str | Path) -> PointCloud:
-    """Read a point cloud: from PLY, OBJ, STL or OFF (their vertices), or from XYZ and TXT (3 or 6 columns).
+    """Read a point cloud: from PLY, PCD, LAS, E57, NPY, tables as text, or the vertices of a mesh file.
 
-    Normals and colours are those that the file itself stores for each point; none are computed. The last three of six
-    columns are colours if all are whole numbers from 0 to 255 and some exceed 1, otherwise normals.
+    Normals, colours and scalars are those that the file itself stores for each point; none are computed. What columns
+    without names hold is told by their values, see :func:`bench.geometry.io.columns.geometry_of`. Points that are not
+    finite are left out, with a notice (:mod:`bench.notices`).
 
     Normals are scaled to unit length. The few that have no direction (zero, NaN) become those of the nearest point that
-    has one; if more than half have none, all are left out. A notice says so (:mod:`bench.notices`).
+    has one; if more than half have none, all are left out. A notice says so.
 
     Raises
     ------
@@ -130,9 +131,9 @@ def _finite(raw: RawGeometry, name: str) -> RawGeometry:
 
 
 def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
-    """Write a mesh (.ply .obj .off .stl .glb) or a point cloud (.ply .xyz).
+    """Write a mesh (.ply .obj .off .stl .glb) or a point cloud (.ply .pcd .xyz .txt .asc .csv).
 
-    PLY, OBJ, OFF and XYZ keep float64; STL and GLB are float32 by their nature. The file is written under a temporary
+    All but two keep float64, and clouds their normals, colours and scalars; STL and GLB are float32 by their nature. The file is written under a temporary
     name beside ``path`` and then renamed, so that nobody ever sees half of it.
 
     Raises
