@@ -133,8 +133,8 @@ def _finite(raw: RawGeometry, name: str) -> RawGeometry:
 def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
     """Write a mesh (.ply .obj .off .stl .glb) or a point cloud (.ply .pcd .xyz .txt .asc .csv).
 
-    All but two keep float64, and clouds their normals, colours and scalars; STL and GLB are float32 by their nature. The file is written under a temporary
-    name beside ``path`` and then renamed, so that nobody ever sees half of it.
+    All but two keep float64, and clouds their normals, colours and scalars; STL and GLB are float32 by their nature.
+    The file is written under a temporary name beside ``path`` and then renamed, so that nobody ever sees half of it.
 
     Raises
     ------
