@@ -11,6 +11,7 @@ from bench import generator
 from bench.datasets.common.dirt import KINDS, make_dirt
 from bench.datasets.dirty import Dirty
 from bench.datasets.mixture import Mixture
+from bench.datasets.sensors.samples import Samples
 from bench.geometry.mesh_surface import MeshSurface
 from bench.geometry.topology import count_topology
 from bench.geometry.used import is_used
@@ -31,16 +32,15 @@ def both():
     return [(a.framed()[0], b.framed()[0]) for a, b in zip(clean, dirty(share=0.02).shapes("test"), strict=False)]
 
 
-def test_ids_frames_and_samples_are_those_of_the_clean_shapes(both):
+def test_a_sensor_gives_the_cloud_of_the_clean_shape(both):
+    """So a method is given the same, and what its scores differ by is the metrics' doing."""
     for clean, soiled in both:
         assert (clean.id, clean.tags, clean.exactness) == (soiled.id, soiled.tags, soiled.exactness)
         assert len(soiled.mesh.faces) > len(clean.mesh.faces)
-        for sample in ("sample", "sample_evenly"):
-            given = getattr(soiled.surface, sample)(500, generator(1))
-            if sample == "sample":
-                assert np.allclose(given, clean.surface.sample(500, generator(1)), atol=1e-12)
-            at = clean.surface.closest(given[0])
-            assert np.allclose(at[0], given[0], atol=1e-6)
+        for sampling in ("uniform", "poisson_disk"):
+            one, other = (Samples(count=500, sampling=sampling).sense(s, generator(1)) for s in (clean, soiled))
+            assert np.allclose(one.points, other.points, atol=1e-12)
+            assert np.allclose(one.normals, other.normals, atol=1e-9)
 
 
 def test_the_faces_cover_the_same_points(both):
