@@ -14,7 +14,7 @@ from .scan import Scan
 WIDTH = 100  # of notes
 MOST_MESSAGE = 200  # letters of a failure's message
 LEGEND = (
-    "A rank of 1-3: no method is surely better than this one, and all but three at most are surely worse. Lower is "
+    "A rank of 1-3: no method is surely better than this one, and all but two others are surely worse. Lower is "
     "better throughout; distances are in thousandths of the radius. score: three quarters of to mesh, a quarter of to "
     "points, and others, relative to the best. to mesh, to points: from the points of one half of the scan to the mesh "
     "of the other, and back. others: to the meshes of other methods. halves: between the meshes of the two halves. x "
