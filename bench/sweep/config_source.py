@@ -138,13 +138,21 @@ def _check_defaults(path: str, defaults: Any) -> None:
             group = str(key).removeprefix("override").removeprefix("optional").strip().lstrip("/")
             if group == "hydra/launcher" and value in LAUNCHERS:
                 continue
+            _check_names(path, f"defaults: {key}", value)
             if group not in GROUPS:
                 raise UsageError(
                     f"{path}: defaults: {key}: {value}: expected one of {', '.join(GROUPS)}, or hydra/launcher with "
                     f"{' or '.join(LAUNCHERS)}; whatever else is Hydra's belongs on the command line"
                 )
-        if not isinstance(entry, Mapping) and not re.fullmatch(r"\w+", str(entry)):
+        if not isinstance(entry, Mapping) and not re.fullmatch(r"[\w-]+", str(entry)):
             raise UsageError(f"{path}: defaults: {entry}: expected a name")
+
+
+def _check_names(path: str, key: str, value: Any) -> None:
+    """Names lead to files of the groups, and to no other file; what is put in for ``${...}`` is checked by the jobs."""
+    for name in value if isinstance(value, list) else [value]:
+        if "/" in str(name) or "\\" in str(name):
+            raise UsageError(f"{path}: {key}: {name}: expected names, without a folder")
 
 
 def _check_root(path: str, content: Mapping[str, Any]) -> None:
@@ -163,7 +171,9 @@ def _check_root(path: str, content: Mapping[str, Any]) -> None:
             f"{path}: {wrong[0]}: expected hydra.mode, hydra.sweeper.params or hydra.launcher.n_jobs; whatever else is "
             "Hydra's belongs on the command line"
         )
-    for key in _mapping(path, sweeper, "params"):
+    for key, value in _mapping(path, sweeper, "params").items():
+        if key in GROUPS:
+            _check_names(path, f"hydra.sweeper.params: {key}", value)
         if not re.fullmatch(r"\w+(\.\w+)*", str(key)) or str(key).partition(".")[0] not in known:
             head = str(key).partition(".")[0]
             raise UsageError(f"{path}: hydra.sweeper.params: there is no key {key!r}. {did_you_mean(head, known)}")

@@ -340,7 +340,7 @@ def check_jobs(jobs: Iterable[Sequence[str]]) -> None:
     jobs = list(jobs)
     _check_parameters_of(jobs)
     for job in jobs:
-        for kind in KINDS:
+        for kind in GROUPS:
             words = tuple(word for word in job if word.lstrip("+~").startswith((f"{kind}=", f"{kind}.")))
             if words and words not in seen:
                 seen.add(words)

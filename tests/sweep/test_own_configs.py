@@ -176,6 +176,8 @@ CODE = {
     "plugin files": (GLOBAL + "plugins: [ran.py]\n", "no key 'plugins'"),
     "plugin files in a sweep": (GLOBAL + "hydra: {sweeper: {params: {plugins: '[ran.py]'}}}\n", "no key 'plugins'"),
     "a sweep of Hydra": (GLOBAL + "hydra: {sweeper: {params: {hydra.job_logging: x}}}\n", "hydra.job_logging"),
+    "a file elsewhere": (GLOBAL + "defaults:\n  - override /method: ../../ran\n", "without a folder"),
+    "a sweep over files elsewhere": (GLOBAL + "hydra: {sweeper: {params: {profile: ../ran}}}\n", "without a folder"),
     "a tag of YAML": (GLOBAL + "cases: !!python/object/apply:os.mkdir [ran]\n", "YAML"),
     "no YAML": (GLOBAL + "cases: [\n", "YAML"),
     "no mapping": ("- 3\n", "expected keys"),
@@ -195,6 +197,16 @@ def test_a_file_that_is_more_than_data_is_refused_by_name_and_runs_nothing(own, 
     error = capsys.readouterr().err
     assert f"{own}/{group}/bad.yaml" in error and message in error and "Traceback" not in error
     assert not Path(tmp_path, "ran").exists()
+
+
+def test_a_name_that_is_put_in_for_an_interpolation_leads_to_no_other_file(own, tmp_path, capsys):
+    """Hydra would take ``profile=../../ran`` for a path."""
+    write(tmp_path, {"ran": GLOBAL + "cases: 99\n"})
+    sweep = "sizes: {quick: ../../../ran}\nhydra: {mode: MULTIRUN, sweeper: {params: {profile: '${sizes.quick}'}}}\n"
+    write(own, {"experiment/bad": GLOBAL + sweep})
+    config_files._found.cache_clear()
+    assert cli.main(["plan", "experiment=bad"]) == 1
+    assert "no profile is called" in (error := capsys.readouterr().err) or "expected a name" in error
 
 
 def test_what_is_beside_our_groups_is_not_looked_at(own):
