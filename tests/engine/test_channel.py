@@ -20,6 +20,7 @@ GOOD = {
     "result": {"row": {"status": "refused", "message": ""}},
     "worst": {"index": 0, "row": {"worst.x": 2.0}},
     "progress": {"done": 1, "total": 2.5},
+    "doing": {"what": "solving"},
 }
 
 
