@@ -34,7 +34,7 @@ REVISIONS = ("b3d9568",)  # the last version whose digests covered names of file
 MOVED, WORDS, READS = "parts of a file that was divided", "words in docstrings", "says which files it reads"
 SAME_RESULTS = {
     "bench/contract/case.py": MOVED,
-    "bench/contract/shape.py": f"{MOVED}; Shape.renamed",
+    "bench/contract/shape.py": f"{MOVED}; Shape.renamed; clouds as shapes, and scans",
     "bench/contract/task.py": f"{MOVED}; words for tables, worst outputs, what a sensor must give",
     "bench/geometry/cloud.py": f"{MOVED}; PointCloud.arrays and of",
     "bench/geometry/hopeless.py": "what methods/pseudo did: the same draws of the same generator",
@@ -43,7 +43,8 @@ SAME_RESULTS = {
     "bench/tasks/detail_transfer.py": "words for tables; how many vertices are expected",
     "bench/tasks/reconstruct.py": MOVED,
     "bench/tasks/upsample.py": MOVED,
-    "datasets/files.py": "a train split, of which there is none by default",
+    "datasets/common/own_files.py": "was a part of datasets/files.py",
+    "datasets/files.py": "a train split, of which there is none by default; messages",
     "datasets/sensors/chain.py": "says what it gives",
     "datasets/surfaces/field.py": MOVED,
     "datasets/surfaces/implicit.py": MOVED,
