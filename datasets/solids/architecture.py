@@ -201,9 +201,11 @@ def church(rng: np.random.Generator) -> Building:
         walls.append(_box(_about(0, 1.25 * width), (-side - 0.05, length + 0.06), (-0.05, SINK)))
         cuts, bars, late = [], [], []
         for turn in (-1, 1):
+            pier = _buttress(0.045, 0.1, 0.85 * height)
+            pier = pier if turn > 0 else pier.mirror((1, 0, 0))
             for k in range(bays + 1):
-                walls.append(_buttress(0.045, 0.1, 0.85 * height).mirror((turn - 1, 0, 0)).translate(
-                    (turn * (width / 2 - SINK), 0.03 + k * (length - 0.06) / bays, 0)))  # fmt: skip
+                at = (turn * (width / 2 - SINK), 0.03 + k * (length - 0.06) / bays, 0)
+                walls.append(pier.translate(at))
             for k in range(bays):
                 y = (k + 0.5) * pitch
                 opening = _arch(0.45 * pitch, 0.62 * height, 2 * recess).rotate((0, 0, 90))

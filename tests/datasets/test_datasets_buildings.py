@@ -41,6 +41,11 @@ def test_columns_stand_all_around():
     assert temple.build().slice(0.2).num_contour() == temple.openings + 1  # and the walls within
 
 
+def test_a_church_has_buttresses_on_both_sides():
+    left, right = architecture.church(generator("architecture", 0)).build().split_by_plane((1, 0, 0), 0)
+    assert left.volume() == pytest.approx(right.volume(), rel=5e-3)  # the spokes of the rose are turned
+
+
 def test_the_kinds_take_turns_and_a_shape_comes_again():
     assert [shape.info["kind"] for shape in SHAPES] == list(architecture.KINDS)
     first, again, train = (next(Buildings(kind="church").shapes(split)).mesh for split in ("test", "test", "train"))
