@@ -1,6 +1,7 @@
 """Pictures of all shape families and of all sensors, without a display.
 
     python docs/gallery.py families docs/families.png
+    python docs/gallery.py families docs/families_made.png --only parts assemblies wires cloth buildings
     python docs/gallery.py sensors docs/sensors.png --dataset smooth_csg
 
 (with pyvista, from the extra `render`)
@@ -37,9 +38,10 @@ def polydata(shape: Shape) -> pyvista.PolyData:
     return pyvista.make_tri_mesh(vertices, np.asarray(mesh.faces))
 
 
-def families(picture: str) -> None:
-    """A row of shapes for each family."""
+def families(picture: str, only: list[str]) -> None:
+    """A row of shapes for each family, or for each of those that are named."""
     plugins = [p for p in registry().all("dataset") if not hasattr(p.cls, "state")]
+    plugins = [p for p in plugins if not only or p.name in only]
     rows = (len(plugins) + 1) // 2
     size = (2 * SHAPES * TILE, rows * TILE)
     plotter = pyvista.Plotter(off_screen=True, shape=(rows, 2 * SHAPES), window_size=size, border=False)
@@ -103,9 +105,10 @@ def main() -> None:
     parser.add_argument("picture")
     parser.add_argument("--dataset", default="smooth_csg", help="whose shape the sensors see")
     parser.add_argument("--index", type=int, default=0, help="which of its test shapes")
+    parser.add_argument("--only", nargs="+", default=[], metavar="FAMILY", help="the families; all by default")
     args = parser.parse_args()
     if args.what == "families":
-        families(args.picture)
+        families(args.picture, args.only)
     else:
         sensors(args.picture, args.dataset, args.index)
 
