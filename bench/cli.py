@@ -32,7 +32,7 @@ COMMANDS = {
     "fetch": "download the data of a dataset that is not procedural",
     "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
     "train": "train a learned method, and keep its weights",
-    "apply": "one method on one file",
+    "apply": "one method on one file, or on many",
     "recommend": "which method serves a scan: a ranking without ground truth",
     "score": "two files: an output held against its reference",
     "check": "hold a plugin against the contract",
