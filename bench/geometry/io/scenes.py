@@ -20,7 +20,7 @@ from .plain import decoded
 from .polygons import triangulate
 from .raw import NO_FACES, RawGeometry
 
-INSTALL = 'pip install "detailbench[scenes]"'
+INSTALL = "pip install lxml networkx pycollada"  # the extra `scenes`
 NEEDED = {"3mf": ("lxml", "networkx"), "dae": ("collada",), "glb": (), "gltf": ()}
 TITLES = {"3mf": "3MF", "dae": "COLLADA", "glb": "GLB", "gltf": "glTF"}
 # What a file may ask of its reader without a change of its surface.
