@@ -19,6 +19,7 @@ from ...errors import BadInput
 from ...notices import notice
 from ...text import shortened
 from .columns import are_normals, geometry_of, plain_name
+from .plain import decoded
 from .raw import NO_FACES, RawGeometry
 
 MISSING = ("nan", "NaN", "NAN", "-nan", "+nan", "-NaN", "nan(ind)", "-nan(ind)", "-nan(snan)", "nan(snan)")
@@ -194,13 +195,7 @@ def as_utf8(data: bytes, name: str) -> bytes:
     BadInput
         If the content is no text.
     """
-    encoding = next((code for mark, code in MARKS.items() if data.startswith(mark)), "")
-    if not encoding:  # of UTF-16 without a mark every other byte is zero, where the text is plain
-        for start, code in ((1, "utf-16-le"), (0, "utf-16-be")):
-            half = data[start:2000:2]
-            encoding = code if half.count(0) > 0.8 * len(half) else encoding
-    if encoding:
-        data = data.decode(encoding, errors="replace").encode("utf-8", errors="replace")
+    data = decoded(data)
     if b"\0" in data[:4096]:
         raise BadInput(f"{name}: is no text; {EXPECTED}")
     if b"\xc2\xa0" in data:  # blanks that do not break
@@ -208,9 +203,6 @@ def as_utf8(data: bytes, name: str) -> bytes:
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return data
-
-
-MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 
 
 # -- the first look ----------------------------------------------------------------------------------------------------
