@@ -157,7 +157,7 @@ class Task:
             raise UsageError(f"expected one input file, got {len(paths)}: {', '.join(paths) or 'none'}")
         cloud = load_cloud(paths[0])
         check_points(cloud.points, str(paths[0]), at_least=3)
-        frame = frame_of_bulk(cloud.points, str(paths[0]))
+        frame = frame_of_bulk(cloud.points)
         return self.input(cloud.moved(frame.apply(cloud.points))), frame
 
     def restore(self, output: Any, frame: Frame) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..notices import notice
 from .cloud import Frame
 
 SHARE = 0.005  # of the points at each end of an axis that do not count for the size of the bulk
@@ -13,10 +12,10 @@ REACH = 3.0  # radii of the bulk within which points set the frame
 MOST = 0.01  # share of the points that may be strays; more are a part of the scene
 
 
-def frame_of_bulk(points: np.ndarray, name: str) -> Frame:
+def frame_of_bulk(points: np.ndarray) -> Frame:
     """The frame in which points (n, 3), or all but a few that are very far from them, have radius 1.
 
-    A notice, which begins with ``name``, says how many points are outside, and what removes them.
+    The reader of a file gives a notice of such points (:mod:`bench.geometry.suspicions`).
     """
     frame = Frame.of(points)
     low, high = np.quantile(points, [SHARE, 1 - SHARE], axis=0)
@@ -25,12 +24,4 @@ def frame_of_bulk(points: np.ndarray, name: str) -> Frame:
         return frame
     inside = np.linalg.norm(points - (low + high) / 2, axis=1) <= REACH * radius
     outside = len(points) - int(inside.sum())
-    if not outside or outside > MOST * len(points):
-        return frame
-    bulk = Frame.of(points[inside])
-    times = f"{frame.radius / bulk.radius:,.0f} times"
-    notice(
-        f"{name}: {outside:,} of {len(points):,} points lie up to {times} as far as the others; "
-        "remove them first (method=radius_outlier), or the surface may suffer"
-    )
-    return bulk
+    return Frame.of(points[inside]) if 0 < outside <= MOST * len(points) else frame

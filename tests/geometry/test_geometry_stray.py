@@ -5,7 +5,6 @@ import pytest
 
 from bench.geometry.cloud import Frame
 from bench.geometry.stray import frame_of_bulk
-from bench.notices import collected
 
 
 @pytest.fixture
@@ -16,15 +15,10 @@ def ball():
 
 @pytest.mark.parametrize("distance", [5e3, 1e6, 1e12])
 def test_a_point_that_is_very_far_does_not_set_the_frame(ball, distance):
-    with collected() as notices:
-        frame = frame_of_bulk(np.vstack([ball, ball[0] + (distance, 0, 0)]), "scan.ply")
-    assert frame == Frame.of(ball)
-    assert len(notices) == 1 and notices[0].startswith("scan.ply: 1 of 2,001 points lie up to ")
+    assert frame_of_bulk(np.vstack([ball, ball[0] + (distance, 0, 0)])) == Frame.of(ball)
 
 
 def test_what_is_near_or_of_many_points_belongs_to_the_scene(ball):
     clouds = [ball, np.vstack([ball, ball[0] + (30, 0, 0)]), np.vstack([ball, ball[:100] + (1e5, 0, 0)]), ball[:3]]
-    with collected() as notices:
-        for points in (*clouds, np.vstack([np.zeros((500, 3)), [1, 0, 0]])):
-            assert frame_of_bulk(points, "scan.ply") == Frame.of(points)
-    assert notices == []
+    for points in (*clouds, np.vstack([np.zeros((500, 3)), [1, 0, 0]])):
+        assert frame_of_bulk(points) == Frame.of(points)
