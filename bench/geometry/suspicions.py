@@ -26,8 +26,8 @@ def notice_suspicions(points: np.ndarray, name: str) -> None:
     if found := far_points(points):
         count, share = found
         notice(
-            f"{name}: {len(points) - count:,} of {len(points):,} points lie in {100 * share:.2g} % of its box, the rest "
-            "far from them; remove outliers first (method=radius_outlier)"
+            f"{name}: {len(points) - count:,} of {len(points):,} points lie in {100 * share:.2g} % of its box, the "
+            "rest far from them; remove outliers first (method=radius_outlier)"
         )
 
 
