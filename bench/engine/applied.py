@@ -72,5 +72,8 @@ def _content(path: Path) -> Any:
     if path.is_dir():
         files = sorted(inner for inner in path.rglob("*") if inner.is_file())
         return [[str(inner.relative_to(path)), _content(inner)] for inner in files]
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:  # whoever reads it next says what is wrong with the file
+        return f"cannot be read: {error.strerror or error}"
