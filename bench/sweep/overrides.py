@@ -220,7 +220,7 @@ def chosen(kind: str, overrides: Sequence[str]) -> list[str]:
     for override in _parse(overrides):
         preset = preset or override.key_or_group == "experiment"
         if override.key_or_group == kind:
-            names.extend(_flat(_values(override)))
+            names = _flat(_values(override))  # of several, Hydra takes the last
     return names if names or preset else [n for n in (_default_choice(kind),) if n]
 
 

@@ -315,7 +315,7 @@ def test_points_are_told_where_to_go(folder, tmp_path):
             ids(path)
     save(PointCloud(trimesh.creation.icosphere(1).vertices), folder / "b.ply")
     shapes = {shape.id: shape for shape in Files(str(folder)).shapes("test")}
-    with pytest.raises(BadInput, match=r"b.ply: has 42 points but no faces; .*dataset=paired"):
+    with pytest.raises(BadInput, match=r"b.ply: has 42 vertices but no faces; .*dataset=paired"):
         _ = shapes["b"].mesh
     assert len(shapes["a"].mesh.faces) == 80
 

@@ -63,7 +63,7 @@ class Heard(_Job):
     def __init__(self):
         self.ids, self.rows, self.scored, self.reporter = [], {}, set(), type("", (), {"event": lambda *_: None})()
         self.at, self.listed, self.replaced = (-1, 0), False, False
-        self.cell = type("", (), {"cases": 100_000})
+        self.cell = type("", (), {"cases": 100_000, "planned": 100_000})
 
     def keep(self, row):
         self.rows[row["case_index"]] = row
