@@ -76,4 +76,4 @@ def test_a_kind_of_file_without_colours_says_so(tmp_path):
     with collected() as notices:
         save(colored, tmp_path / "mesh.stl")
         save(colored, tmp_path / "mesh.off")
-    assert [n.partition(" has")[0] for n in notices] == ["STL", "OFF"]
+    assert [n.partition(" holds")[0] for n in notices] == ["STL", "OFF"]
