@@ -179,6 +179,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
             "catalog.json",
             "real.json",
             "earlier_sources.json",
+            "priors.json",
             "py.typed",
             "spheres/*.safetensors",
             "weights/*.safetensors",

@@ -30,7 +30,7 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -166,6 +166,10 @@ class Registry:
 
     def add(self, plugin: Plugin) -> None:
         """Add one plugin; a second one of that name from elsewhere is refused, with both sides named."""
+        module, origin = self._known[plugin.kind].get(plugin.name, ("", ""))
+        if module == plugin.cls.__module__:  # imported by somebody else than the registry
+            del self._known[plugin.kind][plugin.name]
+            plugin = replace(plugin, origin=origin)
         self._load_known(plugin.kind, plugin.name)
         known = self._plugins[plugin.kind].get(plugin.name)
         if known and (known.file, known.cls.__qualname__) != (plugin.file, plugin.cls.__qualname__):
@@ -275,13 +279,23 @@ class Registry:
             return
         self._loaded.add(module)
         self._origin = origin
+        is_imported = module in sys.modules
         try:
             load()
+            if is_imported:  # before the registry asked for it
+                self._adopt(module, origin)
         except (Exception, SystemExit) as error:  # the guard: whatever a plugin's import does, the others go on
             reason, details = _reason(error)
             self.broken.append(Broken(f"{origin} ({module})" if not file else origin, file, reason, details))
         finally:
             self._origin = None
+
+    def _adopt(self, module: str, origin: str) -> None:
+        """Say where the plugins of a module come from that was imported before it was discovered."""
+        for plugins in self._plugins.values():
+            for name, plugin in plugins.items():
+                if plugin.cls.__module__ == module and plugin.origin == "imported":
+                    plugins[name] = replace(plugin, origin=origin)
 
     def _plugin_modules(self, name: str, origin: str) -> Iterable[str]:
         """The module, or, of a package, its modules that register something."""

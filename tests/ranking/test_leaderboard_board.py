@@ -289,7 +289,7 @@ def test_by_dataset_and_sensor_is_the_usual_table(spread):
 
 
 def test_by_something_else_is_refused(spread):
-    with pytest.raises(UsageError, match="by 'tags'.*'tag'"):
+    with pytest.raises(UsageError, match="--by tags.*'tag'"):
         leaderboard(spread, by="tags")
 
 

@@ -130,7 +130,7 @@ def test_it_takes_two(wrong):
 
 
 def test_a_wrong_name_gets_the_nearest():
-    with pytest.raises(UsageError, match="pareto 'second'.*Did you mean 'seconds'"):
+    with pytest.raises(UsageError, match="--pareto second.*Did you mean 'seconds'"):
         leaderboard(frame_of(), pareto="d,second")
 
 

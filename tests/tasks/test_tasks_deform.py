@@ -398,10 +398,10 @@ def test_files_that_cannot_be_used_are_named(files, tmp_path):
     with pytest.raises(BadInput, match="missing.ply: no such file"):
         task.read([files["source.ply"], str(tmp_path / "missing.ply")])
     broken = box()
-    broken.vertices[0] = np.nan
+    broken.vertices[:] = np.nan
     save(broken, tmp_path / "broken.ply")
     for paths in ([tmp_path / "broken.ply", files["mesh.ply"]], [files["source.ply"], tmp_path / "broken.ply"]):
-        with pytest.raises(BadInput, match="broken.ply: 1 of 8 (vertices|points) are NaN"):
+        with pytest.raises(BadInput, match="broken.ply: 8 of 8 (vertices|points) are NaN"):
             task.read(list(map(str, paths)))
 
 

@@ -233,9 +233,9 @@ def test_files_that_cannot_be_used_are_named(files, tmp_path):
     with pytest.raises(BadInput, match="missing.ply: no such file"):
         task.read([files["source"], str(tmp_path / "missing.ply"), files["target_base"]])
     broken = box()
-    broken.vertices[0] = np.nan
+    broken.vertices[:] = np.nan
     save(broken, tmp_path / "broken.ply")
-    with pytest.raises(BadInput, match="broken.ply: 1 of 8 vertices are NaN"):
+    with pytest.raises(BadInput, match="broken.ply: 8 of 8 vertices are NaN"):
         task.read([files["source"], str(tmp_path / "broken.ply")])
 
 
