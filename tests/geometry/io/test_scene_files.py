@@ -147,7 +147,8 @@ def test_a_missing_library_is_named_with_its_line(tmp_path, monkeypatch, suffix,
     if suffix == ".3mf":
         zipfile.ZipFile(data, "w").close()
     (tmp_path / f"a{suffix}").write_bytes(data.getvalue())
-    with pytest.raises(MissingLibrary, match=rf"^{library} reads .*a\{suffix}.*pip install lxml networkx pycollada") as error:
+    expected = rf"^{library} reads .*a\{suffix}.*pip install lxml networkx pycollada"
+    with pytest.raises(MissingLibrary, match=expected) as error:
         load_mesh(tmp_path / f"a{suffix}")
     assert not isinstance(error.value, UsageError)
 
