@@ -35,13 +35,9 @@ def fingerprint(job: Application) -> str:
             "inputs": [_content(Path(path)) for path in job.inputs],
             "settings": [job.seed, job.device.partition(":")[0], job.normals, job.simplify, job.colors],
             "weights": weights_of(job.training) if job.training else None,
-            "made_by": _made_by(job),
+            "made_by": depends_on((job.task, job.method)),
         }
     )
-
-
-def _made_by(job: Application) -> dict[str, Any]:
-    return depends_on((job.task, job.method))
 
 
 def recorded(job: Application, mark: str) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""The user's own files: found by name, folder or pattern, called by ids that are safe, and told apart by content."""
+"""The user's own files: found by name, folder or pattern, with safe ids, and compared by content."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from ...errors import BadInput
 from ...notices import notice
 from .columns import geometry_of
 from .raw import RawGeometry
+from .scans import notice_scans
 from .tables import as_utf8, numbers
 
 NAMES = ("x", "y", "z", "intensity", "r", "g", "b")
@@ -75,7 +76,7 @@ def _joined(scans: list[np.ndarray], cells: int, name: str) -> RawGeometry:
         notice(f"{name}: {cells - len(table):,} of {cells:,} cells have no return; they are left out")
     raw = geometry_of(table, NAMES[:width], name)
     if len(scans) > 1:
-        notice(f"{name}: has {len(scans)} scans; all are read, moved by their poses, and told apart by the scalar scan")
+        notice_scans(len(scans), name)
         number = np.repeat(np.arange(len(scans), dtype=np.float64), [len(table) for table in scans])
         raw = raw._replace(scalars=(raw.scalars or {}) | {"scan": number})
     return raw

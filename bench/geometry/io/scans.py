@@ -84,7 +84,7 @@ def read_e57(data: bytes, name: str) -> RawGeometry:
     if not scans:
         raise BadInput(f"{name}: holds no scans; expected an E57 file with points")
     if len(scans) > 1:
-        notice(f"{name}: has {len(scans)} scans; all are read, moved by their poses, and told apart by the scalar scan")
+        notice_scans(len(scans), name)
     return _joined(scans)
 
 
@@ -114,6 +114,11 @@ def _colors(values: np.ndarray) -> np.ndarray | None:
     if not scale or not values.any():
         return None
     return values / (255.0 if scale == 1 and (values == np.rint(values)).all() else scale)
+
+
+def notice_scans(count: int, name: str) -> None:
+    """Give a notice of a file, called ``name``, that has several scans."""
+    notice(f"{name}: has {count} scans; all are read, moved by their poses; the scalar scan is the number of each")
 
 
 def _first_line(error: Exception) -> str:
