@@ -37,7 +37,8 @@ METHODS = (
 CASES = {
     "train": (
         "bumps:noisy cad:noisy cad:scanned:1 knots:no_normals vases:with_holes superquadrics:clean "
-        "branches:density_gradient tpms:outliers fractals:outliers humanoids:mvs_cloud"
+        "branches:density_gradient tpms:outliers fractals:outliers humanoids:mvs_cloud bumps:with_holes "
+        "furniture:with_holes tpms:with_holes furniture:scanned knots:mvs_cloud statues:mvs_cloud"
     ),
     "test": (
         "bumps:scanned cad:noisy supershapes:outliers fbm:no_normals blobs:with_holes tpms:clean knots:noisy "

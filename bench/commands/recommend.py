@@ -64,13 +64,10 @@ def run(args: argparse.Namespace) -> int:
     for text in notices:
         print(f"note: {text}", file=sys.stderr)
     setup = _setup(args, plugins)
-    total = len(scans) * len(chosen)
     with Steps(f"{len(chosen)} methods, {len(scans)} {'scan' if len(scans) == 1 else 'scans'}") as steps:
-        done: list[str] = []
 
-        def ended(title: str) -> None:
-            done.append(title)
-            steps.event({"event": "progress", "done": len(done), "total": total})
+        def ended(done: int, total: int) -> None:
+            steps.event({"event": "progress", "done": done, "total": total})
 
         found = recommend(scans, chosen, setup, ended)
     print(json.dumps(as_json(found), indent=2) if args.json else table(found))

@@ -7,6 +7,7 @@ the points of the other, so these judge it; and methods that err in different wa
     sample of the mesh  -> nearest held-out point           a sheet beside the points, a bag around them
     sample of the mesh  -> the mesh of the other half       what depends on the accident of sampling
     sample of the whole -> the other methods' wholes        what no other method finds
+    point of a gap      <-> the mesh of the scan with gaps  how holes are filled, where the scan has any
 
 One direction alone is pleased by the wrong mesh: by one that fills the space near the points, or by one that is
 missing where points are few. The scan is cut into patches, whose means are kept apart: they tell how sure a
@@ -29,6 +30,7 @@ from ..seeds import generator
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
+    from .gaps import Gaps
     from .scan import Scan
 
     Meshes = tuple[Trimesh, Trimesh, Trimesh]
@@ -51,6 +53,10 @@ class Evidence:
         ``apart[i, j]``: samples of method i's mesh of the scan to that of method j.
     median_held : (k,) array
         Median distance of the held-out points to the mesh.
+    gap_to_mesh, gap_to_points : (k, 2, patches) arrays
+        Points of gaps to the mesh that has not seen them, and samples of that mesh nearest to them; zero without gaps.
+    hidden : float
+        Estimated share of the surface that no point supports; 0 without gaps.
     pieces, open_edges : (k,) int arrays
         Of the mesh of the scan: components, and edges of exactly one face.
     """
@@ -60,11 +66,20 @@ class Evidence:
     halves: np.ndarray
     apart: np.ndarray
     median_held: np.ndarray
+    gap_to_mesh: np.ndarray
+    gap_to_points: np.ndarray
+    hidden: float
     pieces: np.ndarray
     open_edges: np.ndarray
 
 
-def evidence(scan: Scan, meshes: Sequence[Meshes], seed: int) -> Evidence:
+def evidence(
+    scan: Scan,
+    meshes: Sequence[Meshes],
+    seed: int,
+    gaps: Gaps | None = None,
+    filled: Sequence[Trimesh] = (),
+) -> Evidence:
     """Hold the meshes of k methods against the points of a scan and against each other.
 
     Parameters
@@ -74,6 +89,8 @@ def evidence(scan: Scan, meshes: Sequence[Meshes], seed: int) -> Evidence:
         In the frame of the scan.
     seed : int
         Of the samples.
+    gaps : what was cut out, if the scan has holes
+    filled : with ``gaps``, what each method made of the rest
     """
     k = len(meshes)
     surfaces = [[MeshSurface(mesh) for mesh in three] for three in meshes]
@@ -100,9 +117,24 @@ def evidence(scan: Scan, meshes: Sequence[Meshes], seed: int) -> Evidence:
         for j in range(k):
             if i != j:
                 apart[i, j] = _sums(surfaces[j][0].project(samples[i][0]).distance, at)
+    gap_to_mesh, gap_to_points = np.zeros((2, k, 2, PATCHES))
+    if gaps is not None:
+        for i, mesh in enumerate(filled):
+            gap_to_mesh[i], gap_to_points[i] = points.across(gaps.removed, MeshSurface(mesh), seed)
     counts = [count_topology(three[0].vertices, three[0].faces) for three in meshes]
     pieces, open_edges = np.array([(c.components, c.boundary_edges) for c in counts]).T
-    return Evidence(to_mesh, to_points, halves, apart, median_held, pieces, open_edges)
+    return Evidence(
+        to_mesh,
+        to_points,
+        halves,
+        apart,
+        median_held,
+        gap_to_mesh,
+        gap_to_points,
+        gaps.hidden if gaps else 0.0,
+        pieces,
+        open_edges,
+    )
 
 
 class _Points:
@@ -111,6 +143,7 @@ class _Points:
     def __init__(self, scan: Scan):
         # The points of a scan lie along a space-filling curve: neighbours in the order are neighbours in space.
         patch = np.arange(len(scan.cloud)) * PATCHES // len(scan.cloud)
+        self._whole, self._patch, self._good = scan.cloud.points, patch, ~scan.outlier
         rows = [np.flatnonzero(~scan.outlier & (scan.second == bool(half))) for half in (0, 1)]
         self.held = [(scan.cloud.points[chosen], patch[chosen]) for chosen in rows]
         self._trees = [cKDTree(points) for points, _ in self.held]
@@ -119,6 +152,18 @@ class _Points:
         """Distances of points (n, 3) to the nearest points of a half, and the patches of those."""
         distance, nearest = self._trees[half].query(points)
         return distance, self.held[half][1][nearest]
+
+    def across(self, removed: np.ndarray, surface: MeshSurface, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of the distances of removed points (a mask of all) to a surface, and of its samples nearest to them."""
+        good = np.flatnonzero(self._good)
+        gone = good[removed[good]]
+        to_mesh = _sums(surface.project(self._whole[gone]).distance, self._patch[gone])
+        samples, _ = surface.sample(SAMPLES, generator(seed, "gaps"))
+        distance, at = cKDTree(self._whole[good]).query(samples)
+        near = removed[good[at]]
+        if not near.any():  # nothing of the surface is there: as far from the points as they are from it
+            return to_mesh, to_mesh
+        return to_mesh, _sums(distance[near], self._patch[good[at[near]]])
 
 
 def _sums(values: np.ndarray, patch: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from ..errors import DetailbenchError
 from .candidates import Candidate
 from .evidence import Evidence, evidence
+from .gaps import gaps_of
 from .priors import nearest
 from .scan import NORMAL_MEDIAN, Scan
 from .trials import Setup, Trial, trials
@@ -85,27 +87,69 @@ def recommend(
     scans: Sequence[Scan],
     chosen: Sequence[Candidate],
     setup: Setup,
-    on_done: Callable[[str], None] = lambda title: None,
+    on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Recommendation:
     """Try candidates on scans and rank them.
+
+    Parameters
+    ----------
+    scans, chosen, setup
+    on_done : called with how many trials have ended, and of how many; there are more for scans with holes
 
     Raises
     ------
     DetailbenchError
         If fewer than two candidates solved all scans, with the reasons.
     """
-    found = trials(scans, chosen, setup, on_done)
-    solved = tuple(i for i in range(len(chosen)) if all(row[i].meshes is not None for row in found))
-    if len(solved) < 2:
-        reasons = {chosen[i].label: row[i].why for row in found for i in range(len(chosen)) if row[i].why}
-        listed = "; ".join(f"{label}: {why}" for label, why in reasons.items())
-        raise DetailbenchError(
-            f"{len(solved)} of {len(chosen)} methods solved all scans; a ranking needs two. Raise --limit or --memory, "
-            f"lower --points, or name other methods. {listed}"
+    count = _Count(on_done, len(scans) * len(chosen))
+    found = trials([(scan.cloud, scan.half(0), scan.half(1)) for scan in scans], chosen, setup, count.one_more)
+    solved = _solved(found, chosen)
+    names = [candidate.choice.name for candidate in chosen]
+    gaps = [
+        gaps_of(scan, [row[i].meshes[0] for i in solved], [names[i] for i in solved], setup.seed)
+        for scan, row in zip(scans, found, strict=True)
+    ]
+    with_gaps = [number for number, gap in enumerate(gaps) if gap is not None]
+    if with_gaps:
+        count.total += len(with_gaps) * len(solved)
+        clouds = [(gaps[number].rest(scans[number]),) for number in with_gaps]
+        filled = trials(clouds, [chosen[i] for i in solved], setup, count.one_more)
+        for number, row in zip(with_gaps, filled, strict=True):
+            for i, trial in zip(solved, row, strict=True):
+                found[number][i] = found[number][i].then(trial)
+        solved = _solved(found, chosen)
+    held = [
+        evidence(
+            scan, [row[i].meshes[:3] for i in solved], setup.seed, gap, [m for i in solved for m in row[i].meshes[3:]]
         )
-    held = [evidence(s, [row[i].meshes for i in solved], setup.seed) for s, row in zip(scans, found, strict=True)]
-    ranks = verdict(held, [chosen[i].choice.name for i in solved], setup.seed)
+        for scan, row, gap in zip(scans, found, gaps, strict=True)
+    ]
+    ranks = verdict(held, [names[i] for i in solved], setup.seed)
     return Recommendation(scans, chosen, setup, solved, found, held, ranks)
+
+
+class _Count:
+    """How many trials have ended, in whichever thread."""
+
+    def __init__(self, on_done: Callable[[int, int], None], total: int):
+        self.total, self._on_done, self._done, self._lock = total, on_done, 0, Lock()
+
+    def one_more(self) -> None:
+        with self._lock:
+            self._done += 1
+            self._on_done(self._done, self.total)
+
+
+def _solved(found: list[list[Trial]], chosen: Sequence[Candidate]) -> tuple[int, ...]:
+    solved = tuple(i for i in range(len(chosen)) if all(row[i].meshes is not None for row in found))
+    if len(solved) >= 2:
+        return solved
+    reasons = {chosen[i].label: row[i].why for row in found for i in range(len(chosen)) if row[i].why}
+    listed = "; ".join(f"{label}: {why}" for label, why in reasons.items())
+    raise DetailbenchError(
+        f"{len(solved)} of {len(chosen)} methods solved all scans; a ranking needs two. Raise --limit or --memory, "
+        f"lower --points, or name other methods. {listed}"
+    )
 
 
 def as_json(found: Recommendation) -> dict[str, Any]:
@@ -142,9 +186,10 @@ def as_json(found: Recommendation) -> dict[str, Any]:
                 "radius": float(scan.frame.radius),
                 "spacing": float(scan.spacing),
                 **scan.state._asdict(),
+                "hidden": float(of_scan.hidden),
                 "most_like": nearest(scan.state).sensor,
             }
-            for scan in found.scans
+            for scan, of_scan in zip(found.scans, found.evidence, strict=True)
         ],
         "tied_for_first": [candidate.label for candidate in found.tied],
         "ranking": [entry(place, candidate) for place, candidate in found.ranked],

@@ -16,16 +16,18 @@ MOST_MESSAGE = 200  # letters of a failure's message
 LEGEND = (
     "A rank of 1-3: no method is surely better than this one, and all but two others are surely worse. Lower is "
     "better throughout; distances are in thousandths of the radius. score: three quarters of to mesh, a quarter of to "
-    "points, and others, relative to the best. to mesh, to points: from the points of one half of the scan to the mesh "
-    "of the other, and back. others: to the meshes of other methods. halves: between the meshes of the two halves. x "
-    "noise: median distance of held-out points over what the noise alone makes it. halves and what is right of it do "
-    "not count; pieces, open edges, seconds and memory are of the tried points."
+    "points, others, and gaps by the share of the surface in holes; relative to the best. to mesh, to points: from "
+    "the points of one half of the scan to the mesh of the other, and back. others: to the meshes of other methods. "
+    "halves: between the meshes of the two halves. gaps: between the points of holes that were cut into the scan and "
+    "the mesh of the rest. x noise: median distance of held-out points over what the noise alone makes it. halves, x "
+    "noise and what is right of it do not count; pieces, open edges, seconds and memory are of the tried points."
 )
 
 
 def table(found: Recommendation) -> str:
     """The scans, the methods with their ranks and why, and the command that applies the first."""
-    lines = [line for scan in found.scans for line in _wrapped(_state(scan))]
+    states = (_state(scan, of.hidden) for scan, of in zip(found.scans, found.evidence, strict=True))
+    lines = [line for state in states for line in _wrapped(state)]
     lines += ["", *_methods(found), ""]
     for text in _notes(found):
         lines += _wrapped(text)
@@ -46,7 +48,7 @@ def _wrapped(text: str) -> list[str]:
     return wrap(one_line(text), WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 
 
-def _state(scan: Scan) -> str:
+def _state(scan: Scan, hidden: float) -> str:
     state, unit = scan.state, scan.spacing * scan.frame.radius
     tried = "" if len(scan.cloud) == scan.total else f", of which {len(scan.cloud):,} are tried"
     normals = "no normals"
@@ -57,7 +59,8 @@ def _state(scan: Scan) -> str:
     return (
         f"{scan.name}: {scan.total:,} points{tried}, {unit:.3g} apart; noise about {state.noise * unit:.2g} "
         f"({state.noise:.2f} spacings, rough detail included); {state.outliers:.1%} outliers; density varies by "
-        f"{state.density_variation:.0%}; {normals}"
+        f"{state.density_variation:.0%}; {normals}; "
+        + (f"about {hidden:.0%} of the surface lies in holes" if hidden else "no holes")
     )
 
 
@@ -76,6 +79,7 @@ def _methods(found: Recommendation) -> list[str]:
         "to points",
         "others",
         "halves",
+        "gaps",
         "x noise",
         "pieces",
         "open edges",
@@ -92,7 +96,7 @@ def _methods(found: Recommendation) -> list[str]:
         cells = [
             f"{low}-{high}" if low < high else f"{low}",
             f"{verdict.score[place]:.2f}",
-            *(f"{1e3 * value:.3g}" for value in verdict.criteria[place]),
+            *(f"{1e3 * value:.3g}" if value else "" for value in verdict.criteria[place]),
             f"{above:.2f}" if above < 100 else "",
             _most(e.pieces[place] for e in found.evidence),
             _most(e.open_edges[place] for e in found.evidence),

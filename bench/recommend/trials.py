@@ -1,11 +1,11 @@
-"""Every candidate on every scan and on its halves, in isolated workers."""
+"""Every candidate on every cloud of every scan, in isolated workers."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
@@ -17,10 +17,11 @@ from ..engine.isolate import Isolation
 from ..plan.choice import Choice
 from ..plan.limits import Limits
 from .candidates import Candidate
-from .scan import Scan
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
+
+    from ..geometry.cloud import PointCloud
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,21 +30,25 @@ class Trial:
 
     Attributes
     ----------
-    meshes : three Trimesh, or None where it failed
-        Of the scan, of its first half and of its second.
+    meshes : a Trimesh for each cloud, or None where one of them failed
     why : str
         Status and message where it failed, else empty.
     seconds, peak_mb : float
-        Of the call on the scan.
+        Of the call on the first cloud.
     note : str
         What the method reported.
     """
 
-    meshes: tuple[Trimesh, Trimesh, Trimesh] | None
+    meshes: tuple[Trimesh, ...] | None
     why: str = ""
     seconds: float = 0.0
     peak_mb: float = 0.0
     note: str = ""
+
+    def then(self, other: Trial) -> Trial:
+        """This trial with the meshes of a later one; failed if that has failed."""
+        meshes = (*self.meshes, *other.meshes) if self.meshes and other.meshes else None
+        return replace(self, meshes=meshes, why=self.why or other.why)
 
 
 @dataclass(frozen=True)
@@ -58,39 +63,41 @@ class Setup:
 
 
 def trials(
-    scans: Sequence[Scan],
+    clouds: Sequence[Sequence[PointCloud]],
     chosen: Sequence[Candidate],
     setup: Setup,
-    on_done: Callable[[str], None] = lambda title: None,
+    on_done: Callable[[], None] = lambda: None,
 ) -> list[list[Trial]]:
-    """Run all candidates on all scans: for each scan a list, in the order of the candidates.
+    """Run all candidates on several clouds of each scan: for each scan a list, in the order of the candidates.
 
     Parameters
     ----------
-    scans, chosen, setup
-    on_done : called with the title of each trial that has ended, from any thread
+    clouds : for each scan as many as are reconstructed one after the other in one trial
+    chosen, setup
+    on_done : called when a trial has ended, from any thread
     """
     libraries = tuple(dict.fromkeys(name for c in chosen for part in c.choice.parts for name in part.requires))
-    jobs = min(setup.jobs, len(scans) * len(chosen))
+    jobs = min(setup.jobs, len(clouds) * len(chosen))
     with TemporaryDirectory(prefix="detailbench-recommend-") as name, contextlib.ExitStack() as servers:
         folder = Path(name)
         idle: SimpleQueue[Isolation] = SimpleQueue()
         for _ in range(jobs):
             idle.put(servers.enter_context(Isolation(libraries, setup.plugins, 1)))
-        for number, scan in enumerate(scans):
-            for part, cloud in enumerate((scan.cloud, scan.half(0), scan.half(1))):
-                np.savez(_cloud(folder, number, part), **cloud.arrays())
+        files = [
+            [_stored(folder / f"scan{number}-{part}.npz", cloud) for part, cloud in enumerate(of_scan)]
+            for number, of_scan in enumerate(clouds)
+        ]
 
         def one(number: int, index: int) -> Trial:
             isolation = idle.get()
             try:
-                return _trial(isolation, folder, number, index, chosen[index], setup)
+                return _trial(isolation, files[number], folder / f"{number}-{index}.npz", chosen[index], setup)
             finally:
                 idle.put(isolation)
-                on_done(chosen[index].label)
+                on_done()
 
         with ThreadPoolExecutor(jobs) as pool:
-            waiting = [[pool.submit(one, n, i) for i in range(len(chosen))] for n in range(len(scans))]
+            waiting = [[pool.submit(one, n, i) for i in range(len(chosen))] for n in range(len(clouds))]
             try:
                 return [[future.result() for future in row] for row in waiting]
             except BaseException:
@@ -99,12 +106,11 @@ def trials(
                 raise
 
 
-def _trial(isolation: Isolation, folder: Path, number: int, index: int, candidate: Candidate, setup: Setup) -> Trial:
-    output = folder / f"{number}-{index}.npz"
+def _trial(isolation: Isolation, clouds: list[str], output: Path, candidate: Candidate, setup: Setup) -> Trial:
     arguments = {
         "task": asdict(Choice.of("task", {"_name_": setup.task})),
         "method": asdict(candidate.choice),
-        "clouds": [str(_cloud(folder, number, part)) for part in range(3)],
+        "clouds": clouds,
         "output": str(output),
         "seed": setup.seed,
         "weights": candidate.weights,
@@ -112,19 +118,19 @@ def _trial(isolation: Isolation, folder: Path, number: int, index: int, candidat
     row = isolation.call("bench.recommend.trial:call", arguments, limit=setup.limit)
     if row["status"] != "ok":
         return Trial(None, f"{row['status']}: {row['message']}")
-    meshes = read_meshes(output)
+    meshes = read_meshes(output, len(clouds))
     output.unlink()
     return Trial(meshes, "", row["seconds"], row["peak_rss_mb"], row["message"])
 
 
-def _cloud(folder: Path, number: int, part: int) -> Path:
-    return folder / f"scan{number}-{part}.npz"
+def _stored(file: Path, cloud: PointCloud) -> str:
+    np.savez(file, **cloud.arrays())
+    return str(file)
 
 
-def read_meshes(path: Path) -> tuple[Trimesh, Trimesh, Trimesh]:
-    """The three meshes that a worker stored."""
+def read_meshes(path: Path, count: int) -> tuple[Trimesh, ...]:
+    """The meshes that a worker stored, one for each cloud."""
     from trimesh import Trimesh
 
     with np.load(path) as arrays:
-        whole, first, second = (Trimesh(arrays[f"vertices{i}"], arrays[f"faces{i}"], process=False) for i in range(3))
-    return whole, first, second
+        return tuple(Trimesh(arrays[f"vertices{i}"], arrays[f"faces{i}"], process=False) for i in range(count))

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 
 from bench import PointCloud, generator
 from bench.errors import BadInput
 from bench.geometry.cloud import Frame
 from bench.recommend.evidence import evidence
+from bench.recommend.gaps import Gaps, gaps_of
 from bench.recommend.scan import scan_of
 from bench.recommend.verdict import verdict
 
@@ -154,6 +156,91 @@ def test_the_same_seed_gives_the_same_answer(found):
     assert (again.apart == found.apart).all() and (again.to_points == found.to_points).all()
     first, second = verdict([found], NAMES, 3), verdict([again], NAMES, 3)
     assert (first.score == second.score).all() and (first.low == second.low).all() and (first.high == second.high).all()
+
+
+# -- holes -------------------------------------------------------------------------------------------------------------
+
+CAP = 0.6  # radians: what a scan of a ball with a hole leaves out
+
+
+def punched(radius=1.0):
+    """A ball without the cap: what a method makes that fills nothing."""
+    mesh = ball(radius)
+    return trimesh.Trimesh(mesh.vertices, mesh.faces[ball().triangles_center[:, 2] < np.cos(CAP)], process=False)
+
+
+PUNCHED = punched()
+
+
+def with_hole():
+    points = on_ball(4 * POINTS)
+    return scan(points[points[:, 2] < np.cos(CAP) * np.linalg.norm(points, axis=1)], 3 * POINTS // 2)
+
+
+def without(mesh, cloud, removed):
+    """The mesh without what lies nearest to removed points: how a method that fills nothing sees the rest."""
+    _, nearest = cKDTree(cloud.points).query(mesh.triangles_center)
+    return trimesh.Trimesh(mesh.vertices, mesh.faces[~removed[nearest]], process=False)
+
+
+def test_the_share_in_holes_is_estimated():
+    holey = with_hole()
+    found = gaps_of(holey, [ball(), PUNCHED], ["fills", "does not"], 0)
+    true = (1 - np.cos(CAP)) / 2 / 2  # of the ball; the mean over both meshes
+    assert 0.5 * true < found.hidden < true  # the rim has points near it
+    assert 0.3 * CAP < found.radius <= 0.3
+    alone = gaps_of(holey, [ball(), ball(), ball(), PUNCHED], ["fills"] * 3 + ["does not"], 0)
+    assert alone.hidden == pytest.approx(found.hidden)  # a family counts once
+
+
+def test_a_complete_scan_has_no_gaps():
+    assert gaps_of(scan(), [ball(), ball(1.005)], ["a", "b"], 0) is None
+
+
+def test_gaps_are_balls_that_take_a_seventh_of_the_points():
+    holey = with_hole()
+    found = gaps_of(holey, [ball(), PUNCHED], ["fills", "does not"], 0)
+    share = found.removed.mean()
+    assert 0.15 <= share < 0.25 and len(found.rest(holey)) == (~found.removed).sum()
+    again = gaps_of(holey, [ball(), PUNCHED], ["fills", "does not"], 0)
+    assert (again.removed == found.removed).all()
+    assert not (gaps_of(holey, [ball(), PUNCHED], ["fills", "does not"], 1).removed == found.removed).all()
+
+
+def test_more_than_half_of_the_points_are_never_cut():
+    plane = np.column_stack([generator(5).uniform(-0.05, 0.05, size=(300, 2)), np.zeros(300)])
+    tiny = scan(plane)
+    found = gaps_of(tiny, [ball(), ball()], ["a", "b"], 0)  # nothing that was made is near the points
+    assert found.removed.mean() <= 0.5
+
+
+def test_distances_across_a_gap_have_their_closed_forms():
+    """Points of a ball of radius 1, removed above a height, to a ball 0.1 larger; and to one that has nothing there."""
+    whole = scan(on_ball(POINTS, sigma=0))
+    removed = whole.cloud.points[:, 2] > 0.5
+    gaps = Gaps(0.25, 0.3, removed)
+    large, half = ball(1.1), trimesh.Trimesh(ball().vertices, ball().faces[ball().triangles_center[:, 2] < 0])
+    found = evidence(whole, [three(ball()), three(ball())], 0, gaps, [large, half])
+    gap = means(found.gap_to_mesh)
+    assert gap[0] == pytest.approx(0.1, rel=0.03)
+    height = np.linspace(0.5, 1, 10_000)  # uniform over the cap; the rim of the half ball is at height 0
+    assert gap[1] == pytest.approx(np.hypot(1 - np.sqrt(1 - height**2), height).mean(), rel=0.05)
+    assert (found.gap_to_mesh[:, 1].sum(axis=-1) == removed.sum()).all()
+    assert means(found.gap_to_points)[0] == pytest.approx(0.1, abs=0.02)
+    assert (found.gap_to_points[1] == found.gap_to_mesh[1]).all()  # no sample is there: not zero, which would flatter
+
+
+def test_who_fills_holes_comes_first_where_there_are_some():
+    """To points near the holes all are alike, and a mesh without the holes has less of which no point is near."""
+    holey = with_hole()
+    meshes, names = [ball(), ball(1.002), PUNCHED, punched(1.002)], ["fills", "fills too", "does not", "neither"]
+    gaps = gaps_of(holey, meshes, names, 0)
+    filled = [*meshes[:2], *(without(mesh, holey.cloud, gaps.removed) for mesh in meshes[2:])]
+    threes = [three(mesh) for mesh in meshes]
+    blind = verdict([evidence(holey, threes, 0)], names, 0)
+    seeing = verdict([evidence(holey, threes, 0, gaps, filled)], names, 0)
+    assert set(blind.order[:2]) == {2, 3} and set(seeing.order[:2]) == {0, 1}
+    assert seeing.criteria[0, -1] < seeing.criteria[2, -1] and (blind.criteria[:, -1] == 0).all()
 
 
 # -- the scan ----------------------------------------------------------------------------------------------------------

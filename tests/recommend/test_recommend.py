@@ -127,7 +127,7 @@ def made_up(monkeypatch):
     scans = [known.scan(), known.scan(known.on_ball(1500, seed=4))]
     chosen = candidates("poisson,apss,rimls", "reconstruct")
 
-    def trials(scans, chosen, setup, on_done):
+    def trials(clouds, chosen, setup, on_done):
         good = [Trial(known.METHODS[name], "", 1.0, 100.0) for name in ("large", "exact", "bumpy")]
         second = [good[0], good[1], Trial(None, "timeout: stopped after 30 s (limit.seconds=30)")]
         return [good, second]
