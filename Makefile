@@ -14,7 +14,7 @@ PYTHON_CODE := bench methods datasets metrics conf tests scripts
 WITHOUT_CGAL = $(shell $(BIN)/python -c "import CGAL" 2>/dev/null || echo method=poisson,ball_pivoting,rimls,apss,identity,noise)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo real test bench lint wheel clean distclean
+.PHONY: help setup demo real test test_setup bench lint wheel clean distclean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -28,7 +28,10 @@ demo: setup ## a small sweep over procedural shapes, and its leaderboard
 real: setup ## download the shapes of dataset=real (36 MB) into ~/.cache/detailbench; no test needs them
 	$(BIN)/detailbench fetch real
 
-test: setup ## all tests; a skipped test counts as a failure
+test_setup:
+	@scripts/setup.sh --tests
+
+test: test_setup ## all tests; a skipped test counts as a failure
 	@# four at a time on two cores: a third of the tests' time is waiting for limits to pass; the slowest files come first
 	$(PYTEST) -n 4 --dist loadfile --no-loadscope-reorder tests/faults tests/commands tests --ignore=tests/benchmarks
 	@# alone, because they compare times; `make bench` has them in full

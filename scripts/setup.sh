@@ -2,7 +2,9 @@
 # Makes .venv from nothing: system libraries, a virtual environment, the packages that constraints.txt pins, and this
 # package in editable mode. Called by make; returns at once when nothing has changed since it last finished.
 #
-# usage: [PYTHON=python3.12] scripts/setup.sh
+# usage: [PYTHON=python3.12] scripts/setup.sh [--tests]
+#
+# --tests: also the programs that only tests start: a browser, for pages, and LaTeX, for tables.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -103,6 +105,14 @@ system_packages() {
     [ -z "$missing" ] || stop "still cannot be loaded after their installation:" $missing
 }
 
+test_programs() {
+    local missing=()
+    command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null ||
+        missing+=(chromium)
+    command -v pdflatex >/dev/null || missing+=(texlive-latex-base texlive-latex-recommended)
+    [ ${#missing[@]} = 0 ] || install_packages "${missing[@]}"
+}
+
 # --- the environment -----------------------------------------------------------------------------------------------
 
 pip() { .venv/bin/python -m pip install ${quiet:+"$quiet"} "$@"; }
@@ -132,6 +142,7 @@ if torch.version.cuda is not None and sys.platform == "linux":
 PYTHON_END
 }
 
+[ "${1:-}" != --tests ] || test_programs
 if complete; then
     [ -z "$(missing_packages .venv/bin/python)" ] || system_packages .venv/bin/python
     exit 0
