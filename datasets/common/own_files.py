@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from bench import UsageError
+from bench.geometry.io.scenes import companions
 
 UNREADABLE = "unreadable"
 TEXTS = (".txt", ".csv")  # which may be points, and mostly are notes and lists beside them
@@ -71,12 +72,20 @@ def find(given: str, path: Path, suffixes: tuple[str, ...], expected: str, what:
 
 
 def sha256(file: Path) -> str:
-    """The SHA-256 of a file's content; a text that begins with :data:`UNREADABLE` where it cannot be read."""
+    """The SHA-256 of a file's content; a text that begins with :data:`UNREADABLE` where it cannot be read.
+
+    The places of a ``.gltf`` lie in files beside it: there it is that of the digests of all of them.
+    """
     try:
-        stat = file.stat()
-        return _sha256_of(file, stat.st_mtime_ns, stat.st_size)
+        digests = [_sha256_now(part) for part in (file, *(companions(file) if file.suffix.lower() == ".gltf" else ()))]
+        return digests[0] if len(digests) == 1 else hashlib.sha256(" ".join(digests).encode()).hexdigest()
     except OSError as error:
         return f"{UNREADABLE} ({error.strerror})"  # its case says so; the others go on
+
+
+def _sha256_now(file: Path) -> str:
+    stat = file.stat()
+    return _sha256_of(file, stat.st_mtime_ns, stat.st_size)
 
 
 def expanded(path: str) -> Path:

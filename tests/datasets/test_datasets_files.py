@@ -324,3 +324,18 @@ def test_how_many_there_are(two_folders):
     test, train = two_folders
     files = Files(str(test), train_path=str(train))
     assert (files.count("test"), files.count("train"), Files(str(test)).count("train")) == (2, 2, 0)
+
+
+def test_a_gltf_is_another_input_when_the_file_of_its_places_changes(tmp_path):
+    for name in ("a", "b"):
+        for file, data in trimesh.creation.box().export(file_type="gltf").items():
+            (tmp_path / file.replace("model", name)).write_bytes(data)
+    buffer = tmp_path / "gltf_buffer_0.bin"
+    before = Files(path=str(tmp_path)).state()
+    places = bytearray(buffer.read_bytes())
+    places[-1] ^= 1
+    buffer.write_bytes(places)
+    after = Files(path=str(tmp_path)).state()
+    assert len(before) == 2 and before.keys() == after.keys() and not set(before.values()) & set(after.values())
+    (tmp_path / "a.gltf").write_text("{")
+    assert Files(path=str(tmp_path)).state().keys() == before.keys()

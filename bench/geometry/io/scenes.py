@@ -177,6 +177,18 @@ def _check_gltf(text: bytes, most: int | None, name: str) -> None:
         raise BadInput(f"{name}: promises {empty} values that it does not hold; the file is damaged, export it again")
 
 
+def companions(path: Path) -> list[Path]:
+    """The files of buffers that a ``.gltf`` names and that are there; of a damaged one none."""
+    try:
+        header = json.loads(path.read_bytes())
+        names = [buffer["uri"] for buffer in header.get("buffers", []) if "uri" in buffer]
+        return [
+            path.parent / unquote(uri) for uri in names if not uri.startswith("data:") and _is_beside(uri, str(path))
+        ]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return []
+
+
 def _is_beside(file: str, name: str) -> bool:
     """Whether it is a file, and no device or pipe, seen from the folder of the scene."""
     try:
