@@ -31,6 +31,7 @@ COMMANDS = {
     "list": "tasks, datasets, sensors, methods and metrics, and plugins that are broken",
     "fetch": "download the data of a dataset that is not procedural",
     "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
+    "figure": "a figure of kept outputs for a paper: PDF, SVG or PNG",
     "train": "train a learned method, and keep its weights",
     "apply": "one method on one file, or on many",
     "recommend": "which method serves a scan: a ranking without ground truth",
