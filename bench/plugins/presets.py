@@ -191,6 +191,28 @@ def _known(kind: str, name: str, folders: tuple[config_files.Folder, ...]) -> di
     return found
 
 
+def variants(kind: str, of: str) -> Mapping[str, str]:
+    """What each preset of a plugin changes, as results word it: ``{"idf_30": "omega=30"}``.
+
+    Empty for a plugin that is not installed; presets that are broken, or change nothing, are left out.
+    """
+    return _variants(kind, of, config_files.folders()) if of in registry().names(kind) else {}
+
+
+@functools.cache
+def _variants(kind: str, of: str, folders: tuple[config_files.Folder, ...]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for name, preset in presets(kind, of).items():
+        try:
+            plugin = registry().find(kind, of)
+            changed = variant(plugin, parameters(plugin, build(plugin, preset.values)))
+        except UsageError:
+            continue  # what is wrong with it is said where it is chosen
+        if changed:
+            found[name] = changed
+    return found
+
+
 def _key(values: Mapping[str, Any]) -> str:
     import json
 
