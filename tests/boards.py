@@ -7,7 +7,7 @@ import pandas as pd
 DOCUMENTED = (
     "task,dataset,sensor,split,method,variant,threads,device,host,metric,better,mean,ci_low,ci_high,floor,rank_low,"
     "rank_high,solved,planned,imputed,seconds_median,peak_rss_mb,train_seconds,true_distances,front,shapes,not_run,undefined,"
-    "score_mean,versus_next,detectable,more_shapes,versus_first"
+    "score_mean,versus_next,detectable,more_shapes,versus_first,place"
 )
 
 

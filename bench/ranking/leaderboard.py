@@ -31,6 +31,7 @@ import pandas as pd
 from ..errors import UsageError
 from ..results.imputation import PREFIX, lent
 from .fronts import COSTS, criteria_of, front
+from .places import places
 from .resolution import EQUAL, Standings, check_region, rankable, resolve
 from .selection import CONTENDER, GROUP, UNIT, Names, completed, metrics_of, pool, prepared, select
 from .statistics import mean_intervals, ranks_of, sure_differences
@@ -71,6 +72,7 @@ COLUMNS = (
     "detectable",  # the relative difference to the next line found with 80 % power; 0.1: one is 1.1 times the other
     "more_shapes",  # first line: how many more shapes separate the first two; infinite above 1,000, empty: none would
     "versus_first",  # first, equal (the difference is surely smaller than `equal`), worse (surely) or open
+    "place",  # best (mean), tied (not surely worse than the best), second (best mean); empty for all others
 )
 FAR = 1e6  # times the largest score: what a failure counts in the ranks where its worth is not known
 
@@ -375,12 +377,25 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float) -> _Pa
     table |= _missed(unit, contender, planned > 0)
     reference = _to_reference(cells.better)[used]
     table["score_mean"] = np.where(reference & solved.any(axis=0), _mean(cube(cells.score), known > 0), np.nan)
+    table["place"] = _places(table, [cells.better[m] for m in used], shapes)
     # By metric, then rank; contenders are in the order of their names.
     place = np.lexsort(
         [table["row"].ravel(), *(table[c].ravel() for c in ("rank_high", "order", "rank_low", "metric"))]
     )
     place = place[table["planned"].ravel()[place] > 0]
     return {name: array.ravel()[place] for name, array in table.items()}
+
+
+def _places(table: _Part, better: list[str], shapes: np.ndarray) -> np.ndarray:
+    """Which means are the best; none where too few shapes rank nobody, or where one of several methods has a score."""
+    planned, solved = table["planned"], table["solved"]
+    scored = (planned > 0).sum(axis=0)
+    ranked = rankable(shapes) & ((scored > 1) | (len(planned) == 1))
+    if len(planned) == 1:  # a single method is ranked, on however few shapes
+        ranked = scored > 0
+    badness = np.where(np.array(better) == "higher", -table["mean"], table["mean"])
+    first = (table["rank_low"] == 1) & (solved > 0) & ranked
+    return places(badness, first, first.any(axis=0) & (planned > 0) & (solved == planned))
 
 
 def penalise(badness: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -440,7 +455,7 @@ def _unscored(cells: _Cells, group: slice, first: np.ndarray, contender: np.ndar
     k = len(first)
     unknown = ("mean", "ci_low", "ci_high", "floor", "score_mean", "detectable", "more_shapes")
     part = {name: np.full(k, np.nan) for name in unknown}
-    part |= {name: np.full(k, "", dtype=object) for name in ("versus_next", "versus_first")}
+    part |= {name: np.full(k, "", dtype=object) for name in ("versus_next", "versus_first", "place")}
     part |= {name: np.full(k, n) for name, n in (("metric", -1), ("rank_low", 1), ("rank_high", k))}
     part |= {name: np.zeros(k, dtype=int) for name in ("solved", "imputed", "shapes", "not_run", "undefined")}
     return part | {"row": group.start + first, "planned": np.bincount(contender, cells.rows[group]).astype(int)}
