@@ -159,7 +159,7 @@ def _split(names: Names) -> list[str]:
     return [name.strip() for part in parts for name in re.split(r",(?![^\[]*\])", part) if name.strip()]
 
 
-VIEWS = ("by", "across", "pareto")  # options that say how results are shown; the others choose some of them
+VIEWS = ("by", "across", "pareto", "columns")  # options that say how results are shown; the others choose some of them
 
 
 def matching(option: str, names: Names, known: Iterable[str]) -> list[str]:

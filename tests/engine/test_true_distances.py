@@ -15,7 +15,8 @@ from bench import Run, UsageError
 from bench.ranking.leaderboard import leaderboard
 from bench.ranking.overview import overview
 from bench.ranking.report import FORMATS, render
-from bench.ranking.report.tables import GIVEN, tables
+from bench.ranking.report.table import GIVEN
+from bench.ranking.report.tables import tables
 from bench.results.store import Results
 
 TOYS = Path(__file__).parents[1] / "faults" / "toys.py"

@@ -46,10 +46,10 @@ def test_one_case_on_two_devices_is_not_two_cases():
 
 def test_the_device_is_named_where_there_are_several():
     (table,) = tables(leaderboard(both()), both())
-    assert table.methods == ("sap · cuda", "poisson (depth=9) · cpu", "sap · cpu")
+    assert table.methods == ("sap · cuda", "poisson_9 · cpu", "sap · cpu")
     frame = both()
     (table,) = tables(leaderboard(frame, method="poisson"), frame)
-    assert table.methods == ("poisson (depth=9)",)
+    assert table.methods == ("poisson_9",)
 
 
 def test_threads_are_named_where_there_are_several():

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from ..conventions import Convention
     from ..published import Published
+    from .look import Look
+    from .table import Table
 
 FORMATS = ("terminal", "markdown", "latex", "csv")
 
@@ -37,6 +39,7 @@ def render(
     color: bool = False,
     convention: Convention | None = None,
     published: Published | None = None,
+    look: Look | None = None,
 ) -> str:
     """A leaderboard as text.
 
@@ -59,11 +62,13 @@ def render(
         Print a paper's columns, in its units and under its titles, instead of the scores.
     published : Published, optional
         Print the numbers of a paper's table beside ours.
+    look : Look, optional
+        Which columns in which order, what methods are called, how numbers are printed; ``csv`` ignores it.
 
     Raises
     ------
     UsageError
-        For an unknown format.
+        For an unknown format, or a column that there is not.
     """
     check_format(format)
     if convention is not None:
@@ -72,19 +77,30 @@ def render(
 
     if format == "csv":
         return csv(board)
+    from .look import Look
     from .tables import tables
 
+    look = look or Look()
     board, rows = plain_texts(board), None if rows is None else plain_texts(rows)
-
+    made = tables(board, rows, metrics, convention, published, look)
     if format == "terminal":
         from .terminal import remarks, terminal
 
-        text = terminal(tables(board, rows, metrics, convention, published), width, color)
-        return text + (remarks(board, rows, color) if rows is not None else "")
+        text = terminal(made, width, color)
+        return text + (remarks(board, rows, color, look.names) if rows is not None else "")
+    return in_format(made, format, look)
+
+
+def in_format(made: list[Table], format: str, look: Look, width: int = 120, color: bool = False) -> str:
+    """Tables as text for a terminal, in Markdown or in LaTeX."""
+    if format == "terminal":
+        from .terminal import terminal
+
+        return terminal(made, width, color)
     if format == "markdown":
         from .markdown import markdown
 
-        return markdown(tables(board, rows, metrics, convention, published))
+        return markdown(made)
     from .latex import latex
 
-    return latex(tables(board, rows, metrics, convention, published))
+    return latex(made, look)

@@ -10,11 +10,12 @@ import pandas as pd
 
 from ...text import one_line
 from ..agreement import Agreement, Tau, as_records
+from ..naming import naming
 from . import check_format, latex, markdown
 from .cells import csv
-from .labels import label, setup, shown_setup
+from .labels import setup, shown_setup, with_setup
 from .numbers import unit_exponent, with_interval
-from .tables import title_of
+from .table import title_of
 from .terminal import ARROWS, wrapped
 
 
@@ -76,7 +77,8 @@ def names_of(one: Agreement) -> list[str]:
     """What the methods are called, in the order of their lines."""
     lines = one.methods.assign(metric=one.metric).to_dict("records")
     shown = shown_setup(lines)
-    return [label(line["method"], line["variant"], setup(line, shown)) for line in lines]
+    called = naming((line["method"], line["variant"]) for line in lines).labels
+    return [with_setup(called[line["method"], line["variant"]], setup(line, shown)) for line in lines]
 
 
 def _methods(one: Agreement, title: str, level: float) -> Grid:

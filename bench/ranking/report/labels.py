@@ -9,6 +9,11 @@ from typing import Any
 def label(method: str, variant: str, setup: str = "") -> str:
     """``poisson (depth=9, trim=0.1)``, ``poisson (depth=9) · cuda, 2 threads``."""
     name = f"{method} ({', '.join(part.strip() for part in variant.split(','))})" if variant else method
+    return with_setup(name, setup)
+
+
+def with_setup(name: str, setup: str) -> str:
+    """A method's name, and how it was run: ``idf_30 · cuda``."""
     return f"{name} · {setup}" if setup else name
 
 

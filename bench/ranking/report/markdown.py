@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from .tables import Table, any_best, shared_notes
+from .table import Cell, Metric, Table, shared_notes, standing_notes
 from .terminal import heading
 
 
@@ -12,7 +12,7 @@ def markdown(tables: list[Table]) -> str:
     """One section per table; what is to be noted of all of them comes last."""
     if not tables:
         return "No results.\n"
-    own, shared = shared_notes(tables, *(["Bold: tied for first."] if any_best(tables) else []))
+    own, shared = shared_notes(tables, *standing_notes(tables, "Bold", "Italic"))
     return "\n".join([*map(_one, tables, own), _list(shared)])
 
 
@@ -22,26 +22,28 @@ def escape(text: str) -> str:
 
 
 def _one(table: Table, notes: tuple[str, ...]) -> str:
-    places, costs = table.places, table.costs
-    head = ["method", *(t for t, _ in places), *map(heading, table.metrics), *(title for title, _ in costs)]
-    lines = [f"### {escape(table.title)}", "", _line(map(escape, head))]
-    lines.append(_line(["---"] * (1 + len(places) + len(table.metrics)) + ["--:"] * len(costs)))
+    columns = table.columns
+    lines = [f"### {escape(table.title)}", "", _line(map(escape, [table.head, *map(heading, columns)]))]
+    rules = ("--:" if not isinstance(c, Metric) and c.right else "---" for c in columns)
+    lines.append(_line(["---", *rules]))
     for i, method in enumerate(table.methods):
-        scores = [_bold(escape(c.text), c.best) + c.mark for c in (m.cells[i] for m in table.metrics)]
-        where = [cells[i] for _, cells in places]
-        lines.append(_line([escape(method), *where, *scores, *(cells[i] for _, cells in costs)]))
-    if any(m.floor for m in table.metrics):
-        floors = [m.floor for m in table.metrics]
-        lines.append(_line(["*floor / reference*", *("" for _ in places), *floors, *("" for _ in costs)]))
+        cells = (_score(c.cells[i]) if isinstance(c, Metric) else c.texts[i] for c in columns)
+        lines.append(_line([escape(method), *cells]))
+    for name, cell in table.feet:
+        lines.append(_line([f"*{escape(name)}*", *(_score(cell(column)) for column in columns)]))
     return "\n".join([*lines, "", *([_list(notes)] if notes else [])])
+
+
+def _score(cell: Cell) -> str:
+    text = escape(cell.text)
+    if text and (cell.best or cell.second):
+        text = f"**{text}**" if cell.best else f"*{text}*"
+    below = f"<br>{escape(cell.below)}" if cell.below else ""
+    return f"{text}{' ' * cell.tied}{cell.signs}{below}"
 
 
 def _list(notes: tuple[str, ...]) -> str:
     return "".join(f"- {escape(note)}\n" for note in notes)
-
-
-def _bold(text: str, best: bool) -> str:
-    return f"**{text}**" if best and text else text
 
 
 def _line(cells) -> str:

@@ -34,6 +34,45 @@ def decimals(value: float, low: float, high: float) -> int:
     return max(0, min(2 - _magnitude(value), 4)) if value != int(value) else 0
 
 
+def column_digits(intervals: Iterable[tuple[float, float, float]], exponent: int = 0) -> int:
+    """Decimals for all numbers of a column: what most of its intervals support, and two digits of the smallest mean.
+
+    Example
+    -------
+    >>> column_digits([(3.9, 2.8, 9.9), (4.3, 2.8, 8.0), (13.0, 5.0, 58.0)])
+    1
+    """
+    shown = [tuple(x / 10.0**exponent for x in one) for one in intervals if math.isfinite(one[0])]
+    if not shown:
+        return 0
+    usual = sorted(decimals(*one) for one in shown)[(len(shown) - 1) // 2]
+    smallest = min((abs(mean) for mean, _, _ in shown if mean), default=1.0)
+    whole = all(mean == int(mean) for mean, _, _ in shown) and usual == 0
+    return usual if whole else max(usual, min(1 - _magnitude(smallest), 4))
+
+
+def parts_with_interval(
+    value: float, low: float, high: float, exponent: int, digits: int | None, style: str
+) -> tuple[str, str]:
+    """A mean with its interval as ``style`` has it, see :data:`look.INTERVALS`, and what stands in a line below.
+
+    Example
+    -------
+    >>> parts_with_interval(3.2, 2.1, 4.3, 0, 1, "below")
+    ('3.2', '[2.1, 4.3]')
+    >>> parts_with_interval(3.2, 2.1, 4.3, 0, 1, "plusminus")
+    ('3.2 ± 1.1', '')
+    """
+    text = with_interval(value, low, high, exponent, digits)
+    mean, _, interval = text.partition(" ")
+    if style == "inside" or not interval:
+        return text, ""
+    if style == "plusminus":
+        half = (high - low) / 2 / 10.0**exponent
+        return f"{mean} ± {_fixed(half, decimals(value, low, high) if digits is None else digits)}", ""
+    return mean, interval if style == "below" else ""
+
+
 def with_interval(value: float, low: float, high: float, exponent: int = 0, digits: int | None = None) -> str:
     """``12.3 [11.0, 14.0]``; ``-`` for nothing; the value alone where the interval is unknown.
 

@@ -5,16 +5,22 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..headline import primary_metrics
+from ..naming import is_called, naming
 from ..order import metric_order
+from ..places import BEST, SECOND, TIED
 from ..resolution import EQUAL, FEWEST
+from ..selection import matching
 from . import standing
 from .inputs import words_of_input
-from .labels import hosts_note, label, setup, shown_setup
-from .numbers import count, plain, unit_exponent, with_interval
+from .labels import hosts_note, setup, shown_setup, with_setup
+from .look import BELOW, INSIDE, OTHERS, PLUSMINUS, Look
+from .look import GIVEN as AS_GIVEN
+from .numbers import column_digits, count, parts_with_interval, plain, unit_exponent
+from .table import GIVEN, LEARNED, Cell, Metric, Table
 from .trained import trained
 
 if TYPE_CHECKING:
@@ -29,9 +35,12 @@ CONTENDER = ["method", "variant", "threads", "device", "host"]
 Line = dict[str, Any]  # one row of a board
 FAILED = "†"  # behind a mean into which failed cases enter with the score of the worst pseudo-method
 LEFT_OUT = "††"  # behind a mean that leaves failed cases out, for nothing says what they are worth
+FAILED_NOTE = f"{FAILED} failed cases enter mean and rank with the score of the worst pseudo-method."
+LEFT_OUT_NOTE = (
+    f"{LEFT_OUT} the mean leaves failed cases out (no pseudo-method was scored on them); for the rank they are worse "
+    "than any answer."
+)
 DIFFERENCE = "|diff|"  # behind a metric of which the difference to the reference's own value is shown
-GIVEN = "‡"  # behind a method that was given the truth
-LEARNED = "§"  # behind a method that was trained beforehand
 LATER: Line = {  # columns that a board of an earlier version lacks, and what stands for "not known"
     "split": "test",
     "threads": 1,
@@ -46,67 +55,8 @@ LATER: Line = {  # columns that a board of an earlier version lacks, and what st
     "detectable": math.nan,
     "more_shapes": math.nan,
     "versus_first": "",
+    "place": "",
 }
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A mean with its interval, or the mark that there is none."""
-
-    text: str
-    best: bool = False  # tied for the first rank
-    mark: str = ""  # what to read in the notes
-
-
-@dataclass(frozen=True)
-class Metric:
-    """One column of scores."""
-
-    name: str
-    better: str  # lower, higher, reference (the score, to be near it) or difference (to the reference's own value)
-    exponent: int  # the cells are to be multiplied by 10 to this
-    cells: tuple[Cell, ...]
-    floor: str  # the floor, or the reference's own value
-
-
-@dataclass(frozen=True)
-class Table:
-    """One table; every tuple has one entry per method, best method first."""
-
-    task: str
-    dataset: str
-    sensor: str
-    split: str
-    methods: tuple[str, ...]
-    ranks: tuple[str, ...]  # by the first metric; empty where the task has no single rank
-    fronts: tuple[str, ...]  # "1" on the Pareto front; empty where none was asked for
-    metrics: tuple[Metric, ...]
-    solved: tuple[str, ...]
-    seconds: tuple[str, ...]
-    memory: tuple[str, ...]
-    parameters: tuple[str, ...]  # empty when no method has any
-    notes: tuple[str, ...]
-
-    @property
-    def title(self) -> str:
-        """``reconstruct · bumps · samples``; see :func:`title_of`."""
-        return title_of(self.task, self.dataset, self.sensor, self.split)
-
-    @property
-    def places(self) -> list[tuple[str, tuple[str, ...]]]:
-        """The columns that say who is better: heading and cells."""
-        return [(title, cells) for title, cells in (("rank", self.ranks), ("front", self.fronts)) if cells]
-
-    @property
-    def costs(self) -> list[tuple[str, tuple[str, ...]]]:
-        """The columns that are not scores: heading and cells."""
-        columns = [("solved", self.solved), ("seconds", self.seconds), ("peak MB", self.memory)]
-        return [*columns, ("params", self.parameters)] if self.parameters else columns
-
-
-def title_of(task: str, dataset: str, sensor: str, split: str) -> str:
-    """``reconstruct · bumps · samples``; a task without a sensor has two parts, a table over train shapes says so."""
-    return " · ".join(filter(None, (task, dataset, sensor, "" if split == "test" else f"split {split}")))
 
 
 def tables(
@@ -115,32 +65,40 @@ def tables(
     metrics: Sequence[str] = (),
     convention: Convention | None = None,
     published: Published | None = None,
+    look: Look | None = None,
 ) -> list[Table]:
     """The tables of a board, in its order; of a board in a convention, with its digits and its notes.
 
-    A paper's own numbers, ``published``, stand in a column beside ours.
+    A paper's own numbers, ``published``, stand in a column beside ours; ``look`` is what the user wants of the tables.
     """
+    look = look or Look()
     parameters, states, learned = _parameters(rows), _states(rows), trained(rows)
     said = {"level": 0.95, "equal": EQUAL, "pareto": ()} | board.attrs
     if "front" in board:
         board = board.assign(front=board["front"].astype("float64"))
     lines = [LATER | line for line in board.to_dict("records")]
-    return [
-        _table(label, list(part), parameters, learned, metrics, said, convention, states.get(label), published)
+    made = [
+        _table(label, list(part), parameters, learned, metrics, said, convention, states.get(label), published, look)
         for label, part in itertools.groupby(lines, key=lambda line: tuple(line[name] for name in GROUP))
     ]
+    return looking(made, look)
 
 
-def shared_notes(tables: Sequence[Table], *more: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
-    """The notes of each table alone, and those of all (with ``more``), which need to be printed only once."""
-    first, *others = (table.notes for table in tables)
-    shared = tuple(note for note in first if all(note in notes for notes in others))
-    return [tuple(note for note in table.notes if note not in shared) for table in tables], (*shared, *more)
+def looking(made: Sequence[Table], look: Look) -> list[Table]:
+    """The tables with the columns that the user wants, in her order, and under her caption.
 
-
-def any_best(tables: Sequence[Table]) -> bool:
-    """Whether any method is marked as tied for first."""
-    return any(cell.best for table in tables for metric in table.metrics for cell in metric.cells)
+    Raises
+    ------
+    UsageError
+        If no table has one of the columns.
+    """
+    titled = [replace(table, caption=look.caption) for table in made] if look.caption else list(made)
+    if not look.columns or not titled:
+        return titled
+    known = list(dict.fromkeys([*(c.name for table in titled for c in table.columns), *OTHERS]))
+    orders = {name: matching("columns", [name], known) for name in look.columns}
+    found = [c for name in look.columns for c in orders[name]]
+    return [replace(table, order=tuple(dict.fromkeys(found))) for table in titled]
 
 
 def _table(
@@ -153,20 +111,25 @@ def _table(
     convention: Convention | None,
     state: str | None,
     published: Published | None,
+    look: Look,
 ) -> Table:
     shown = shown_setup(lines)
-    lines = [line | {"label": label(line["method"], line["variant"], setup(line, shown))} for line in lines]
+    called = naming(((line["method"], line["variant"]) for line in lines), look.names)
+    lines = [
+        line | {"label": with_setup(called.labels[line["method"], line["variant"]], setup(line, shown))}
+        for line in lines
+    ]
     names = metric_order(lines, wanted)
     by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
     for line in lines:
         if line["metric"] in by_metric:
             by_metric[line["metric"]][line["label"]] = line
     first = by_metric[names[0] if names else ""]
-    methods = list(
-        dict.fromkeys([*first, *(line["label"] for line in lines)])
-    )  # who has no such score stands at the end
+    methods = list(dict.fromkeys([*first, *(line["label"] for line in lines)]))  # who has no such score: at the end
     # What a method solved, whatever the metrics say of it: the most of any metric.
     most = {line["label"]: line for line in sorted(lines, key=lambda line: line["solved"])}
+    if look.order == AS_GIVEN:
+        methods = sorted(methods, key=lambda m: _place_given(most[m], m, look.methods))
     keys = {m: (*group, *(most[m][name] for name in CONTENDER)) for m in methods}
     counts = [parameters.get(keys[m], "-") for m in methods]
     marks = {m: f"{LEARNED if keys[m] in learned else ''}{GIVEN if _is_given(most[m]) else ''}" for m in methods}
@@ -178,7 +141,7 @@ def _table(
     ranked = standing.is_ranked(list(first.values()))
     columns: list[Metric] = []
     for name in names:
-        columns.append(_metric(name, by_metric[name], lines_shown, digits.get(name)))
+        columns.append(_metric(name, by_metric[name], lines_shown, digits.get(name), look))
         columns.extend(_published(columns[-1], lines_shown, published, digits.get(name)))
     return Table(
         *group,
@@ -192,21 +155,30 @@ def _table(
         parameters=tuple(counts) if any(c != "-" for c in counts) else (),
         notes=(
             *([state] if state else []),
-            *(_rank_notes(names[0], first, said) if names and not alone else ()),
+            *(_rank_notes(names[0], first, said, look) if names and not alone else ()),
             *(standing.front(criteria, alone) if on_front else ()),
-            *_notes(lines, columns, said["level"]),
+            *_notes(lines, columns, said["level"], look),
+            *called.notes,
             *(f"{LEARNED} {text}" for text in dict.fromkeys(learned[keys[m]] for m in methods if keys[m] in learned)),
             *hosts_note(lines, shown),
             *(convention.notes(names) if convention else ()),
             *(_published_notes(published, [(m["method"], m["variant"]) for m in lines_shown], group[2])),
         ),
+        plugins=tuple(line["method"] for line in lines_shown),
     )
 
 
-def _rank_notes(name: str, scored: dict[str, Line], said: dict[str, Any]) -> list[str]:
+def _place_given(line: Line, label: str, methods: Sequence[str]) -> int:
+    """Where the user named a method; who is not named stands behind the others."""
+    fitting = (i for i, m in enumerate(methods) if m == label or is_called(line["method"], line["variant"], m))
+    return next(fitting, len(methods))
+
+
+def _rank_notes(name: str, scored: dict[str, Line], said: dict[str, Any], look: Look) -> list[str]:
     """What the ranks are, and what they can tell."""
     lines, methods = list(scored.values()), list(scored)
-    about = standing.rank_notes(name, said["level"]) if standing.is_ranked(lines) else []
+    shown = not look.columns or "rank" in look.columns
+    about = standing.rank_notes(name, said["level"]) if shown and standing.is_ranked(lines) else []
     return [*standing.resolution(name, lines), *standing.equality(lines, methods, said["equal"]), *about]
 
 
@@ -221,18 +193,20 @@ def _published_notes(published: Published | None, ours: list[tuple[str, str]], s
     ]
 
 
-def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int | None) -> Metric:
+def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int | None, look: Look) -> Metric:
     """One column; with ``digits`` given its title has the unit already, and no power of ten is taken out."""
     exponent = unit_exponent(line["mean"] for line in scored.values()) if digits is None else 0
-    floors = sorted({plain(line["floor"], exponent, digits) for line in scored.values()} - {"-"}, key=float)
+    given = look.digits if look.digits is not None else digits
+    floors = sorted({plain(line["floor"], exponent, given) for line in scored.values()} - {"-"}, key=float)
     floor = floors[0] if len(floors) == 1 else f"{floors[0]} to {floors[-1]}" if floors else ""
     better = next(iter(scored.values()))["better"]
     if better == "reference":
         better, floor = ("difference", f"ref {floor}" if floor else "") if digits is None else ("reference", floor)
-    # Nobody is first among one: a score that only one of several methods has marks no winner.
-    ranked = (len(scored) > 1 or len(methods) == 1) and standing.is_ranked(list(scored.values()))
-    cells = (_cell(scored.get(m["label"]), m, exponent, digits, ranked) for m in methods)
-    return Metric(name, better, exponent, tuple(cells), floor)
+    if given is None:
+        shown = ((line["mean"], line["ci_low"], line["ci_high"]) for line in scored.values())
+        given = column_digits(shown, exponent)
+    cells = [_cell(scored.get(m["label"]), m, exponent, given, look.intervals) for m in methods]
+    return Metric(name, better, exponent, tuple(_as_printed(cells)), floor, title=look.names.get(name, ""))
 
 
 def _published(ours: Metric, methods: list[Line], published: Published | None, digits: int | None) -> list[Metric]:
@@ -246,7 +220,7 @@ def _published(ours: Metric, methods: list[Line], published: Published | None, d
     return [Metric(f"{ours.name}, {published.short}", ours.better, 0, cells, "")]
 
 
-def _cell(line: Line | None, most: Line, exponent: int, digits: int | None, ranked: bool) -> Cell:
+def _cell(line: Line | None, most: Line, exponent: int, digits: int, style: str) -> Cell:
     if line is None:
         return Cell("")
     mark = ""
@@ -254,25 +228,30 @@ def _cell(line: Line | None, most: Line, exponent: int, digits: int | None, rank
         usual = (line["solved"], line["planned"]) == (most["solved"], most["planned"])
         sign = FAILED if line["solved"] + line["imputed"] == line["planned"] else LEFT_OUT
         mark = sign if usual else f"{sign}{line['solved']}/{line['planned']}"
-    text = with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent, digits)
-    # What failed anywhere is not printed as the best, whatever its rank.
-    return Cell(text, ranked and 0 < line["planned"] == line["solved"] and line["rank_low"] == 1, mark)
+    text, below = parts_with_interval(line["mean"], line["ci_low"], line["ci_high"], exponent, digits, style)
+    place = str(line["place"]).split()
+    return Cell(text, BEST in place, mark, second=SECOND in place, tied=TIED in place, below=below)
 
 
-def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[str, ...]:
+def _as_printed(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells such that the same printed mean is the best everywhere: a reader cannot see what differs behind it."""
+    means = {cell.text.partition(" ")[0] for cell in cells if cell.best}
+    made = [replace(c, best=c.text.partition(" ")[0] in means and not c.mark) for c in cells]
+    alone = sum(cell.best for cell in made) == 1
+    return [replace(c, second=c.second and alone and not c.best, tied=c.tied and not c.best) for c in made]
+
+
+def _notes(lines: list[Line], columns: Sequence[Metric], level: float, look: Look) -> tuple[str, ...]:
     notes = []
     if columns:
-        notes.append(f"mean [{level:.0%} interval over shapes]; seconds: median; peak MB: largest, of solved cases.")
+        notes.append(numbers_note(level, look))
     if any(c.exponent for c in columns):
         notes.append("A power of ten beside a metric: its numbers are in that unit.")
     marks = {cell.mark.rstrip("0123456789/") for c in columns for cell in c.cells}
     if FAILED in marks:
-        notes.append(f"{FAILED} failed cases enter mean and rank with the score of the worst pseudo-method.")
+        notes.append(FAILED_NOTE)
     if LEFT_OUT in marks:
-        why = "no pseudo-method was scored on them"
-        notes.append(
-            f"{LEFT_OUT} the mean leaves failed cases out ({why}); for the rank they are worse than any answer."
-        )
+        notes.append(LEFT_OUT_NOTE)
     if any(map(_is_given, lines)):
         notes.append(
             f"{GIVEN} trained on true distances of the reference, which the other methods are not given: no answer to "
@@ -284,6 +263,19 @@ def _notes(lines: list[Line], columns: Sequence[Metric], level: float) -> tuple[
     if any(line["shapes"] < 2 and math.isfinite(line["mean"]) and not math.isfinite(line["ci_low"]) for line in lines):
         notes.append("No interval: only one case.")
     return tuple(notes)
+
+
+def numbers_note(level: float, look: Look) -> str:
+    """What the numbers of a table are."""
+    means = {
+        INSIDE: f"mean [{level:.0%} interval over shapes]",
+        BELOW: f"mean, and below it the {level:.0%} interval over shapes",
+        PLUSMINUS: f"mean ± half the width of the {level:.0%} interval over shapes, which need not be symmetric",
+    }
+    costs = {"seconds": "seconds: median", "peak_mb": "peak MB: largest"}
+    shown = [text for name, text in costs.items() if not look.columns or name in look.columns]
+    parts = [means.get(look.intervals, "mean over shapes"), *shown]
+    return f"{'; '.join(parts)}{', of solved cases' if shown else ''}."
 
 
 def _is_given(line: Line) -> bool:

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from ...text import one_line
-from .labels import label, setup, shown_setup
-from .tables import CONTENDER, GROUP, Metric, Table, any_best, shared_notes, title_of
+from ..naming import naming
+from .labels import setup, shown_setup, with_setup
+from .table import Cell, Column, Metric, Table, folded, shared_notes, standing_notes, title_of
+from .tables import CONTENDER, GROUP
 
 if TYPE_CHECKING:
     import pandas as pd
     from rich.table import Table as RichTable
     from rich.text import Text
 
-ARROWS = {"lower": "↓", "higher": "↑", "reference": "→ref", "difference": "|diff| ↓"}
+ARROWS = {"lower": "↓", "higher": "↑", "reference": "→ref", "difference": "|diff| ↓", "": ""}
 GAP = 2  # blanks between columns
 NOTES = 100  # columns that notes take even where the terminal is narrower
 MOST_MESSAGE = 600  # letters of a failure's message; the rest is in the record
@@ -27,35 +29,34 @@ def terminal(tables: list[Table], width: int = 120, color: bool = False) -> str:
     """The tables as text, each with its notes; what is to be noted of all of them comes last."""
     if not tables:
         return "No results.\n"
-    own, shared = shared_notes(tables, *(["*: tied for first."] if any_best(tables) else []))
+    own, shared = shared_notes(tables, *standing_notes(tables, "*", "Underlined" if color else ""))
     texts = [_one(table, notes, width, color) for table, notes in zip(tables, own, strict=True)]
     return "\n".join(texts) + _print(_dim(shared, width), color)
 
 
-def heading(metric: Metric) -> str:
+def heading(column: Column) -> str:
     """``chamfer_l1_mean ↓ (1e-3)``."""
-    unit = f" (1e{metric.exponent})" if metric.exponent else ""
-    return f"{metric.name} {ARROWS[metric.better]}{unit}"
+    if not isinstance(column, Metric):
+        return column.title
+    unit = f" (1e{column.exponent})" if column.exponent else ""
+    return f"{column.title or column.name} {ARROWS[column.better]}{unit}".rstrip()
 
 
-def blocks(table: Table, width: int) -> list[list[Metric]]:
-    """The metrics, as many to a block as fit; the first block has the costs beside it."""
-    left = _width(["method", *table.methods, "floor / reference"])
-    room = width - left - sum(_width([title, *cells]) for title, cells in table.places)
-    first = room - sum(_width([title, *cells]) for title, cells in table.costs)
-    split: list[list[Metric]] = [[]]
-    room_left = first
-    for metric in table.metrics:
-        wide = _width([heading(metric), metric.floor, *(c.text + c.mark + "*" for c in metric.cells)])
-        if wide > room_left and split[-1]:
-            split.append([])
-            room_left = width - left
-        split[-1].append(metric)
-        room_left -= wide
-    return split
+def blocks(table: Table, width: int) -> list[list[Column]]:
+    """The columns, as many to a block as fit; the first block has ranks and costs beside the metrics."""
+    left = _width([table.head, *table.methods, *(name for name, _ in table.feet)])
+    return folded(table, width - left, _width, lambda column: _texts(table, column))
 
 
-def _width(cells: list[str]) -> int:
+def _texts(table: Table, column: Column) -> list[str]:
+    """The heading of a column and its cells."""
+    if not isinstance(column, Metric):
+        return [column.title, *column.texts]
+    cells = [*column.cells, *(cell(column) for _, cell in table.feet)]
+    return [heading(column), *(c.text + c.signs + "*" * c.best for c in cells), *(c.below for c in cells)]
+
+
+def _width(cells: Sequence[str]) -> int:
     from rich.cells import cell_len
 
     return max(map(cell_len, cells)) + GAP
@@ -65,8 +66,8 @@ def _one(table: Table, notes: tuple[str, ...], width: int, color: bool) -> str:
     from rich.text import Text
 
     parts = [Text(table.title, style="bold")]
-    for i, metrics in enumerate(blocks(table, width)):
-        parts += [_block(table, metrics, ranked=i == 0), Text()]
+    for columns in blocks(table, width):
+        parts += [_block(table, columns), Text()]
     return _print([*parts, *_dim(notes, width)], color)
 
 
@@ -82,39 +83,40 @@ def _dim(notes: tuple[str, ...], width: int) -> list:
     return [Text(note, style="dim") for note in wrapped(notes, width)]
 
 
-def _block(table: Table, metrics: list[Metric], ranked: bool) -> RichTable:
+def _block(table: Table, columns: list[Column]) -> RichTable:
     from rich import box
     from rich.table import Table as RichTable
     from rich.text import Text
 
     grid = RichTable(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, GAP, 0, 0), pad_edge=False, header_style="")
-    grid.add_column("method", no_wrap=True)
-    places = table.places if ranked else []
-    for title, _ in places:
-        grid.add_column(title, no_wrap=True)
-    for metric in metrics:
-        grid.add_column(heading(metric), no_wrap=True)
-    costs = table.costs if ranked else []
-    for title, _ in costs:
-        grid.add_column(title, no_wrap=True, justify="right")
+    grid.add_column(table.head, no_wrap=True)
+    for column in columns:
+        right = not isinstance(column, Metric) and column.right
+        grid.add_column(heading(column), no_wrap=True, justify="right" if right else "left")
     for i, method in enumerate(table.methods):
-        scores = [_score(metric, i) for metric in metrics]
-        grid.add_row(Text(method), *(p[i] for _, p in places), *scores, *(cells[i] for _, cells in costs))
-    if any(metric.floor for metric in metrics):
-        floors = [Text(metric.floor, style="dim") for metric in metrics]
-        grid.add_row(Text("floor / reference", style="dim"), *("" for _ in places), *floors, *("" for _ in costs))
+        grid.add_row(Text(method), *(_cell(column, i) for column in columns))
+    for name, cell in table.feet:
+        grid.add_row(Text(name, style="dim"), *(_score(cell(column), "dim") for column in columns))
     return grid
 
 
-def _score(metric: Metric, i: int):
+def _cell(column: Column, i: int) -> Text | str:
+    return _score(column.cells[i]) if isinstance(column, Metric) else column.texts[i]
+
+
+def _score(cell: Cell, plain: str = "") -> Text:
     from rich.text import Text
 
-    cell = metric.cells[i]
     # The star says the same as the bold letters, for files and for eyes that do not see bold.
-    return Text(cell.text + ("*" if cell.best else "") + cell.mark, style="bold" if cell.best else "")
+    style = "bold" if cell.best else "underline" if cell.second else plain
+    text = Text(cell.text + ("*" if cell.best else ""), style=style)
+    text.append(cell.signs)
+    return text.append(f"\n{cell.below}", style="dim") if cell.below else text
 
 
-def remarks(board: pd.DataFrame, rows: pd.DataFrame, color: bool = False) -> str:
+def remarks(
+    board: pd.DataFrame, rows: pd.DataFrame, color: bool = False, names: Mapping[str, str] | None = None
+) -> str:
     """What failed in the groups of a board, and what was noted: how often, and the first message of each kind.
 
     Empty if there is nothing.
@@ -126,6 +128,10 @@ def remarks(board: pd.DataFrame, rows: pd.DataFrame, color: bool = False) -> str
     contenders = set(board[[*GROUP, *CONTENDER]].itertuples(index=False, name=None))
     lines = board[[*GROUP, *CONTENDER, "metric"]]
     setups = {group: shown_setup(part.to_dict("records")) for group, part in lines.groupby(GROUP)}
+    called = {
+        group: naming(zip(part["method"], part["variant"], strict=True), names).labels
+        for group, part in lines.groupby(GROUP)
+    }
     parts = []
     for caption, told in (("Not solved", failures(rows)), ("Solved, with a note", notes(rows))):
         several = told.duplicated([*GROUP, *CONTENDER], keep=False)  # messages: which case is each of?
@@ -134,14 +140,19 @@ def remarks(board: pd.DataFrame, rows: pd.DataFrame, color: bool = False) -> str
             for line, named in zip(told.to_dict("records"), several, strict=True)
             if tuple(line[c] for c in [*GROUP, *CONTENDER]) in contenders
         ]
-        lines = [_remark(line, setups[tuple(line[name] for name in GROUP)], named) for line, named in found]
+        groups = [tuple(line[name] for name in GROUP) for line, _ in found]
+        who = [
+            with_setup(called[group][line["method"], line["variant"]], setup(line, setups[group]))
+            for group, (line, _) in zip(groups, found, strict=True)
+        ]
+        lines = [_remark(line, name, named) for name, (line, named) in zip(who, found, strict=True)]
         lines, more = lines[:MOST_REMARKS], len(lines) - MOST_REMARKS
         lines += [Text(f"  and {more} other messages; the rows of the results have them all")] if more > 0 else []
         parts += [Text(f"\n{caption}", style="bold"), *lines] if lines else []
     return _print(parts, color) if parts else ""
 
 
-def _remark(told: dict[str, Any], shown: tuple[str, ...], name_case: bool) -> Text:
+def _remark(told: dict[str, Any], who: str, name_case: bool) -> Text:
     """One line of what failed or was noted."""
     from rich.text import Text
 
@@ -151,7 +162,6 @@ def _remark(told: dict[str, Any], shown: tuple[str, ...], name_case: bool) -> Te
     message = f"{case}: {message}" if message and name_case and case not in message else message
     where = title_of(*(told[name] for name in GROUP))
     what = "" if told["status"] == "ok" else f" {told['status']}"
-    who = label(told["method"], told["variant"], setup(told, shown))
     return Text(f"  {who}: {told['count']}{what} ({where}){': ' + message if message else ''}")
 
 
