@@ -138,7 +138,8 @@ def options_of(command: str) -> dict[str, list[str] | None]:
     They are kept from one time to the next: importing a command may take longer than a person waits for a completion.
     """
     file = Path(__file__).with_name(f"{command}.py")
-    stamp = [str(file), *(path.stat().st_mtime_ns for path in (file, Path(cli.__file__)))]
+    files = [*sorted(file.parent.glob(f"{command}*.py")), Path(cli.__file__)]  # options may have a file of their own
+    stamp = [str(file), *(path.stat().st_mtime_ns for path in files)]
     kept = kept_json("options") or {}
     if kept.get(command, {}).get("stamp") != stamp:
         options = {

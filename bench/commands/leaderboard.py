@@ -3,12 +3,15 @@
   detailbench leaderboard                                  of the folder `results`
   detailbench leaderboard DIR [DIR ...] --task denoise --metric p2f_mean
   detailbench leaderboard DIR --by tag                     who is best on thin sheets, on sharp edges, ...
+  detailbench leaderboard DIR --by case                    one line for each shape, one column for each method
   detailbench leaderboard DIR --across tag                 the same for one metric, side by side
   detailbench leaderboard DIR --agreement real             do real shapes order the methods as the others do?
   detailbench leaderboard DIR --convention mpu             a paper's columns, in its units
   detailbench leaderboard DIR --published table_4_1        the table of an experiment, the paper's numbers beside ours
   detailbench leaderboard DIR --pareto p2f_mean,seconds    who is on the front of quality and cost
-  detailbench leaderboard DIR --format csv > board.csv     markdown, latex and csv besides the terminal
+  detailbench leaderboard DIR --best                       which parameters of a method are best, on train shapes
+  detailbench leaderboard DIR --format csv -o board.csv    markdown, latex and csv besides the terminal
+  detailbench leaderboard DIR --format latex --columns p2f_mean,seconds --names mine=Ours --intervals below
 
 Means have 95 % intervals over shapes, whatever seeds and sensors each was met with; rank 1-2 is the 95 % confidence
 interval of the rank. A failed case enters mean and rank with the score of the worst pseudo-method, and solved/planned
@@ -25,92 +28,94 @@ import argparse
 import os
 import shutil
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..cli import add_plugin_argument
-from ..errors import UsageError
+from ..errors import StoreError, UsageError
 from ..plugins.registry import load_plugins
-from ..ranking.report import FORMATS
+from ..ranking.report.look import Look
 from ..text import below
+from .leaderboard_options import add_arguments, check, is_by_case, look_of
+
+__all__ = ["add_arguments", "run"]
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    parser.add_argument("results", nargs="*", metavar="RESULTS", help="folders of results (default: results)")
-    for name in ("task", "dataset", "sensor", "method", "metric", "tag"):
-        parser.add_argument(f"--{name}", metavar="NAMES", help=f"only these {name}s: one, or several with commas")
-    parser.add_argument("--split", metavar="NAMES", help="only test or only train shapes; they are never in one table")
-    parser.add_argument(
-        "--by", metavar="WORDS", help="one table for each of: dataset, sensor, tag (default: dataset,sensor)"
-    )
-    parser.add_argument(
-        "--across", metavar="WORD", help="one metric side by side in all groups of: dataset, sensor, tag"
-    )
-    parser.add_argument(
-        "--agreement", metavar="DATASETS", help="these datasets and all others side by side, with Kendall's tau"
-    )
-    parser.add_argument(
-        "--pareto", metavar="A,B", help="mark who is on the front of two metrics, or of one and seconds or peak_mb"
-    )
-    parser.add_argument(
-        "--equal", type=float, default=0.02, metavar="SHARE", help="differences below count as equal (default: 0.02)"
-    )
-    parser.add_argument("--convention", metavar="NAME", help="print the columns of a paper in its units")
-    parser.add_argument("--published", metavar="NAME", help="an experiment whose paper's numbers stand beside ours")
-    parser.add_argument("--format", choices=FORMATS, default="terminal", help="how to print (default: terminal)")
-    parser.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
-    parser.add_argument("--no-index", action="store_true", help="read every file, do not use or write the index")
-    add_plugin_argument(parser)
-
-
 def run(args: argparse.Namespace) -> int:
-    """Print the board."""
-    from ..ranking.resolution import check_region
-
+    """Print the board, or write it to a file."""
     if args.plugin:
         load_plugins(args.plugin)
     args.results, conventions = _split_words(args.results)
     args.convention = args.convention or conventions
-    if args.published and (args.convention or args.across):
-        raise UsageError(f"--published {args.published}: says itself which columns are shown")
-    if args.convention and args.metric:
-        raise UsageError(f"--metric {args.metric}: the convention {args.convention} says which metrics are shown")
-    others = {name: getattr(args, name) for name in ("by", "convention", "pareto") if getattr(args, name)}
-    if args.across and others:
-        other = next(f"--{name} {value}" for name, value in others.items())
-        raise UsageError(f"--across {args.across}: shows one metric in all groups, which does not go with {other}")
-    others |= {name: getattr(args, name) for name in ("across", "published") if getattr(args, name)}
-    if args.agreement and others:
-        other = next(f"--{name} {value}" for name, value in others.items())
-        raise UsageError(f"--agreement {args.agreement}: compares two orders, which does not go with {other}")
-    if not 0 < args.level < 1:
-        raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
-    check_region(args.equal)
-    rows = read_rows(args.results or ["results"], use_index=not args.no_index)
+    check(args)
+    look = look_of(args)
+    folders = args.results or ["results"]
+    rows = read_rows(folders, use_index=not args.no_index)
     filters = {name: getattr(args, name) for name in ("task", "dataset", "sensor", "method", "tag", "split")}
-    if args.agreement:
-        show_agreement(rows, args.agreement, args.format, metric=args.metric, level=args.level, **filters)
+    filters |= {"metric": args.metric}
+    measures = {"level": args.level, "equal": args.equal}
+    output = Output(args.format, look, args.output)
+    if args.best:
+        from .leaderboard_best import show_best
+
+        show_best(rows, output, preset=args.preset, folders=folders, level=args.level, **filters)
+    elif args.agreement:
+        show_agreement(rows, args.agreement, output, level=args.level, **filters)
     elif args.across:
-        measures = {"metric": args.metric, "level": args.level, "equal": args.equal}
-        show_across(rows, args.across, args.format, **measures, **filters)
+        show_across(rows, args.across, output, **measures, **filters)
+    elif is_by_case(args):
+        show_by_case(rows, args.by, output, **measures, **filters)
     else:
-        show(
-            rows,
-            args.format,
-            metric=args.metric,
-            level=args.level,
-            equal=args.equal,
-            by=args.by,
-            pareto=args.pareto,
-            convention=args.convention,
-            published=args.published,
-            **filters,
-        )
+        chosen = {name: getattr(args, name) for name in ("by", "pareto", "convention", "published")}
+        show(rows, output, **measures, **chosen, **filters)
     return 0
+
+
+@dataclass(frozen=True)
+class Output:
+    """How tables are printed, and where to."""
+
+    format: str = "terminal"
+    look: Look = field(default_factory=Look)
+    file: str | None = None  # written wholly or not at all; None for the standard output
+
+    @property
+    def width(self) -> int:
+        """Columns of the terminal."""
+        return shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() and not self.file else 160
+
+    @property
+    def color(self) -> bool:
+        """Whether to use bold and dim letters."""
+        return not self.file and sys.stdout.isatty() and "NO_COLOR" not in os.environ
+
+    def give(self, text: str) -> None:
+        """Print the text, or write the file.
+
+        Raises
+        ------
+        UsageError
+            If it cannot be written.
+        """
+        text = text.rstrip("\n")
+        if not self.file:
+            print(text, file=below(sys.stdout) if self.color else sys.stdout)  # the escapes of colours are ours
+            return
+        from ..results.files import write_atomically
+
+        path = Path(self.file)
+        if path.is_dir() or not path.parent.is_dir():
+            what = "is a folder" if path.is_dir() else f"there is no folder {path.parent}"
+            raise UsageError(f"--output {path}: {what}; expected the name of a file in a folder that is there")
+        try:
+            write_atomically(path, f"{text}\n".encode("utf-8", "backslashreplace"))
+        except StoreError as error:
+            raise UsageError(f"--output {path}: cannot be written: {error.__cause__ or error}") from error
+        print(f"written to {path}", file=sys.stderr)
 
 
 def _split_words(words: list[str]) -> tuple[list[str], str | None]:
@@ -138,7 +143,7 @@ def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
 
 def show(
     rows: pd.DataFrame,
-    format: str = "terminal",
+    output: Output | None = None,
     *,
     level: float = 0.95,
     equal: float = 0.02,
@@ -159,6 +164,7 @@ def show(
     from ..ranking.published import load_published
     from ..ranking.selection import matching, metrics_of, pool, select
 
+    output = output or Output()
     table = load_published(published) if published else None
     if table:
         convention, by = table.convention, by or table.by
@@ -169,11 +175,24 @@ def show(
         paper = paper.of(known)
         if (chosen["status"] == "ok").any():  # where nothing is solved nothing has scores, and the board says so
             filters["metric"] = paper.scores(known)
+    elif not filters.get("metric"):
+        filters["metric"] = _metrics_among(output.look.columns, metrics_of(chosen))
     board = leaderboard(rows, level=level, equal=equal, by=by, pareto=pareto, **filters)
     wanted = matching("metric", filters.get("metric"), metrics_of(chosen)) if filters.get("metric") else ()
-    _print(board, format, rows=chosen, metrics=wanted, convention=paper, published=table)
-    if missing and format != "csv":
+    _print(board, output, rows=chosen, metrics=wanted, convention=paper, published=table)
+    if missing and output.format != "csv":
         print(missing)
+
+
+def _metrics_among(columns: Sequence[str], known: Sequence[str]) -> list[str] | None:
+    """The metrics among the columns; none where all are shown, and for the front, which takes the task's own two."""
+    from ..ranking.report.look import OTHERS
+    from ..ranking.selection import matching
+
+    asked = [name for name in columns if name not in OTHERS]
+    if not asked or "front" in columns:
+        return None
+    return matching("columns", asked, [*known, *OTHERS])
 
 
 def what_is_missing(finished: int, planned: int) -> str:
@@ -187,7 +206,7 @@ def what_is_missing(finished: int, planned: int) -> str:
 def show_across(
     rows: pd.DataFrame,
     across: str,
-    format: str = "terminal",
+    output: Output | None = None,
     *,
     level: float = 0.95,
     equal: float = 0.02,
@@ -202,13 +221,29 @@ def show_across(
     # Of several tasks each has a metric of its own, which comes before the groups.
     known = set(metrics_of(rows))
     columns = sorted(dict.fromkeys(board["metric"]), key=lambda name: name not in known)
-    _print(board, format, rows=chosen, metrics=columns)
+    _print(board, output or Output(), rows=chosen, metrics=columns)
+
+
+def show_by_case(rows: pd.DataFrame, by: str, output: Output, **options: Any) -> None:
+    """Print the scores of each case, methods side by side."""
+    from ..ranking.by_case import by_case
+    from ..ranking.report import in_format
+    from ..ranking.report.case_tables import case_tables
+    from ..ranking.report.cells import csv, plain_texts
+
+    scores, board = by_case(rows, by=by, **options)
+    _check_names(board, output.look)
+    if output.format == "csv":
+        output.give(csv(scores))
+        return
+    made = case_tables(plain_texts(scores), plain_texts(board), output.look)
+    output.give(in_format(made, output.format, output.look, output.width, output.color))
 
 
 def show_agreement(
     rows: pd.DataFrame,
     agreement: str,
-    format: str = "terminal",
+    output: Output | None = None,
     *,
     metric: str | None = None,
     level: float = 0.95,
@@ -218,19 +253,20 @@ def show_agreement(
     from ..ranking.agreement import agreement as found
     from ..ranking.report.agreement import render_agreement
 
-    text = render_agreement(
-        found(rows, agreement, metric=metric, level=level, **filters), format, level=level, width=_width()
-    )
-    print(text.rstrip("\n"))
+    output = output or Output()
+    orders = found(rows, agreement, metric=metric, level=level, **filters)
+    output.give(render_agreement(orders, output.format, level=level, width=output.width))
 
 
-def _width() -> int:
-    return shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 160
-
-
-def _print(board: pd.DataFrame, format: str, **options: Any) -> None:
+def _print(board: pd.DataFrame, output: Output, **options: Any) -> None:
     from ..ranking.report import render
 
-    color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
-    text = render(board, format, width=_width(), color=color, **options).rstrip("\n")
-    print(text, file=below(sys.stdout) if color else sys.stdout)  # the escapes of colours are ours
+    _check_names(board, output.look)
+    output.give(render(board, output.format, width=output.width, color=output.color, look=output.look, **options))
+
+
+def _check_names(board: pd.DataFrame, look: Look) -> None:
+    if look.names:
+        from ..ranking.naming import check_names
+
+        check_names(look.names, zip(board["method"], board["variant"], strict=True), board["metric"])

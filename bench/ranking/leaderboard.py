@@ -503,6 +503,36 @@ def unit_scores(rows: pd.DataFrame, metric: str) -> UnitScores:
     )
 
 
+def unit_values(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
+    """What each method scored on each unit (case, seed and sensor) by one metric, as tables show it.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Pooled by :func:`bench.ranking.selection.pool`, with what is known of the worst (:func:`imputation.lent`).
+    metric : str
+
+    Returns
+    -------
+    DataFrame
+        Columns ``task, dataset, sensor, split, case, seed, condition, method, variant, threads, device, host``;
+        ``better``; ``value`` (as ``mean`` of a board; missing where it is not known); ``badness`` (the same such that
+        lower is better); ``planned``, ``solved`` and ``imputed``, how many results of the unit. Only what was to be
+        scored by the metric.
+    """
+    cells = _cells(rows, [metric])
+    known = cells.solved[:, 0] + cells.imputed[:, 0] > 0
+    frame = cells.keys.assign(
+        better=cells.better[0],
+        value=np.where(known, cells.value[:, 0], np.nan),
+        badness=np.where(known, cells.badness[:, 0], np.nan),
+        planned=cells.planned[:, 0],
+        solved=cells.solved[:, 0],
+        imputed=cells.imputed[:, 0],
+    )
+    return frame[frame["planned"] > 0].reset_index(drop=True)
+
+
 # -- what else a reader wants to know ----------------------------------------------------------------------------------
 
 

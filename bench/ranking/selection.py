@@ -11,6 +11,7 @@ import pandas as pd
 
 from ..errors import UsageError, did_you_mean
 from ..geometry.traits import TAGS
+from .naming import is_called, preset_of
 
 Names = str | Iterable[str] | None
 
@@ -69,7 +70,8 @@ def select(
     rows : DataFrame
         One row per planned case, as :meth:`bench.results.store.Results.rows` gives them.
     task, dataset, sensor, method, tag, split : str or list of str
-        Names, a list of them or one string with commas. ``bumps`` stands for every ``bumps[...]`` too, and ``*``
+        Names, a list of them or one string with commas. A method is named by its plugin, its preset or
+        ``plugin[variant]``. ``bumps`` stands for every ``bumps[...]`` too, and ``*``
         and ``?`` stand for anything.
 
     Raises
@@ -82,7 +84,11 @@ def select(
     wanted = {"task": task, "dataset": dataset, "sensor": sensor, "method": method, "split": split}
     for option, names in wanted.items():
         if names is not None:
-            chosen &= rows[option].isin(matching(option, names, rows[option].unique())).to_numpy()
+            chosen &= (
+                _called(rows, names)
+                if option == "method"
+                else rows[option].isin(matching(option, names, rows[option].unique())).to_numpy()
+            )
     if tag is not None:
         tags = rows["tags"].map(_tags)
         known = sorted(set().union(*tags))
@@ -92,6 +98,23 @@ def select(
         given = [f"{option}={names}" for option, names in {**wanted, "tag": tag}.items() if names is not None]
         raise UsageError(f"no result has {' and '.join(given)} together")
     return rows if chosen.all() else rows[chosen]
+
+
+def _called(rows: pd.DataFrame, names: Names) -> np.ndarray:
+    """(rows,) bool array: whose method is called so, by its plugin or, as tables have it, by its preset."""
+    pairs = rows[["method", "variant"]].drop_duplicates()
+    variants = list(pairs.itertuples(index=False, name=None))
+    heads = {pair: preset_of(*pair)[0] for pair in variants}
+    wanted = set()
+    for name in split_names(names) or [""]:
+        found = {pair for pair in variants if is_called(*pair, name)}
+        wanted |= found or set(_of_plugins(variants, matching("method", [name], {*rows["method"], *heads.values()})))
+    keys = rows["method"] + "\0" + rows["variant"]
+    return keys.isin({f"{method}\0{variant}" for method, variant in wanted}).to_numpy()
+
+
+def _of_plugins(variants: Sequence[tuple[str, str]], plugins: Sequence[str]) -> list[tuple[str, str]]:
+    return [pair for pair in variants if pair[0] in plugins]
 
 
 SHAPES = 4  # fewer of one kind tell nothing of it, and a chair, a gear and a tree would have a column each
@@ -153,7 +176,7 @@ def metrics_of(rows: pd.DataFrame, metric: Names = None) -> list[str]:
     return known if metric is None else sorted(matching("metric", metric, known))
 
 
-def _split(names: Names) -> list[str]:
+def split_names(names: Names) -> list[str]:
     """``"cad,bumps[a=1,b=2]"`` -> ``["cad", "bumps[a=1,b=2]"]``."""
     parts = [names] if isinstance(names, str) else list(names or ())
     return [name.strip() for part in parts for name in re.split(r",(?![^\[]*\])", part) if name.strip()]
@@ -172,7 +195,7 @@ def matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
     """
     known = sorted(known)
     found: list[str] = []
-    wanted = _split(names)
+    wanted = split_names(names)
     if not wanted:
         raise UsageError(f"{option}: expected a name. {did_you_mean('', known)}")
     for name in wanted:

@@ -25,6 +25,7 @@ ARROWS = {
 }
 COLUMN, PAGE = 229.0, 344.0  # points: article in two columns, article in one
 GAP = 6.0  # between columns: two of \tabcolsep
+NARROW = 34.0  # a title does not need to be narrower
 LABELS = 0.36  # of the width at most for the names of the methods, which are folded where they can be
 LEGENDS = ("†", "‡", "§", "|diff|", "mean", "Only", "Methods were run")  # notes that a reader needs, not only an author
 _ESCAPES = {
@@ -40,6 +41,9 @@ _ESCAPES = {
     "·": r"$\cdot$",
     "±": r"$\pm$",
     "…": r"\dots{}",
+    "↓": r"$\downarrow$",
+    "↑": r"$\uparrow$",
+    "→": r"$\rightarrow$",
     TIED: r"$^\approx$",
     **{c: "\\" + c for c in "#$%&_{}"},
 }
@@ -157,10 +161,10 @@ def _heading(column: Column) -> list[str]:
     arrow = ARROWS[column.better]
     unit = rf"($10^{{{column.exponent}}}$)" if column.exponent else ""
     below = widest(line for cell in column.cells for line in _score(cell))
-    lines = wrapped(title, max(below, widest(title.split(" "))))
+    lines = wrapped(title, max(below, widest(title.split(" ")), NARROW))
     ends = [end for end in (arrow, unit) if end]
     for end in ends:
-        if width_of(f"{lines[-1]} {end}") <= max(below, widest(lines)):
+        if width_of(f"{lines[-1]} {end}") <= max(below, widest(lines), NARROW):
             lines[-1] = f"{lines[-1]} {end}"
         else:
             lines.append(end)

@@ -125,7 +125,7 @@ class Table:
     @property
     def best_notes(self) -> tuple[bool, bool, bool]:
         """Whether any cell is marked as the best, as tied with it, as the second best."""
-        cells = [cell for column in self.columns if isinstance(column, Metric) for cell in column.cells]
+        cells = [c for column in self.columns if isinstance(column, Metric) for c in (*column.cells, *column.feet)]
         return any(c.best for c in cells), any(c.tied for c in cells), any(c.second for c in cells)
 
 
@@ -199,10 +199,9 @@ def standing_notes(tables: Sequence[Table], best: str, second: str = "") -> list
         How the best and the second best mean are shown, as ``Bold``; empty where it is not shown.
     """
     is_best, is_tied, is_second = (any(flags) for flags in zip(*(t.best_notes for t in tables), strict=True))
-    by_line = any(table.head == "case" for table in tables)
-    if by_line:
-        return [f"{best}: the best of a case, and the most wins."] if is_best else []
-    notes = [f"{best}: the best mean; what failed anywhere is never the best."] if is_best else []
+    of_line = any(table.head == "case" for table in tables)
+    what = "the best of a line" if of_line else "the best mean"
+    notes = [f"{best}: {what}; what failed anywhere is never the best."] if is_best else []
     if is_tied:
         notes.append(
             f"{TIED}: tied for first, not surely worse than the best by a paired test over the shapes, however far "

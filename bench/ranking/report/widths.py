@@ -42,9 +42,10 @@ def width_of(latex: str) -> float:
     >>> width_of("12")
     8.6
     """
+    latex = re.sub(r"\\cite\{[^{}]*\}", "[12]", latex)
     bold = BOLD if "textbf" in latex else 1.0
     text, signs = re.subn(r"\^(\{[^{}]*\}|\\\w+)", "", latex)
-    text = re.sub(r"\\(textbf|underline|scriptsize|cite)\b ?", "", text)
+    text = re.sub(r"\\(textbf|underline|scriptsize)\b ?", "", text)
     text, arrows = re.subn(r"\\(downarrow|uparrow|rightarrow|approx|cdot|pm|times|S)\b", "", text)
     text = re.sub(r"\\text\w+", "W", text)
     text = re.sub(r"\\(?=[#$%&_{}])", "", text)
