@@ -10,7 +10,7 @@ from __future__ import annotations
 import fnmatch
 import functools
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from ..errors import UsageError, did_you_mean
@@ -47,7 +47,8 @@ def naming(methods: Iterable[Method], names: Mapping[str, str] | None = None) ->
     rests = [set(rest) for _, rest in found.values()]
     shared = set.intersection(*rests) if len(rests) > 1 else set()
     plain = {m: label(head, [part for part in rest if part not in shared]) for m, (head, rest) in found.items()}
-    new = {m: _renamed(m, head, [p for p in rest if p not in shared], names or {}) for m, (head, rest) in found.items()}
+    heads, plugins = Counter(head for head, _ in found.values()), Counter(method for method, _ in found)
+    new = {m: _renamed(m, head, plain[m], names or {}, heads, plugins) for m, (head, _) in found.items()}
     labels = {m: text if new[m] is None else new[m] for m, text in plain.items()}
     often = Counter(labels.values())
     labels = {m: plain[m] if often[text] > 1 else text for m, text in labels.items()}  # no two have one name
@@ -132,16 +133,22 @@ def _key(part: str) -> str:
     return part.partition("=")[0]
 
 
-def _renamed(method: Method, head: str, own: Sequence[str], names: Mapping[str, str]) -> str | None:
-    """The label that the user wants; None where no name of hers is for this method."""
+def _renamed(
+    method: Method, head: str, plain: str, names: Mapping[str, str], heads: Counter[str], plugins: Counter[str]
+) -> str | None:
+    """The label that the user wants; None where no name of hers is for this method.
+
+    A new name of a plugin or a preset is for all of its variants: several in a table keep their parameters.
+    """
     whole = f"{method[0]}[{method[1]}]" if method[1] else method[0]
-    for key in (label(head, own), label(method[0], parts_of(method[1])), whole):
+    for key in (plain, label(method[0], parts_of(method[1])), whole):
         if key in names:
             return names[key]
     if head in names:
-        return label(names[head], own)
+        return names[head] + (plain.removeprefix(head) if heads[head] > 1 else "")
     if method[0] in names:
-        return label(names[method[0]], parts_of(method[1]) if head != method[0] else own)
+        parameters = label("", parts_of(method[1])) if head != method[0] else plain.removeprefix(head)
+        return names[method[0]] + (parameters if plugins[method[0]] > 1 else "")
     return None
 
 
