@@ -1,0 +1,80 @@
+"""Plain tables with a title and notes, in the formats of the leaderboard but CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...text import one_line
+from . import latex, markdown
+from .terminal import wrapped
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A plain table, whose control characters are shown."""
+
+    title: str
+    head: tuple[str, ...]
+    lines: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "title", one_line(self.title))
+        object.__setattr__(self, "head", tuple(map(one_line, self.head)))
+        object.__setattr__(self, "lines", tuple(tuple(map(one_line, line)) for line in self.lines))
+        object.__setattr__(self, "notes", tuple(map(one_line, self.notes)))
+
+
+def rendered(grids: Sequence[Grid], format: str, width: int = 120) -> str:
+    """Tables one below the other, as ``terminal``, ``markdown`` or ``latex``; ``width`` is that of the terminal."""
+    if format == "markdown":
+        return "\n".join(map(_markdown, grids))
+    if format == "latex":
+        return "% needs \\usepackage{booktabs}\n" + "\n".join(map(_latex, grids))
+    return "\n".join(_terminal(grid, width) for grid in grids)
+
+
+def _terminal(grid: Grid, width: int) -> str:
+    columns = list(zip(grid.head, *grid.lines, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+
+    def line(cells: Sequence[str]) -> str:
+        return "  ".join(f"{cell:<{size}}" for cell, size in zip(cells, widths, strict=True)).rstrip()
+
+    rule = "─" * (sum(widths) + 2 * (len(widths) - 1))
+    return "\n".join([grid.title, line(grid.head), rule, *map(line, grid.lines), "", *wrapped(grid.notes, width), ""])
+
+
+def _markdown(grid: Grid) -> str:
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(map(markdown.escape, cells)) + " |"
+
+    rule = "| " + " | ".join(["---"] * len(grid.head)) + " |"
+    notes = [f"- {markdown.escape(note)}" for note in grid.notes]
+    title = f"### {markdown.escape(grid.title)}"
+    return "\n".join([title, "", line(grid.head), rule, *map(line, grid.lines), "", *notes, ""])
+
+
+def _latex(grid: Grid) -> str:
+    def line(cells: Sequence[str]) -> str:
+        shown = (latex.escape(cell) for cell in cells)
+        return " & ".join(cell.replace("↓", r"$\downarrow$").replace("↑", r"$\uparrow$") for cell in shown) + r" \\"
+
+    caption = latex.escape(" ".join([f"{grid.title}.", *grid.notes]))
+    return "\n".join(
+        [
+            r"\begin{table}[htbp]",
+            r"\centering\footnotesize",
+            rf"\caption{{{caption}}}",
+            rf"\begin{{tabular}}{{{'l' * len(grid.head)}}}",
+            r"\toprule",
+            line(grid.head),
+            r"\midrule",
+            *map(line, grid.lines),
+            r"\bottomrule",
+            r"\end{tabular}",
+            r"\end{table}",
+            "",
+        ]
+    )
