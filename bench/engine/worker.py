@@ -45,6 +45,7 @@ from .devices import check_device
 from .memo import Memo, RememberedDataset, RememberedSensor
 from .meter import Meter
 from .state import changes, state
+from .yardstick import reference_seconds
 
 LONGEST_ID = 200  # letters of a case's id: it names files
 
@@ -169,6 +170,7 @@ class _Session:
                 row["tags"] = ",".join(self.tags(case))
                 row |= conditions(task, case)
             self.check_training(case)
+            row["reference_seconds"] = reference_seconds()
             call, before = self.measured_call(index, case, task), state()
             try:
                 output = call()

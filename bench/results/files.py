@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# Of the columns. 4: without those of weights and trainings; 3: and without split and worst.<key>; 2: and without
-# active_parameters; 1: and without true_distances; all are read.
-SCHEMA_VERSION = 5
+# Of the columns. 5: without reference_seconds, exchange_seconds and external; 4: and without those of weights and
+# trainings; 3: and without split and worst.<key>; 2: and without active_parameters; 1: and without true_distances; all
+# are read.
+SCHEMA_VERSION = 6
 META_KEY = b"detailbench"
 STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
 
@@ -48,6 +49,9 @@ COLUMNS = {
     "peak_rss_mb": "float64",
     "rss_before_mb": "float64",
     "peak_device_mb": "float64",
+    "reference_seconds": "float64",
+    "exchange_seconds": "float64",
+    "external": "string",
     "parameters": "int64",
     "active_parameters": "int64",
     "true_distances": "int64",
