@@ -32,6 +32,7 @@ COMMANDS = {
     "fetch": "download the data of a dataset that is not procedural",
     "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
     "figure": "a figure of kept outputs for a paper: PDF, SVG or PNG",
+    "compare": "two results, then and now: what got worse, what failed, what is slower",
     "train": "train a learned method, and keep its weights",
     "apply": "one method on one file, or on many",
     "recommend": "which method serves a scan: a ranking without ground truth",

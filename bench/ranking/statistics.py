@@ -233,3 +233,38 @@ def ranks_of(
     low = 1 + (sure & (difference > 0)).sum(axis=1)
     high = taking_part - (sure & (difference < 0)).sum(axis=1)
     return low, high, (difference > 0).sum(axis=1)
+
+
+def beyond(
+    sums: np.ndarray, counts: np.ndarray, bound: float | np.ndarray, level: float = 0.95
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Means over clusters with Student's intervals, and how surely each mean is above a bound.
+
+    For paired relative differences, whose skewness is not removed (see above).
+
+    Parameters
+    ----------
+    sums, counts : (n, k) arrays
+        Per cluster and quantity, as in :func:`standard_error`.
+    bound : float or (k,) array
+        What the means are held against.
+    level : float
+        The confidence level of the intervals.
+
+    Returns
+    -------
+    mean, low, high : (k,) arrays
+        ``low`` and ``high`` are NaN where fewer than two clusters have values.
+    p : (k,) array
+        One-sided: the chance of such a mean where the true one is not above the bound. 1 where nothing is known.
+    """
+    n, units = (counts > 0).sum(axis=0), counts.sum(axis=0)
+    error = standard_error(sums, counts)
+    freedom = np.maximum(n - 1.0, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.where(n > 0, sums.sum(axis=0) / units, np.nan)
+        p = special.stdtr(freedom, -(mean - bound) / error)
+    # Without any spread, as in paired_differences: all units lie on one side of the bound.
+    p = np.where(error <= SAME, np.where(mean > bound, 0.25**units, 1.0), p)
+    reach = student_quantile((1 + level) / 2, freedom) * error
+    return mean, mean - reach, mean + reach, np.where(n > 1, p, 1.0)

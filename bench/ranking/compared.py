@@ -1,0 +1,323 @@
+"""Two sets of results, then and now: what got worse, surely; what is new, gone, failed; what is slower.
+
+Units (shape, seed and sensor) are paired by all that names a row but its machine. Of each method and metric the mean
+paired relative difference is held against a threshold by a one-sided test of Student's t over shapes, and Holm's
+correction runs over all methods and metrics: however many there are, the chance of any false alarm is 1 - level.
+
+The relative difference is ``2 (now - then) / (|now| + |then|)``, of badness (lower is better), which has no trouble
+with scores near 0; it is shown as the ratio that it stands for: ``(2 + s) / (2 - s) - 1``.
+
+Speed is the ratio of the seconds, each divided by the time of a fixed workload that was measured just before the call
+(:mod:`bench.engine.yardstick`): so the speed of the machine is taken out, as far as that work feels what the method
+feels.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ..errors import UsageError
+from ..results.imputation import lent
+from .leaderboard import unit_scores
+from .selection import Names, completed, metrics_of, pool, select
+from .statistics import SAME, beyond, holm
+
+METHOD = ["method", "variant", "threads", "device"]
+KEY = ["task", "dataset", "sensor", "split", *METHOD, "seed", "case"]
+SIDES = ("then", "now")
+SHORTEST = (
+    0.05  # seconds: calls that are shorter say nothing of a method, the clock and the system are too much of them
+)
+SLOWER = 0.2  # what counts as slower where no threshold is given
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What is the same and what is not.
+
+    Attributes
+    ----------
+    quality : DataFrame
+        One line per task, split, method and metric: ``shapes``, ``units``, ``then``, ``now`` (means over the units that
+        both solved), ``change`` (0.05: 5 % worse; negative: better) with ``low`` and ``high``, ``verdict`` (``worse``
+        and ``better`` surely, by more than the threshold; ``same`` within it; ``open``).
+    speed : DataFrame
+        One line per task, split and method: ``then``, ``now`` (median seconds), ``ratio`` (the median of the paired
+        ratios) with ``low`` and ``high``, ``normalised``, ``verdict`` (``slower``, ``faster``, ``same``, ``open``,
+        ``short``).
+    new, gone : DataFrame
+        How many cases only one side has, by :data:`METHOD`, task, dataset and sensor.
+    failed, solved : DataFrame
+        Pairs that failed now and were solved then, and the reverse.
+    changed : tuple
+        The records that are not of one fingerprint: cell and fingerprint then, cell and fingerprint now.
+    """
+
+    quality: pd.DataFrame
+    speed: pd.DataFrame
+    new: pd.DataFrame
+    gone: pd.DataFrame
+    failed: pd.DataFrame
+    solved: pd.DataFrame
+    pairs: int
+    worse: float
+    slower: float
+    level: float
+    notes: tuple[str, ...] = ()
+    changed: tuple[tuple[str, str, str, str], ...] = ()
+
+
+def compared(
+    then: pd.DataFrame,
+    now: pd.DataFrame,
+    *,
+    metric: Names = None,
+    worse: float = 0.02,
+    slower: float | None = None,
+    level: float = 0.95,
+    **filters: Names,
+) -> Compared:
+    """Compare two sets of rows.
+
+    Parameters
+    ----------
+    then, now : DataFrame
+        As :meth:`bench.results.store.Results.rows` gives them.
+    metric : str or list of str, optional
+        Metric keys; all that both sides have without it.
+    worse, slower : float
+        Thresholds: 0.02 is 2 %. Where ``slower`` is None, :data:`SLOWER` counts.
+    level : float
+        Of intervals, and of the tests together.
+    **filters
+        Of :func:`bench.ranking.selection.select`.
+
+    Raises
+    ------
+    UsageError
+        If the two have no case in common, or for a filter that matches nothing on either side.
+    """
+    sides = [_latest(_chosen(rows, filters)) for rows in (then, now)]
+    keys = [pd.MultiIndex.from_frame(rows[KEY]) for rows in sides]
+    both = keys[0].intersection(keys[1])
+    if not len(both):
+        raise UsageError(
+            "the two results have no case in common: compare runs of the same datasets, sensors, seeds and methods "
+            "(detailbench leaderboard DIR shows what is in each)"
+        )
+    a, b = (rows[key.isin(both)].assign(host=side) for rows, key, side in zip(sides, keys, SIDES, strict=True))
+    rows = pd.concat([a, b], ignore_index=True)
+    slower = SLOWER if slower is None else slower
+    merged = a.merge(b, on=KEY, suffixes=("_then", "_now"))
+    lost, won = (
+        merged[(merged[f"status_{one}"] == "ok") & (merged[f"status_{other}"] != "ok")]
+        for one, other in (SIDES, SIDES[::-1])
+    )
+    quality = _quality(rows, _metrics(sides, metric), worse, level)
+    speed = _speed(merged, slower, level)
+    return Compared(
+        quality,
+        speed,
+        new=_counted(sides[1][~keys[1].isin(both)]),
+        gone=_counted(sides[0][~keys[0].isin(both)]),
+        failed=lost.reset_index(drop=True),
+        solved=won.reset_index(drop=True),
+        pairs=len(both),
+        worse=worse,
+        slower=slower,
+        level=level,
+        notes=_notes(quality, speed),
+        changed=_changed(merged),
+    )
+
+
+def _chosen(rows: pd.DataFrame, filters: dict[str, Names]) -> pd.DataFrame:
+    """The rows that filters leave, each with what its failure would cost."""
+    rows = select(lent(completed(rows)), **filters)
+    missing = {name: np.nan for name in ("reference_seconds",) if name not in rows}
+    return rows.assign(**missing, variant=rows["variant"].fillna(""))
+
+
+def _latest(rows: pd.DataFrame) -> pd.DataFrame:
+    """One row for each key: several machines may have run one case."""
+    ordered = rows.sort_values("finished", kind="stable") if "finished" in rows else rows
+    return ordered.drop_duplicates(KEY, keep="last").sort_index()
+
+
+def _metrics(sides: list[pd.DataFrame], metric: Names) -> list[str]:
+    common = sorted(set.intersection(*(set(metrics_of(rows)) for rows in sides)))
+    if metric is None:
+        return common
+    for rows in sides:
+        metrics_of(rows, metric)  # a name that is none is refused, with the nearest one
+    return [m for m in metrics_of(sides[1], metric) if m in common]
+
+
+def _changed(merged: pd.DataFrame) -> tuple[tuple[str, str, str, str], ...]:
+    names = [f"{name}_{side}" for side in SIDES for name in ("cell", "fingerprint")]
+    other = merged[(merged["fingerprint_then"] != merged["fingerprint_now"]).to_numpy()]
+    return tuple(other[names].drop_duplicates().itertuples(index=False, name=None))
+
+
+def _counted(rows: pd.DataFrame) -> pd.DataFrame:
+    by = [*METHOD, "task", "dataset", "sensor"]
+    return rows.groupby(by, dropna=False).size().rename("cases").reset_index()
+
+
+# -- quality -----------------------------------------------------------------------------------------------------------
+
+
+def _quality(rows: pd.DataFrame, metrics: list[str], worse: float, level: float) -> pd.DataFrame:
+    lines = []
+    pooled = pool(rows, "task")
+    for (task, split), table in pooled.groupby(["task", "split"], sort=True):
+        for name in metrics:
+            lines += [{"task": task, "split": split, "metric": name} | line for line in _of_metric(table, name, level)]
+    columns = ["task", "split", *METHOD, "metric", "shapes", "units", "then", "now", "change", "low", "high", "verdict"]
+    if not lines:
+        return pd.DataFrame(columns=columns)
+    bound = 2 * worse / (2 + worse)
+    sums, counts = (_stacked([line.pop(name) for line in lines]) for name in ("sums", "counts"))
+    mean, low, high, p = beyond(sums, counts, bound, level)
+    p_better = beyond(-sums, counts, bound, level)[3]
+    verdicts = _verdicts((mean, low, high), (p, p_better), bound, level, ("worse", "better"))
+    shown = (_as_ratio(array) for array in (mean, low, high))
+    found = pd.DataFrame(lines).assign(**dict(zip(("change", "low", "high"), shown, strict=True)), verdict=verdicts)
+    return found[columns]
+
+
+def _of_metric(table: pd.DataFrame, metric: str, level: float) -> list[dict]:
+    """The lines of one metric: of each method the sums of relative differences and how many, per shape."""
+    scores = unit_scores(table, metric)
+    sides = {side: {} for side in SIDES}
+    for place, line in enumerate(scores.contenders.to_dict("records")):
+        if line["host"] in sides:
+            sides[line["host"]][tuple(line[name] for name in METHOD)] = place
+    means = _means(table, metric)
+    cases = scores.units["case"]
+    lines = []
+    for method in sorted(sides["then"].keys() & sides["now"].keys(), key=str):
+        a, b = (sides[side][method] for side in SIDES)
+        units = scores.planned[:, a] & scores.planned[:, b]
+        if not units.any():
+            continue
+        difference = _relative(scores.values[units, a], scores.values[units, b])
+        shapes = cases[units].nunique()
+        # Of a single shape only the seeds differ by luck: the interval then speaks of this shape.
+        clusters = cases[units] if shapes > 1 else scores.units["seed"][units]
+        grouped = pd.Series(difference).groupby(clusters.to_numpy())
+        lines.append(
+            dict(zip(METHOD, method, strict=True))
+            | {"shapes": shapes, "units": int(units.sum()), "sums": grouped.sum(), "counts": grouped.size()}
+            | dict(zip(SIDES, means.get(method, (math.nan, math.nan)), strict=True))
+        )
+    return lines
+
+
+def _means(table: pd.DataFrame, metric: str) -> dict[tuple, tuple[float, float]]:
+    """Of each method the mean scores then and now, over what both solved."""
+    name = f"score.{metric}"
+    unit = ["case", "seed", "condition"]
+    a, b = (table[(table["host"] == side) & (table["status"] == "ok")] for side in SIDES)
+    merged = a[[*METHOD, *unit, name]].merge(b[[*METHOD, *unit, name]], on=[*METHOD, *unit], suffixes=SIDES)
+    merged = merged.dropna(subset=[name + side for side in SIDES])
+    means = merged.groupby(METHOD, dropna=False)[[name + side for side in SIDES]].mean()
+    return {key: tuple(values) for key, values in zip(means.index, means.to_numpy(), strict=True)}
+
+
+def _relative(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """``2 (b - a) / (|a| + |b|)``; 0 where the two are equal but for rounding."""
+    size = abs(a) + abs(b)
+    differs = abs(b - a) > SAME * size
+    return np.divide(2 * (b - a), size, out=np.zeros(len(a)), where=differs)
+
+
+def _as_ratio(relative: np.ndarray) -> np.ndarray:
+    """What a symmetric relative difference means for the ratio of the two: 0.05 for 5 % more."""
+    within = np.clip(relative, -2, 2)
+    with np.errstate(divide="ignore"):
+        return np.where(within < 2, (2 + within) / (2 - within) - 1, np.inf)
+
+
+def _stacked(parts: list[pd.Series]) -> np.ndarray:
+    """(clusters, lines): one column for each line, 0 where it has fewer clusters than another."""
+    full = np.zeros((max(map(len, parts)), len(parts)))
+    for place, part in enumerate(parts):
+        full[: len(part), place] = part.to_numpy(dtype=float)
+    return full
+
+
+def _verdicts(
+    interval: tuple[np.ndarray, np.ndarray, np.ndarray],
+    p: tuple[np.ndarray, np.ndarray],
+    bound: float,
+    level: float,
+    words: tuple[str, str],
+) -> list[str]:
+    """Above or below the threshold surely, by Holm over all lines; ``same`` within it surely; else ``open``."""
+    mean, low, high = interval
+    # Lines in which no pair differs can raise no false alarm, so they are none of the hypotheses.
+    equal = (abs(mean) <= SAME) & ~(high - low > SAME)
+    real = np.array([max(1, int((~equal).sum()))])
+    above, below = (holm(values[None, :], 1 - level, real)[0] & (values < 1) for values in p)
+    within = ((low > -bound) & (high < bound)) | equal
+    return [
+        words[0] if more else words[1] if less else "same" if same else "open"
+        for more, less, same in zip(above, below, within, strict=True)
+    ]
+
+
+# -- speed -------------------------------------------------------------------------------------------------------------
+
+
+def _speed(merged: pd.DataFrame, slower: float, level: float) -> pd.DataFrame:
+    """The ratios of the seconds of what both solved, by method."""
+    columns = ["task", "split", *METHOD, "units", "then", "now", "ratio", "low", "high", "normalised", "verdict"]
+    solved = merged[(merged["status_then"] == "ok") & (merged["status_now"] == "ok")]
+    solved = solved[(solved["seconds_then"] > 0) & (solved["seconds_now"] > 0)]
+    lines = []
+    for key, rows in solved.groupby(["task", "split", *METHOD], dropna=False, sort=True):
+        ratio = (rows["seconds_now"] / rows["seconds_then"]).to_numpy(dtype=float)
+        machine = (rows["reference_seconds_now"] / rows["reference_seconds_then"]).to_numpy(dtype=float)
+        line = dict(zip(["task", "split", *METHOD], key, strict=True))
+        # The workload is one of processors: it says nothing of a GPU.
+        normalised = bool(np.isfinite(machine).all() and (machine > 0).all()) and line["device"] == "cpu"
+        ratio = ratio / machine if normalised else ratio
+        grouped = pd.Series(np.log(ratio)).groupby((rows["dataset"] + "/" + rows["case"]).to_numpy())
+        line |= {"units": len(rows), "then": rows["seconds_then"].median(), "now": rows["seconds_now"].median()}
+        line |= {"ratio": float(np.median(ratio)), "normalised": normalised}
+        lines.append(line | {"sums": grouped.sum(), "counts": grouped.size()})
+    if not lines:
+        return pd.DataFrame(columns=columns)
+    sums, counts = (_stacked([line.pop(name) for line in lines]) for name in ("sums", "counts"))
+    bound = math.log1p(slower)
+    mean, low, high, p = beyond(sums, counts, bound, level)
+    p_faster = beyond(-sums, counts, bound, level)[3]
+    verdicts = _verdicts((mean, low, high), (p, p_faster), bound, level, ("slower", "faster"))
+    found = pd.DataFrame(lines).assign(low=np.exp(low), high=np.exp(high))
+    short = np.maximum(found["then"], found["now"]) < SHORTEST
+    # The median must say so, too: a mean of logarithms may be one call that had to wait.
+    doubtful = (np.array(verdicts) == "slower") & (found["ratio"] <= 1 + slower)
+    verdict = np.where(short, "short", np.where(doubtful, "open", verdicts))
+    return found.assign(verdict=verdict)[columns]
+
+
+def _notes(quality: pd.DataFrame, speed: pd.DataFrame) -> tuple[str, ...]:
+    notes = []
+    few = int((quality["shapes"] < 4).sum())
+    if few:
+        notes.append(
+            f"{few} of {len(quality)} lines of quality are of fewer than four shapes: only a large loss is sure there."
+        )
+    unnormalised = speed[~speed["normalised"].astype(bool)]
+    if len(unnormalised):
+        names = ", ".join(sorted(set(unnormalised["method"])))
+        notes.append(
+            f"Not normalised by the speed of the machine: {names}. The rows have no reference_seconds (results of an "
+            "earlier version), or are of a GPU. Compare runs of one machine."
+        )
+    return tuple(notes)
