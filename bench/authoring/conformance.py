@@ -105,7 +105,8 @@ POOR_INPUTS = ("empty", "tiny", "nan", "duplicates")
 
 def method_checks(trial: _Trials) -> Iterator[Check]:
     """A toy case per task, determinism, poor inputs where the input is a cloud, time."""
-    tasks = [t for t in registry().names("task") if trial.plugin.solves(t)]
+    made = build(trial.plugin, trial.values)  # with these parameters it may solve some of its tasks alone
+    tasks = [t for t in registry().names("task") if trial.plugin.solves(t) and callable(getattr(made, t, None))]
     if not tasks:
         yield Check("tasks", "fail", f"no function is named after a task ({', '.join(registry().names('task'))})")
         return

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,13 @@ class Run:
         cells, say) and papers count so; shown beside the number of all.
     notes : list of str
         What the method had to say, see :meth:`note`.
+    case : str
+        The id of the case; empty under ``apply``. For methods that look up what was made elsewhere.
+    external : str
+        A method that only hands on an output which was made elsewhere says here whose it is. Its row then has no times
+        and no memory, since those of the look-up say nothing.
+    exchanged : float
+        Seconds that :meth:`exchange` took so far.
     distances_given : int
         At how many points :meth:`true_distances` was asked so far.
     weights : mapping of names to arrays, or None
@@ -62,10 +70,14 @@ class Run:
     resumed: Mapping[str, np.ndarray] | None = field(default=None, repr=False)
     notes: list[str] = field(default_factory=list, init=False)
     distances_given: int = field(default=0, init=False)
+    case: str = ""
+    external: str = field(default="", init=False)
+    exchanged: float = field(default=0.0, init=False)
     on_progress: Callable[[int, int], None] | None = field(default=None, repr=False)
     on_trace: Callable[..., None] | None = field(default=None, repr=False)
     on_keep: Callable[[str, Any], None] | None = field(default=None, repr=False)
     on_distances: Callable[[np.ndarray], np.ndarray] | None = field(default=None, repr=False)
+    on_exchange: Callable[[], contextlib.AbstractContextManager[None]] | None = field(default=None, repr=False)
     on_log: Callable[[int, Mapping[str, float]], None] | None = field(default=None, repr=False)
     on_checkpoint: Callable[[Mapping[str, np.ndarray]], None] | None = field(default=None, repr=False)
     _started: float = field(default_factory=time.perf_counter, repr=False)
@@ -183,6 +195,22 @@ class Run:
             self.on_keep(name, value)
         finally:
             self._paused += time.perf_counter() - begin
+
+    @contextlib.contextmanager
+    def exchange(self) -> Iterator[None]:
+        """Inside, files are written for a program outside or read from it: ``with run.exchange(): save(...)``.
+
+        A method of Python is handed arrays, so the clock stands still for what the others need files for. The seconds
+        are in the column ``exchange_seconds``, and count against ``limit.setup_seconds``.
+        """
+        begin = time.perf_counter()
+        try:
+            with self.on_exchange() if self.on_exchange else contextlib.nullcontext():
+                yield
+        finally:
+            seconds = time.perf_counter() - begin
+            self.exchanged += seconds
+            self._paused += seconds
 
     def note(self, text: str) -> None:
         """Say what the reader of a result should know, such as a setting that could not be kept to.

@@ -49,6 +49,7 @@ class MeasuredCall:
     meter: Meter  # its device is the method's
     channel: Channel
     index: int = 0  # of the case, for the channel
+    case: str = ""  # its id
     weights: Mapping[str, np.ndarray] | None = None  # of a learned method
     reference: Shape | None = None  # what run.true_distances measures to
     trace_score: Callable[[Any], Mapping[str, Any]] | None = None  # of a valid output; None: nobody looks at traces
@@ -108,10 +109,12 @@ class MeasuredCall:
             threads=self.spec["threads"],
             seconds=self.spec["seconds"],
             weights=self.weights,
+            case=self.case,
             on_progress=lambda done, total: self.channel.send("progress", done=done, total=total),
             on_trace=self._add_trace if self.trace_score else None,
             on_keep=self._keep if self.store else None,
             on_distances=self._distances if has_truth else None,
+            on_exchange=self._off_the_clock,
         )
         self._files = Artefacts(*self.store, run.note) if self.store else None
         return run
@@ -123,7 +126,11 @@ class MeasuredCall:
             "active_parameters": None if run.active_parameters is None else int(run.active_parameters),
             "message": "; ".join(run.notes),
             "true_distances": run.distances_given or None,
+            "exchange_seconds": run.exchanged or None,
         }
+        if run.external:
+            figures = ("seconds", "cpu_seconds", "peak_rss_mb", "rss_before_mb", "peak_device_mb", "exchange_seconds")
+            columns |= dict.fromkeys(figures) | {"external": run.external, "reference_seconds": None}
         if self._trace:
             columns["trace"] = json.dumps(plain(self._trace))
         if self._files and self._files.paths:

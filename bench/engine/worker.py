@@ -230,6 +230,7 @@ class _Session:
             meter=self.meter,
             channel=self.channel,
             index=index,
+            case=case.id,
             reference=case.reference,
             weights=self.arrays,
             trace_score=lambda output: self.score(output, case, floors=False).columns,

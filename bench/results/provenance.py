@@ -84,6 +84,10 @@ def depends_on(choices: Iterable[Choice], dataset: Choice | None = None) -> dict
     state = getattr(dataset.build(), "state", None) if dataset else None
     if state:
         parts.update({f"file {name}": value for name, value in state().items()})
+    for choice in choices:
+        said = choice.made.version() if choice.kind == "method" and hasattr(choice.made, "version") else None
+        if said:  # of a program outside, whose file does not tell all
+            parts[f"version that {choice.kind} {choice.name} states"] = said
     parts.update({f"content of {name}": value for name, value in contents(choices).items()})
     return parts
 

@@ -1,0 +1,355 @@
+"""A program, in its own environment or container, as a method."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import shlex
+import shutil
+import signal
+import string
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from bench import BadInput, PointCloud, Run, register
+
+from .exchange import OnlyAs, read_output
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+PLACES = ("input", "output", "seed", "threads", "folder", "seconds", "ratio", "points")
+PREFIX = "detailbench-external-"  # of the folders in which files are exchanged
+LOCK = ".lock"
+TAIL = 16384  # bytes that a program wrote to its standard error, of which the last lines are shown
+LINES = 5
+PATIENCE = 1.0  # seconds that the end of the standard error is waited for: another process may hold it open
+VERSION_SECONDS = 30
+# As libraries say it; the engine knows these words, too, and calls the row out of memory.
+OUT_OF_MEMORY = ("bad_alloc", "out of memory", "cannot allocate memory", "memoryerror", "not enough memory")
+
+
+@register("method", requires=("psutil",))
+@dataclass(frozen=True)
+class External:
+    """Any program as a method: the input is written to a file, the program is run, its output is read.
+
+    No shell takes part: the command is split as a shell would split it, and these words in braces are replaced:
+    ``{input}`` and ``{output}`` (files), ``{seed}``, ``{threads}``, ``{seconds}`` (the limit), ``{folder}`` (a folder
+    for files of its own, removed afterwards), ``{points}`` (of the input) and ``{ratio}`` (of ``upsample``). A brace
+    itself is written twice.
+
+    Limits are those of all methods: when the time is over, the program and all that it started are killed, and its
+    memory counts. The time of writing and reading files is not the method's; it is in the column ``exchange_seconds``.
+    A result depends on the program's file, on each file that a word of the command names (a script), and on what
+    ``version_command`` prints: where one of them changes, the cells are run again.
+    """
+
+    command: str = "cp {input} {output}"  # the program and its arguments
+    task: Literal["denoise", "upsample", "reconstruct"] = "denoise"  # what it solves
+    input_format: Literal["ply", "xyz", "off", "obj", "pcd", "csv"] = "ply"  # of {input}
+    output_format: Literal["ply", "xyz", "off", "obj", "stl", "pcd", "csv"] = "ply"  # of {output}
+    normals: bool = True  # whether the normals of the input, where it has any, are written
+    frame: Literal["file", "unit"] = "file"  # of the output: that of {input}; or its box centred, at radius 1
+    env: dict[str, str] = field(default_factory=dict)  # variables of its environment, beside those that there are
+    cwd: str = ""  # the folder in which it is run; empty: the one in which detailbench was started
+    version_command: str = ""  # prints the version, of an image of a container, say
+
+    def __post_init__(self) -> None:
+        words = _split(self.command, "command")
+        if not words:
+            raise ValueError("command: expected a program and its arguments: my_binary {input} {output}")
+        for word in words:
+            _check_places(word)
+        for place in ("input", "output"):
+            if not any(f"{{{place}}}" in word for word in words):
+                raise ValueError(f"command: expected {{{place}}} in it, for instance: my_binary {{input}} {{output}}")
+        if self.cwd and not self._folder.is_dir():
+            raise ValueError(f"cwd: {self.cwd}: no such folder")
+        self._find(words[0], "command")
+        if self.version_command:
+            self._find((_split(self.version_command, "version_command") or [""])[0], "version_command")
+
+    # -- what the engine asks --------------------------------------------------------------------------------------
+
+    def expect(self, task: str) -> None:
+        """Raise :class:`AttributeError` for another task than the program's."""
+        if task != self.task:
+            raise AttributeError(f"external: its program solves {self.task} (method.task), not {task}")
+
+    def reads(self) -> Iterator[Path]:
+        """The program, and the files that words of the command name: scripts, weights."""
+        words = _split(self.command, "command")
+        yield Path(self._find(words[0], "command"))
+        for word in words[1:]:
+            if (path := self._folder / os.path.expanduser(word)).is_file() and "{" not in word:
+                yield path
+
+    def version(self) -> str:
+        """What ``version_command`` prints."""
+        if not self.version_command:
+            return ""
+        words = _split(self.version_command, "version_command")
+        words[0] = self._find(words[0], "version_command")
+        return _printed(tuple(words), str(self._folder), tuple(sorted(self.env.items())))
+
+    # -- the tasks -------------------------------------------------------------------------------------------------
+
+    @OnlyAs
+    def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
+        """The points that the program writes."""
+        return self._solve(cloud, run, {})
+
+    @OnlyAs
+    def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
+        """The points that the program writes."""
+        return self._solve(cloud, run, {"ratio": ratio})
+
+    @OnlyAs
+    def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
+        """The mesh that the program writes."""
+        return self._solve(cloud, run, {})
+
+    # -- the program -----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _folder(self) -> Path:
+        return Path(os.path.expanduser(self.cwd) or ".").absolute()
+
+    def _find(self, program: str, parameter: str) -> str:
+        """Where a program is.
+
+        Raises
+        ------
+        ValueError
+            If it is not there, or is no program.
+        """
+        path = {**os.environ, **self.env}.get("PATH")
+        name = os.path.expanduser(program)
+        found = shutil.which(str(self._folder / name) if os.sep in name else name, path=path)
+        if found is None:
+            where = f"in {self._folder}" if os.sep in name else f"on the PATH ({path})"
+            raise ValueError(
+                f"{parameter}: there is no program {program!r} {where}. Install it, correct its name, or make the file "
+                f"executable (chmod +x)"
+            )
+        return found
+
+    def _solve(self, cloud: PointCloud, run: Run, values: Mapping[str, Any]) -> Any:
+        with _exchange_folder() as folder:
+            source, target = folder / f"input.{self.input_format}", folder / f"output.{self.output_format}"
+            with run.exchange():
+                before = _group()
+                _write(cloud if self.normals else replace(cloud, normals=None), source)
+            places = {"input": source, "output": target, "folder": folder, "seed": run.seed, "threads": run.threads}
+            places |= {"seconds": f"{run.seconds:g}", "points": len(cloud), "ratio": 1} | values
+            words = [word.format_map(places) for word in _split(self.command, "command")]
+            words[0] = self._find(words[0], "command")
+            try:
+                self._call(words, run)
+            finally:
+                with run.exchange():
+                    _kill(_group() - before)
+            with run.exchange():
+                moved = self._in_own_frame(cloud) if self.frame == "unit" else None
+                output = read_output(target, self.task, moved or cloud, f"{target.name} of {Path(words[0]).name}")
+                return self._moved_back(output, cloud) if moved else output
+
+    def _call(self, words: list[str], run: Run) -> None:
+        """Run the program to its end.
+
+        Raises
+        ------
+        BadInput
+            If it does not end with exit code 0, with the last lines of what it wrote to its standard error.
+        MemoryError
+            If these say that there was too little memory.
+        """
+        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), str(run.threads))
+        process = subprocess.Popen(
+            words,
+            cwd=self._folder,
+            env={**os.environ, **threads, **self.env},
+            stdin=subprocess.DEVNULL,
+            stdout=sys.__stderr__.fileno() if sys.__stderr__ else None,
+            stderr=subprocess.PIPE,
+        )
+        tail = _Tail(process.stderr)
+        code = process.wait()
+        said = tail.text()
+        if code:
+            name = Path(words[0]).name
+            what = f"was killed by {_signal(-code)}" if code < 0 else f"ended with exit code {code}"
+            text = f"{name} {what}: {said}" if said else f"{name} {what}, and wrote nothing to its standard error"
+            if any(word in said.lower() for word in OUT_OF_MEMORY):
+                raise MemoryError(text)
+            raise BadInput(text)
+
+    @staticmethod
+    def _in_own_frame(cloud: PointCloud) -> PointCloud:
+        """The input as a program sees it that centres its box and scales it to radius 1."""
+        center, radius = _frame(cloud.points)
+        return PointCloud((cloud.points - center) / radius)
+
+    @staticmethod
+    def _moved_back(output: Any, cloud: PointCloud) -> Any:
+        """An output of the frame ``unit`` in the coordinates of the input."""
+        center, radius = _frame(cloud.points)
+        if isinstance(output, PointCloud):
+            return replace(output, points=output.points * radius + center)
+        output.vertices = np.asarray(output.vertices) * radius + center
+        return output
+
+
+# -- words -------------------------------------------------------------------------------------------------------------
+
+
+def _split(text: str, parameter: str) -> list[str]:
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise ValueError(f"{parameter}: {error}: {text}") from error
+
+
+def _check_places(word: str) -> None:
+    try:
+        names = [name for _, name, _, _ in string.Formatter().parse(word) if name is not None]
+    except ValueError as error:
+        raise ValueError(f"command: {word}: {error}; a brace itself is written twice") from error
+    for name in names:
+        if name not in PLACES:
+            raise ValueError(f"command: {{{name}}} is not known; expected one of {', '.join(PLACES)}")
+
+
+def _signal(number: int) -> str:
+    try:
+        return f"{signal.Signals(number).name} (signal {number})"
+    except ValueError:
+        return f"signal {number}"
+
+
+@lru_cache(maxsize=64)  # every cell of a sweep asks
+def _printed(words: tuple[str, ...], folder: str, env: tuple[tuple[str, str], ...]) -> str:
+    try:
+        done = subprocess.run(
+            words,
+            cwd=folder,
+            env={**os.environ, **dict(env)},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=VERSION_SECONDS,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise BadInput(f"method.version_command: {shlex.join(words)}: {error}") from error
+    if done.returncode:
+        raise BadInput(f"method.version_command: {shlex.join(words)} ended with exit code {done.returncode}")
+    return (done.stdout + done.stderr).strip()[:400]
+
+
+# -- processes ---------------------------------------------------------------------------------------------------------
+
+
+class _Tail:
+    """Reads what a program writes to its standard error, passes it on, and keeps the end."""
+
+    def __init__(self, stream: IO[bytes]):
+        self._stream, self._kept = stream, b""
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        while chunk := os.read(self._stream.fileno(), 65536):
+            self._kept = (self._kept + chunk)[-TAIL:]
+            with contextlib.suppress(OSError):
+                os.write(2, chunk)
+
+    def text(self) -> str:
+        """The last lines."""
+        self._thread.join(PATIENCE)
+        lines = self._kept.decode(errors="replace").strip().splitlines()
+        return "\n".join(lines[-LINES:])
+
+
+def _group() -> set[int]:
+    """The processes of this one's group, without itself; those that ended do not count."""
+    import psutil
+
+    found, own = set(), os.getpgrp()
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error, ProcessLookupError):
+            if os.getpgid(process.pid) == own and process.status() != psutil.STATUS_ZOMBIE:
+                found.add(process.pid)
+    return found - {os.getpid()}
+
+
+def _kill(processes: set[int]) -> None:
+    """End what a program has started and left behind: it would work on while the next case is measured."""
+    for pid in processes:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.kill(pid, signal.SIGKILL)
+
+
+@contextlib.contextmanager
+def _exchange_folder() -> Iterator[Path]:
+    """A temporary folder; those of processes that were killed are removed on the way."""
+    for left in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+        _remove_if_left(left)
+    with tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        with open(folder / ".new", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # until this process ends, however it does
+            (folder / ".new").rename(folder / LOCK)  # nobody sees it before it is held
+            yield folder
+
+
+def _remove_if_left(folder: Path) -> None:
+    """Remove a folder of ours whose process is gone."""
+    with contextlib.suppress(OSError):
+        if folder.is_symlink() or folder.stat().st_uid != os.getuid():
+            return
+        with open(folder / LOCK) as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+
+
+def _frame(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """The centre of the box of points (n, 3), and the distance of the farthest from it."""
+    center = (points.min(axis=0) + points.max(axis=0)) / 2
+    return center, float(np.linalg.norm(points - center, axis=1).max()) or 1.0
+
+
+def _write(cloud: PointCloud, path: Path) -> None:
+    """Write a cloud; as OFF and OBJ, which are formats of meshes, by hand."""
+    from bench.geometry.io.files import save
+    from bench.geometry.io.table_writer import EXACT, lines
+
+    plain = replace(cloud, colors=None, scalars=None)
+    if path.suffix not in (".off", ".obj"):
+        save(plain, path)
+        return
+    three = " ".join([EXACT] * 3)
+    normals = cloud.normals
+    if path.suffix == ".obj":
+        content = lines(f"v {three}", cloud.points)
+        content += b"" if normals is None else lines(f"vn {three}", normals)
+    else:
+        table = cloud.points if normals is None else np.column_stack([cloud.points, normals])
+        head = f"{'OFF' if normals is None else 'NOFF'}\n{len(cloud)} 0 0\n"
+        content = head.encode() + lines(" ".join([EXACT] * table.shape[1]), table)
+    path.write_bytes(content)
