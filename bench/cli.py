@@ -33,6 +33,8 @@ COMMANDS = {
     "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
     "figure": "a figure of kept outputs for a paper: PDF, SVG or PNG",
     "compare": "two results, then and now: what got worse, what failed, what is slower",
+    "inputs": "write the inputs of cases to files, for code that runs elsewhere",
+    "import": "score outputs that were made elsewhere",
     "train": "train a learned method, and keep its weights",
     "apply": "one method on one file, or on many",
     "recommend": "which method serves a scan: a ranking without ground truth",

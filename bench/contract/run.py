@@ -47,6 +47,9 @@ class Run:
     external : str
         A method that only hands on an output which was made elsewhere says here whose it is. Its row then has no times
         and no memory, since those of the look-up say nothing.
+    peak_mb : float or None
+        A method that starts a program and waits for it says here what memory that took at most (MiB); it is in the row
+        in place of what this process took, which is mostly libraries.
     exchanged : float
         Seconds that :meth:`exchange` took so far.
     distances_given : int
@@ -72,6 +75,7 @@ class Run:
     distances_given: int = field(default=0, init=False)
     case: str = ""
     external: str = field(default="", init=False)
+    peak_mb: float | None = field(default=None, init=False)
     exchanged: float = field(default=0.0, init=False)
     on_progress: Callable[[int, int], None] | None = field(default=None, repr=False)
     on_trace: Callable[..., None] | None = field(default=None, repr=False)

@@ -128,6 +128,8 @@ class MeasuredCall:
             "true_distances": run.distances_given or None,
             "exchange_seconds": run.exchanged or None,
         }
+        if run.peak_mb is not None:
+            columns |= {"peak_rss_mb": float(run.peak_mb), "rss_before_mb": 0.0}
         if run.external:
             figures = ("seconds", "cpu_seconds", "peak_rss_mb", "rss_before_mb", "peak_device_mb", "exchange_seconds")
             columns |= dict.fromkeys(figures) | {"external": run.external, "reference_seconds": None}

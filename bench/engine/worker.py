@@ -67,7 +67,7 @@ def work(spec: dict[str, Any], fd: int) -> None:
         module, _, name = spec["function"].partition(":")
         getattr(importlib.import_module(module), name)(spec, channel)
     else:
-        _Session(spec, channel).run()
+        Session(spec, channel).run()
     channel.send("done")
 
 
@@ -79,7 +79,7 @@ class NoWeights(Exception):
         self.row = {key: row.get(key, "") for key in ("status", "stage", "message", "traceback")}
 
 
-class _Session:
+class Session:
     """One cell's work in this process."""
 
     def __init__(self, spec: dict[str, Any], channel: Channel):

@@ -131,7 +131,12 @@ def parameters(plugin: Plugin, instance: Any) -> dict[str, Any]:
 
 
 def variant(plugin: Plugin, values: Mapping[str, Any]) -> str:
-    """The parameters that are not at their defaults: ``depth=9,trim=0.1``, or an empty string."""
+    """The parameters that are not at their defaults: ``depth=9,trim=0.1``, or an empty string.
+
+    A class attribute ``called`` names a parameter that stands for all of them where it is given.
+    """
+    if name := values.get(getattr(plugin.cls, "called", "")):
+        return str(name)
     usual = defaults(plugin)
     return ",".join(f"{k}={_short(v)}" for k, v in values.items() if k in usual and v != usual[k])
 

@@ -7,14 +7,17 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
+COMMANDS = ("method.command", "method.version_command")  # texts with braces: places for files
+
 
 def quoted_files(overrides: Sequence[str]) -> list[str]:
     """The overrides, with quotes about each name of a file that Hydra would not read as it stands.
 
     ``dataset.path=scan (2)`` becomes ``dataset.path='scan (2)'`` where a file, a folder, or files of this pattern are
-    there: nothing else can be meant. Other values are left alone.
+    there: nothing else can be meant. So does a command, ``method.command=prog {input} {output}``, whose braces Hydra
+    cannot read. Other values are left alone.
     """
-    return [quoted(word) if _names_files(word) and not _is_plain(word) else word for word in overrides]
+    return [quoted(word) if _is_unread_name(word) or _is_unread_command(word) else word for word in overrides]
 
 
 def quoted(word: str) -> str:
@@ -38,19 +41,38 @@ def _names_files(word: str) -> bool:
     return os.path.exists(path) or any(True for _ in glob.iglob(path, recursive=True))
 
 
+def _is_unread_name(word: str) -> bool:
+    return _names_files(word) and not _is_plain(word)
+
+
+def _is_unread_command(word: str) -> bool:
+    """Whether a word is the command of a method and means nothing to Hydra as it stands."""
+    return word.partition("=")[0] in COMMANDS and not _can_be_read(word)
+
+
 def _is_plain(word: str) -> bool:
     """Whether Hydra reads the value as the text that it is."""
     return _read(word) == word.partition("=")[2]
 
 
-def _read(word: str) -> Any:
+def _can_be_read(word: str) -> bool:
+    return _parsed(word) is not None
+
+
+def _parsed(word: str) -> Any:
     from hydra.core.override_parser.overrides_parser import OverridesParser
-    from hydra.core.override_parser.types import QuotedString
     from hydra.errors import OverrideParseException
 
     try:
-        (override,) = OverridesParser.create().parse_overrides([word])
+        return OverridesParser.create().parse_overrides([word])[0]
     except (OverrideParseException, RecursionError):
+        return None
+
+
+def _read(word: str) -> Any:
+    from hydra.core.override_parser.types import QuotedString
+
+    if (override := _parsed(word)) is None:
         return None
     value = override.value()
     return None if override.is_sweep_override() or isinstance(value, QuotedString) else value

@@ -33,6 +33,7 @@ PREFIX = "detailbench-external-"  # of the folders in which files are exchanged
 LOCK = ".lock"
 TAIL = 16384  # bytes that a program wrote to its standard error, of which the last lines are shown
 LINES = 5
+LOOK = 0.02  # seconds between looks at the memory of a program
 PATIENCE = 1.0  # seconds that the end of the standard error is waited for: another process may hold it open
 VERSION_SECONDS = 30
 # As libraries say it; the engine knows these words, too, and calls the row out of memory.
@@ -55,6 +56,9 @@ class External:
     ``version_command`` prints: where one of them changes, the cells are run again.
     """
 
+    called = "name"
+
+    name: str = ""  # in tables, in place of all other parameters: one name for each setting
     command: str = "cp {input} {output}"  # the program and its arguments
     task: Literal["denoise", "upsample", "reconstruct"] = "denoise"  # what it solves
     input_format: Literal["ply", "xyz", "off", "obj", "pcd", "csv"] = "ply"  # of {input}
@@ -185,9 +189,14 @@ class External:
             stderr=subprocess.PIPE,
         )
         tail = _Tail(process.stderr)
-        code = process.wait()
-        said = tail.text()
+        peak = 0.0
+        while (code := process.poll()) is None:
+            peak = max(peak, sum(map(_peak_mb, _tree(process.pid))))
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(LOOK)
+        run.peak_mb = peak or None
         if code:
+            said = tail.text()
             name = Path(words[0]).name
             what = f"was killed by {_signal(-code)}" if code < 0 else f"ended with exit code {code}"
             text = f"{name} {what}: {said}" if said else f"{name} {what}, and wrote nothing to its standard error"
@@ -293,6 +302,24 @@ def _group() -> set[int]:
             if os.getpgid(process.pid) == own and process.status() != psutil.STATUS_ZOMBIE:
                 found.add(process.pid)
     return found - {os.getpid()}
+
+
+def _tree(pid: int) -> list[int]:
+    """A process and all below it."""
+    found = [pid]
+    for parent in found:  # which grows meanwhile
+        with contextlib.suppress(OSError, ValueError):
+            found += map(int, Path(f"/proc/{parent}/task/{parent}/children").read_text().split())
+    return found
+
+
+def _peak_mb(pid: int) -> float:
+    """The most memory that a process has had so far (MiB), 0 where it is gone. Of a child that ended, ru_maxrss would
+    be that of this process at least, from which it was forked."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        text = Path(f"/proc/{pid}/status").read_text()
+        return int(text.partition("VmHWM:")[2].split(None, 1)[0]) / 1024
+    return 0.0
 
 
 def _kill(processes: set[int]) -> None:

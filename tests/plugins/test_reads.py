@@ -17,7 +17,8 @@ from bench.results.provenance import explain, fingerprint, ingredients, memory_k
 
 SHIPPED = Path(__file__).with_name("shipped.bin")
 INSTALLED = [registry().find("method", name) for name in installed("method")]
-READERS = [plugin.name for plugin in INSTALLED if tuple(getattr(plugin.cls(), "reads", tuple)())]
+SPHERED = [plugin for plugin in INSTALLED if hasattr(plugin.cls, "prepare")]
+READERS = [plugin.name for plugin in SPHERED if tuple(getattr(plugin.cls(), "reads", tuple)())]
 
 
 @register("method", name="reads_method")

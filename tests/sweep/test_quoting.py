@@ -29,6 +29,13 @@ def test_a_pattern_of_files_arrives_as_it_is(tmp_path, monkeypatch):
     assert resolved(overrides)["dataset"]["path"] == "scan (2)/*.ply"
 
 
+@pytest.mark.parametrize("command", ["prog {input} {output}", "sh -c 'a; b' {input} {output}", "cp -t {output}"])
+def test_a_command_arrives_as_it_is(command):
+    overrides, _ = split_words(["method=external", f"method.command={command}"])
+    assert resolved(overrides)["method"]["command"] == command
+    assert split_words(overrides)[0] == overrides
+
+
 def test_other_values_are_left_alone(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "poisson").touch()
