@@ -25,7 +25,7 @@ PLUGIN_FOLDERS = ("methods", "datasets", "metrics")
 FOLDERS = {"bench": "bench", "conf": "bench.conf", **{name: f"bench.{name}" for name in PLUGIN_FOLDERS}}
 HEAVY = ("torch", "open3d", "pymeshlab", "CGAL", "igl", "trimesh", "pandas", "scipy", "pyarrow", "pykdtree")
 TEXT = {".py", ".md", ".toml", ".txt", ".yaml", ".sh", ".cfg"}
-NOT_OURS = {"build", "dist", "outputs", "multirun", "__pycache__"}
+NOT_OURS = {"build", "dist", "node_modules", "outputs", "multirun", "__pycache__"}
 
 
 # --- the folders and pyproject.toml -----------------------------------------------------------------------------------
@@ -180,6 +180,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
             "real.json",
             "earlier_sources.json",
             "priors.json",
+            "built/*",
             "py.typed",
             "spheres/*.safetensors",
             "weights/*.safetensors",

@@ -1,0 +1,135 @@
+"""Write the results as one page for a browser: tables, charts, cases, failures and shapes, without network or server.
+
+  detailbench report                                       of the folder `results`, as report.html
+  detailbench report DIR [DIR ...] -o page.html --title "Breadth of July"
+  detailbench report DIR --task reconstruct --sensor noisy,scanned
+  detailbench report DIR --published table_4_2             a paper's numbers beside ours
+
+The page has the numbers of `detailbench leaderboard`, with intervals of means and ranks; it opens from the disk, and
+can be sent as it is. A link to it restores the view. Outputs that the results keep (outputs=first or all) are shown in
+3-D, simplified so that all shapes stay within --shapes megabytes. docs/report.md shows the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..cli import add_plugin_argument
+from ..errors import UsageError
+from ..plugins.registry import load_plugins
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas as pd
+
+    from ..results.store import Results
+
+MEGABYTES = 8.0
+FILTERS = ("task", "dataset", "sensor", "method", "tag", "split")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("-o", "--output", default="report.html", metavar="FILE", help="the page (default: report.html)")
+    add_page_arguments(parser)
+
+
+def add_page_arguments(parser: argparse.ArgumentParser) -> None:
+    """What a page and a site have in common."""
+    parser.add_argument("results", nargs="*", metavar="RESULTS", help="folders of results (default: results)")
+    parser.add_argument("--title", metavar="TEXT", help="of the page (default: the names of the folders)")
+    for name in FILTERS:
+        parser.add_argument(f"--{name}", metavar="NAMES", help=f"only these {name}s: one, or several with commas")
+    named = "experiments whose papers' numbers stand beside ours (default: those whose datasets the results have)"
+    parser.add_argument("--published", metavar="NAMES", help=named)
+    size = f"of all shapes together; 0: no 3-D view (default: {MEGABYTES:g})"
+    parser.add_argument("--shapes", type=float, default=MEGABYTES, metavar="MB", help=size)
+    parser.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
+    parser.add_argument(
+        "--equal", type=float, default=0.02, metavar="SHARE", help="differences below count as equal (default: 0.02)"
+    )
+    parser.add_argument("--no-index", action="store_true", help="read every file, do not use or write the index")
+    add_plugin_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the page."""
+    from ..pages.assemble import one_file
+    from ..results.files import write_atomically
+
+    target = Path(args.output)
+    if target.is_dir():
+        raise UsageError(f"--output {args.output}: is a folder; name a file such as {target / 'report.html'}")
+    data, geometry = gathered(args)
+    content = one_file(data, geometry).encode()
+    write_atomically(target, content)
+    print(f"{target}: {len(content) / 1e6:.1f} MB, {described(data)}")
+    return 0
+
+
+def gathered(args: argparse.Namespace) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The data of the page, and its shapes."""
+    from ..pages.data import page_data
+
+    rows, folders = chosen_rows(args)
+    data = page_data(
+        rows,
+        folders,
+        title=args.title or titled(args.results),
+        level=args.level,
+        equal=args.equal,
+        published=_names(args.published),
+    )
+    scenes, geometry = _shapes(folders, rows, args.shapes)
+    return data | {"scenes": scenes}, geometry
+
+
+def chosen_rows(args: argparse.Namespace) -> tuple[pd.DataFrame, Sequence[Results]]:
+    """The rows that the filters leave, and the folders that they are of."""
+    from ..ranking.selection import select
+    from ..results.store import Results
+    from .leaderboard import read_rows
+
+    if args.plugin:
+        load_plugins(args.plugin)
+    if not 0 < args.level < 1:
+        raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
+    if not args.shapes >= 0:
+        raise UsageError(f"--shapes {args.shapes:g}: expected megabytes, 0 for no 3-D view")
+    folders = args.results or ["results"]
+    rows = read_rows(folders, use_index=not args.no_index)
+    rows = select(rows, **{name: getattr(args, name) for name in FILTERS})
+    return rows.reset_index(drop=True), [Results(word.removeprefix("results=")) for word in folders]
+
+
+def titled(folders: Sequence[str]) -> str:
+    """A title from the names of the folders."""
+    names = [Path(word.removeprefix("results=")).absolute().name for word in folders] or ["results"]
+    return ", ".join(dict.fromkeys(names))
+
+
+def _names(text: str | None) -> list[str] | None:
+    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _shapes(folders: Sequence[Results], rows: pd.DataFrame, megabytes: float) -> tuple[list[dict], dict[str, bytes]]:
+    """Scenes and shapes of the outputs that the results keep; none where they keep none."""
+    if not megabytes or "output" not in rows or not rows["output"].fillna("").astype(bool).any():
+        return [], {}
+    try:
+        from ..pages.shapes import scenes
+    except ImportError as error:
+        print(f"note: no 3-D view: {error}", file=sys.stderr)
+        return [], {}
+    return scenes(folders, rows, int(megabytes * 1e6))
+
+
+def described(data: dict[str, Any]) -> str:
+    """``1,242 cases of 24 methods, 12 scenes``."""
+    about = data["about"]
+    scenes = f", {len(data['scenes'])} scenes" if data["scenes"] else ""
+    return f"{about['rows']:,} cases, {about['methods']} methods, {len(data['groups'])} tables{scenes}"
