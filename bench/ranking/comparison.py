@@ -55,7 +55,14 @@ def win_rates(
     sums = np.add.reduceat(won, starts).reshape(len(starts), k * k)
     counts = np.add.reduceat(both.astype(float), starts).reshape(len(starts), k * k)
     rate, low, high = (array.reshape(k, k) for array in mean_intervals(sums, counts, level))
-    return rate, np.maximum(low, 0), np.minimum(high, 1), (counts > 0).sum(axis=0).reshape(k, k)
+    clusters = (counts > 0).sum(axis=0).reshape(k, k)
+    # Of a method that always wins the shapes have no spread to measure; the interval of a binomial share (Clopper and
+    # Pearson, Biometrika 26, 1934) says how rare a loss may be that so few shapes did not show.
+    with np.errstate(divide="ignore"):
+        rare = ((1 - level) / 2) ** (1 / clusters)
+    low, high = np.where(rate == 1, rare, low), np.where(rate == 0, 1 - rare, high)
+    known = clusters > 1
+    return rate, np.where(known, np.maximum(low, 0), np.nan), np.where(known, np.minimum(high, 1), np.nan), clusters
 
 
 @dataclass(frozen=True)
