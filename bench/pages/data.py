@@ -59,6 +59,8 @@ def page_data(
 
     rows = completed(rows).reset_index(drop=True)
     kept = read_records(rows, results)
+    for cell, about in kept.cells.items():
+        about["command"] = command_of(cell, kept.cells)
     return {
         "format": FORMAT,
         "title": title,

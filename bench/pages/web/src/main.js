@@ -3,10 +3,28 @@ import { chosen, keyOf, load } from "./data.js";
 import { counted, day } from "./format.js";
 import { styles } from "./colors.js";
 import * as link from "./state.js";
+import { about } from "./views/about.js";
 import { board } from "./views/board.js";
+import { cases } from "./views/cases.js";
+import { cost } from "./views/cost.js";
+import { duels } from "./views/duels.js";
+import { failures } from "./views/failures.js";
+import { published } from "./views/published.js";
+import { shapes } from "./views/shapes.js";
+import { hasSlices, slices } from "./views/slices.js";
+import { traces } from "./views/traces.js";
 
 const VIEWS = [
   { id: "board", title: "Leaderboard", draw: board, choice: true },
+  { id: "cost", title: "Quality and cost", draw: cost, choice: true },
+  { id: "traces", title: "Over time", draw: traces, present: (data) => data.traces.length > 0 },
+  { id: "cases", title: "Cases", draw: cases },
+  { id: "shapes", title: "Shapes", draw: shapes, present: (data) => data.scenes.length > 0 },
+  { id: "duels", title: "One by one", draw: duels, choice: true },
+  { id: "slices", title: "Slices", draw: slices, present: hasSlices },
+  { id: "failures", title: "Failures", draw: failures, count: (data) => data.failures.length },
+  { id: "published", title: "Published numbers", draw: published, present: (data) => data.published.length > 0 },
+  { id: "about", title: "Provenance", draw: about },
 ];
 const OF_A_VIEW = /^(sort|q|f\..*|case|scene|viewer)$/; // what does not outlive the view that it belongs to
 

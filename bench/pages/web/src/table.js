@@ -6,6 +6,7 @@ import {
 } from "@tanstack/table-core";
 import { storeReactivityBindings } from "@tanstack/table-core/store-reactivity-bindings";
 import { csv, fileName, h, save } from "./dom.js";
+import { counted } from "./format.js";
 
 const FIRST = 200; // rows shown before all are asked for
 
@@ -20,7 +21,8 @@ const features = tableFeatures({
 /*
  * columns: [{id, title, value(row), text?(row), cell?(row), numeric?, descending?, filter?, help?, csv?}]; `value` is what
  * is sorted by and saved (undefined where there is none), `filter` offers a list of the column's values.
- * options: {caption, name, state: {sort, q, f.ID}, onState(change), onRow?(row), selected?(row), search?, foot?}
+ * options: {caption, name, state: {sort, q, f.ID}, onState(change), search?, foot?, details?(row), open?, onOpen?(row)}; with
+ * `details` a row opens, one at a time, and shows these elements below it; `open` is the row that is open at first.
  */
 export function dataTable(rows, columns, options) {
   const { state = {}, onState = () => {} } = options;
@@ -63,31 +65,39 @@ export function dataTable(rows, columns, options) {
     head.append(cell);
   }
 
+  let opened = options.open ?? null;
+
   function line(row) {
-    const open = options.onRow && (() => options.onRow(row));
+    const mine = row === opened;
     const element = h("tr", {
-      class: [open ? "opens" : "", options.selected?.(row) ? "selected" : ""].join(" ").trim() || undefined,
-      tabindex: open ? "-1" : undefined, "aria-selected": open ? String(Boolean(options.selected?.(row))) : undefined,
-      onclick: open && ((event) => { if (!event.target.closest("a, button")) open(); }),
+      class: options.details && (mine ? "opens selected" : "opens"), tabindex: options.details && "-1", "aria-expanded": options.details && String(mine),
+      onclick: options.details && ((event) => { if (!event.target.closest("a, button")) turnRow(row); }),
     });
     columns.forEach((column, i) => {
       const content = column.cell ? column.cell(row) : String(textOf(column, row) ?? "");
       element.append(h(i === 0 || column.header ? "th" : "td",
         { scope: i === 0 || column.header ? "row" : undefined, class: column.numeric ? "number" : column.kind }, content));
     });
-    return element;
+    return mine ? [element, h("tr", { class: "details" }, h("td", { colspan: columns.length }, h("div", {}, options.details(row))))] : [element];
+  }
+
+  function turnRow(row) {
+    opened = opened === row ? null : row;
+    options.onOpen?.(opened);
+    fill();
+    body.querySelector(".opens[tabindex='0']")?.focus();
   }
 
   function fill() {
     const found = table.getRowModel().rows;
     const shown = all ? found : found.slice(0, FIRST);
-    body.replaceChildren(...shown.map((row) => line(row.original)));
-    if (options.onRow && body.firstChild) (body.querySelector(".selected") ?? body.firstChild).tabIndex = 0;
+    body.replaceChildren(...shown.flatMap((row) => line(row.original)));
+    if (options.details && body.firstChild) (body.querySelector(".selected") ?? body.firstChild).tabIndex = 0;
     if (!found.length) body.append(h("tr", {}, h("td", { colspan: columns.length, class: "empty" }, "No row passes the filters.")));
     more.hidden = shown.length === found.length;
     more.textContent = `Show all ${found.length.toLocaleString("en-US")} rows`;
-    count.textContent = found.length === rows.length ? `${rows.length.toLocaleString("en-US")} rows`
-      : `${found.length.toLocaleString("en-US")} of ${rows.length.toLocaleString("en-US")} rows`;
+    count.textContent = found.length === rows.length ? counted(rows.length, "row")
+      : `${found.length.toLocaleString("en-US")} of ${counted(rows.length, "row")}`;
     const [now] = table.atoms.sorting.get();
     for (const cell of head.children) {
       const mine = now && now.id === cell.dataset.id;
@@ -101,11 +111,12 @@ export function dataTable(rows, columns, options) {
   body.addEventListener("keydown", (event) => {
     const row = event.target.closest("tr.opens");
     if (!row || event.target !== row) return;
-    const step = { ArrowDown: "nextElementSibling", ArrowUp: "previousElementSibling" }[event.key];
-    if (step && row[step]) {
+    const lines = [...body.querySelectorAll("tr.opens")];
+    const next = lines[lines.indexOf(row) + ({ ArrowDown: 1, ArrowUp: -1 }[event.key] ?? 0)];
+    if (next && next !== row) {
       row.tabIndex = -1;
-      row[step].tabIndex = 0;
-      row[step].focus();
+      next.tabIndex = 0;
+      next.focus();
       event.preventDefault();
     } else if (event.key === "Enter" || event.key === " ") {
       row.click();
@@ -143,7 +154,7 @@ export function dataTable(rows, columns, options) {
   }, "CSV")));
 
   fill();
-  return h("div", { class: "table" }, tools,
+  return h("div", { class: options.search === false ? "table small" : "table" }, tools,
     h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": options.caption },
       h("table", {}, h("caption", { class: "hidden" }, options.caption), h("thead", {}, head), body, options.foot)),
     more);

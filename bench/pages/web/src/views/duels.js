@@ -1,0 +1,49 @@
+// Each two methods against each other: how often one is better, and Demšar's diagram of average ranks.
+import { ranksDiagram, widthOf } from "../charts.js";
+import { csv, figure, fileName, h, save } from "../dom.js";
+import { arrow, percent } from "../format.js";
+
+function matrix(page, group, metric) {
+  const { duels } = metric;
+  const labels = duels.labels.map((i) => metric.labels[i]);
+  const head = h("tr", {}, h("th", { scope: "col" }, "better ↓ than →"), labels.map((label) => h("th", { scope: "col", class: "tilted" }, label)));
+  const body = labels.map((label, i) => h("tr", {}, h("th", { scope: "row" }, label), labels.map((other, j) => {
+    if (i === j) return h("td", { class: "same" });
+    const [rate, low, high] = [duels.wins[i][j], duels.low[i][j], duels.high[i][j]];
+    if (rate === null) return h("td", { class: "win" }, "-");
+    const known = low !== null && high !== null;
+    const sure = known && (low > 0.5 || high < 0.5);
+    const text = `${label} is better than ${other} on ${percent(rate)} % of ${duels.shapes[i][j]} shapes${known ? `, interval ${percent(low)} to ${percent(high)} %` : ""}`;
+    const weight = Math.round(70 * Math.abs(2 * rate - 1));
+    return h("td", { class: "win", title: text, style: `background: color-mix(in srgb, var(${rate > 0.5 ? "--m0" : "--m1"}) ${weight}%, var(--paper))` },
+      h(sure ? "strong" : "span", {}, percent(rate)), known && h("small", {}, `${percent(low)}-${percent(high)}`));
+  })));
+  const title = `How often one is better, in % of shapes, by ${metric.name} ${arrow(metric.better)}`;
+  return h("figure", {}, h("figcaption", {}, h("span", { class: "title" }, title), h("span", { class: "buttons" }, h("button", {
+    type: "button",
+    onclick: () => save(`${fileName(`${group.title}_${metric.name}_wins`)}.csv`, "text/csv", csv(["method", "other", "rate", "ci_low", "ci_high", "shapes"],
+      labels.flatMap((a, i) => labels.flatMap((b, j) => (i === j ? [] : [[a, b, duels.wins[i][j], duels.low[i][j], duels.high[i][j], duels.shapes[i][j]]]))))),
+  }, "CSV"))),
+  h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": title }, h("table", { class: "matrix" }, h("thead", {}, head), h("tbody", {}, body))),
+  h("p", { class: "note" }, "The share of shapes on which the method of the line is better than that of the column (the probability of improvement; ties "
+    + `count half, sensors and seeds of a shape are averaged), with its ${Math.round(100 * page.data.level)} % interval over shapes below. Bold: the interval leaves out 50 %. `
+    + "A failure counts as the worst score."));
+}
+
+export function duels(page, { group, metric }) {
+  const found = metric.duels;
+  const title = h("h2", {}, group.title);
+  if (!found) return [title, h("p", {}, "Methods are compared one by one where a table has two or more of them on four or more shapes; choose another table or metric.")];
+  const methods = found.labels.map((i, at) => ({ label: metric.labels[i], rank: found.ranks[at], style: page.styles.get(metric.labels[i]) }));
+  const left = metric.labels.length - found.labels.length;
+  const parts = [title, left > 0 && h("p", { class: "lead" }, `The first ${found.labels.length} methods; ${left} more are in the leaderboard.`), matrix(page, group, metric)];
+  if (found.critical !== null && methods.every((m) => m.rank !== null) && methods.length > 2) {
+    parts.push(figure(`Average ranks by ${metric.name}`, ranksDiagram(methods, found.critical, widthOf()), {
+      name: `${group.title}_${metric.name}_ranks`, head: ["method", "average_rank"], lines: methods.map((m) => [m.label, m.rank]),
+      note: `Average rank over ${found.blocks} shapes, 1 is best. A bar joins methods whose ranks differ by less than the critical difference of Nemenyi's test `
+        + `(${Math.round(100 * page.data.level)} %): it cannot tell them apart. Friedman's test that all are equal: p = ${found.p < 0.001 ? found.p.toExponential(1) : found.p.toFixed(3)}. `
+        + "Demšar, JMLR 7, 2006. The leaderboard's rank intervals compare the sizes of differences too, and see more.",
+    }));
+  }
+  return parts.filter(Boolean);
+}
