@@ -71,7 +71,7 @@ def page_data(
         "cases": _cases(rows, kept),
         "failures": _failures(rows, kept),
         "traces": kept.traces,
-        "published": comparisons(rows, published, level=level),
+        "published": comparisons(rows, published, kept.cells, level=level),
         "provenance": kept.provenance,
         "scenes": [],
     }

@@ -91,6 +91,7 @@ def _cell(record: Record, folder: str) -> dict[str, Any]:
     }
     return {
         "folder": folder,
+        "profile": str(settings.get("profile") or ""),
         "plugins": [str(file) for file in settings.get("plugins") or ()],
         "parameters": {kind: json.dumps(values) for kind, values in described.items() if values},
         "limit": {name: number(limit.get(name)) for name in ("seconds", "memory_gb") if name in limit},

@@ -1,10 +1,199 @@
-"""A paper's numbers beside ours."""
+"""A paper's numbers beside ours, with a status for each method."""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from .encoding import number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..ranking.conventions import Column, Convention
+    from ..ranking.published import Published
+
+NEAR = 0.1  # a relative difference to the paper's number that counts as the same
+FAR = 2.0  # times the paper's number: up to here a method works, though it does not reproduce the number
+STATUSES = {
+    "reproduces": f"reproduces: within {NEAR:.0%} of the paper's number, or better, or the interval of ours holds it",
+    "works": f"works: all cases solved, the number within a factor of {FAR:g}",
+    "differs": "differs: farther off, or cases failed",
+    "not run": "not run: no row of these results is of the paper's method and parameters",
+}
 
 
-def comparisons(rows, published, *, level: float) -> list[dict[str, Any]]:
-    """To come."""
-    return []
+def comparisons(
+    rows: pd.DataFrame, names: Sequence[str] | None, cells: Mapping[str, Mapping[str, Any]], *, level: float
+) -> list[dict[str, Any]]:
+    """The tables of papers that the rows can stand beside: one entry for each experiment and column.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        One row per planned case.
+    names : sequence of str or None
+        Experiments; without them those whose dataset the rows have and of whose methods some are there.
+    cells : mapping
+        What is known of each cell, see :class:`bench.pages.records.Kept`: its ``profile`` tells how long it was to run.
+    level : float
+        Of the intervals.
+
+    Raises
+    ------
+    UsageError
+        For a named experiment that is unknown, repeats no paper's table, or prints scores that the rows lack.
+    """
+    from ..plugins.presets import names as known_names
+    from ..ranking.published import GROUP, has_published, load_published
+
+    if not (rows["status"] == "ok").any():
+        return []
+    found = []
+    every = [name for name in known_names(GROUP) if has_published(name)] if names is None else names
+    for name in every:
+        table = load_published(name)
+        mine = rows if names is not None else _of_experiment(rows, name)
+        if len(mine):
+            found.extend(_tables(name, table, mine, cells, level, asked=names is not None))
+    return found
+
+
+def _of_experiment(rows: pd.DataFrame, name: str) -> pd.DataFrame:
+    """The rows over the dataset of an experiment."""
+    from ..plugins.presets import content_of, files
+
+    file = files("experiment")[name]
+    entries = content_of(file.path, file.text()).get("defaults") or []
+    chosen = {str(entry["override /dataset"]) for entry in entries if "override /dataset" in entry}
+    return rows[rows["dataset"].str.partition("[")[0].isin(chosen).to_numpy()]
+
+
+def _tables(
+    name: str,
+    table: Published,
+    rows: pd.DataFrame,
+    cells: Mapping[str, Mapping[str, Any]],
+    level: float,
+    asked: bool,
+) -> list[dict[str, Any]]:
+    """One entry for each column of the paper's convention that the rows have."""
+    from ..ranking.conventions import load_convention
+    from ..ranking.leaderboard import leaderboard
+    from ..ranking.selection import metrics_of
+
+    known = metrics_of(rows)
+    paper = load_convention(table.convention).of(known)
+    if not asked and not any(column.score in known for column in paper.columns):
+        return []
+    board = paper.view(leaderboard(rows, by=table.by, metric=paper.scores(known), level=level))
+    profiles = _profiles(rows, cells)
+    found = []
+    for column in paper.columns:
+        lines = _lines(board[board["metric"] == column.title], table, column, profiles)
+        if any(line["ours"] is not None for line in lines):
+            found.append(_entry(name, table, paper, column, lines))
+    return found
+
+
+def _entry(
+    name: str, table: Published, paper: Convention, column: Column, lines: list[dict[str, Any]]
+) -> dict[str, Any]:
+    told = dict.fromkeys(line["status"] for line in lines)
+    return {
+        "experiment": name,
+        "column": column.title,
+        "source": table.source,
+        "short": table.short,
+        "lines": lines,
+        "notes": [*(STATUSES[status] for status in STATUSES if status in told), *paper.notes([column.title])],
+    }
+
+
+def _lines(
+    board: pd.DataFrame, table: Published, column: Column, profiles: Mapping[tuple[str, str], str]
+) -> list[dict[str, Any]]:
+    """Ours that the paper has a number for, and the paper's that are not among ours."""
+    from ..ranking.published import all_parameters
+    from ..ranking.report.labels import label
+
+    found = []
+    for line in board.to_dict("records"):
+        theirs = table.value(column.title, line["method"], line["variant"], line["sensor"])
+        if theirs is not None:
+            who = label(line["method"], line["variant"])
+            found.append(_line(who, line, theirs, column.digits, profiles.get((line["method"], line["variant"]), "")))
+    ours = [(line["method"], all_parameters(line["method"], line["variant"])) for line in board.to_dict("records")]
+    for other in table.lines:
+        if column.title in other.values and not any(
+            other.is_of(method, parameters, other.sensor) for method, parameters in ours
+        ):
+            empty = dict.fromkeys(("ours", "low", "high", "ratio", "solved", "planned"))
+            theirs = number(other.values[column.title])
+            found.append(
+                {"label": other.title, "sensor": other.sensor, "theirs": theirs, "text": "-", "status": "not run"}
+                | empty
+                | {"why": ""}
+            )
+    return found
+
+
+def _line(who: str, line: dict[str, Any], theirs: float, digits: int, profile: str) -> dict[str, Any]:
+    from ..ranking.report.numbers import with_interval
+
+    ours = line["mean"]
+    status = status_of(ours, line["ci_low"], line["ci_high"], theirs, line["better"], line["solved"], line["planned"])
+    return {
+        "label": who,
+        "sensor": line["sensor"],
+        "theirs": number(theirs),
+        "ours": number(ours),
+        "low": number(line["ci_low"]),
+        "high": number(line["ci_high"]),
+        "text": with_interval(ours, line["ci_low"], line["ci_high"], 0, digits),
+        "ratio": number(ours / theirs) if theirs else None,
+        "solved": number(line["solved"]),
+        "planned": number(line["planned"]),
+        "status": status,
+        "why": _why(line, profile) if status != "reproduces" else "",
+    }
+
+
+def status_of(ours: float, low: float, high: float, theirs: float, better: str, solved: int, planned: int) -> str:
+    """How our number stands to a paper's.
+
+    Example
+    -------
+    >>> status_of(1.05, 0.9, 1.2, 1.0, "lower", 8, 8)
+    'reproduces'
+    >>> status_of(1.8, 1.7, 1.9, 1.0, "lower", 8, 8)
+    'works'
+    >>> status_of(1.0, 0.9, 1.1, 1.0, "lower", 7, 8)
+    'differs'
+    """
+    if not math.isfinite(ours) or solved < planned:
+        return "differs"
+    ahead = ours <= theirs if better == "lower" else ours >= theirs if better == "higher" else False
+    if ahead or abs(ours - theirs) <= NEAR * abs(theirs) or low <= theirs <= high:
+        return "reproduces"
+    small, large = sorted((abs(ours), abs(theirs)))
+    return "works" if large <= FAR * small else "differs"
+
+
+def _why(line: dict[str, Any], profile: str) -> str:
+    """What is known of a difference: failures, and a profile that is shorter than the paper's."""
+    failed = line["planned"] - line["solved"]
+    parts = [f"{failed} of {line['planned']} cases failed"] if failed else []
+    if profile and profile != "paper":
+        parts.append(f"run in the profile {profile}, which is shorter than the paper's run")
+    return "; ".join(parts)
+
+
+def _profiles(rows: pd.DataFrame, cells: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], str]:
+    """The profiles that each method was run in."""
+    found: dict[tuple[str, str], set[str]] = {}
+    for cell, method, variant in rows[["cell", "method", "variant"]].drop_duplicates().itertuples(index=False):
+        if profile := cells.get(cell, {}).get("profile"):
+            found.setdefault((method, variant), set()).add(profile)
+    return {key: ", ".join(sorted(profiles)) for key, profiles in found.items()}

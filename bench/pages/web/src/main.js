@@ -47,6 +47,8 @@ function start() {
     draw();
   };
   page.onDispose = (action) => { dispose = action; };
+  let after = [];
+  page.shown = (action) => after.push(action); // once the view is in the page
 
   const current = () => views.find((view) => view.id === page.state.view) ?? views[0];
 
@@ -90,6 +92,7 @@ function start() {
   function draw() {
     dispose?.();
     dispose = null;
+    after = [];
     const view = current();
     for (const tab of tabs.children) {
       const mine = tab.dataset.view === view.id;
@@ -100,6 +103,9 @@ function start() {
     const choice = data.groups.length ? chosen(data, page.state) : null;
     const content = view.choice && !choice ? ["There are no results."] : view.draw(page, choice);
     main.replaceChildren(...[view.choice && choice && fields(choice), ...content].filter(Boolean));
+    for (const action of after) action();
+    const tab = document.getElementById(`tab-${view.id}`);
+    tabs.scrollLeft = Math.max(0, tab.offsetLeft + tab.offsetWidth - tabs.clientWidth + 24 - tabs.offsetLeft);
   }
 
   addEventListener("hashchange", () => {

@@ -36,6 +36,10 @@ export function cases(page) {
     caption: "Cases", name: `${data.title}_cases`, state, onState: page.change, open,
     details: (row) => details(page, row), onOpen: (row) => page.change({ case: row === null ? "" : String(row) }),
   });
+  page.shown(() => {
+    const line = table.querySelector("tr.selected");
+    if (line) line.closest(".scroll").scrollTop = line.offsetTop - 40;
+  });
   return [h("h2", {}, "Cases"), h("p", { class: "lead" }, "One row per shape and cell; a row opens with everything that is known of it."), table];
 }
 
@@ -73,8 +77,8 @@ function details(page, row) {
 }
 
 export function sceneOf(data, row) {
-  const wanted = ["task", "dataset", "sensor", "split", "case"];
-  return data.scenes.find((scene) => scene.where && wanted.every((name) => scene.where[name] === undefined || scene.where[name] === data.value(name, row)));
+  const wanted = ["task", "dataset", "sensor", "split", "seed", "case"];
+  return data.scenes.find((scene) => wanted.every((name) => scene[name] === undefined || scene[name] === data.value(name, row)));
 }
 
 function command(page, row) {

@@ -38,7 +38,7 @@ export function duels(page, { group, metric }) {
   const left = metric.labels.length - found.labels.length;
   const parts = [title, left > 0 && h("p", { class: "lead" }, `The first ${found.labels.length} methods; ${left} more are in the leaderboard.`), matrix(page, group, metric)];
   if (found.critical !== null && methods.every((m) => m.rank !== null) && methods.length > 2) {
-    parts.push(figure(`Average ranks by ${metric.name}`, ranksDiagram(methods, found.critical, widthOf()), {
+    parts.push(figure(`Average ranks by ${metric.name}`, ranksDiagram(methods, found.critical, Math.max(560, widthOf())), {
       name: `${group.title}_${metric.name}_ranks`, head: ["method", "average_rank"], lines: methods.map((m) => [m.label, m.rank]),
       note: `Average rank over ${found.blocks} shapes, 1 is best. A bar joins methods whose ranks differ by less than the critical difference of Nemenyi's test `
         + `(${Math.round(100 * page.data.level)} %): it cannot tell them apart. Friedman's test that all are equal: p = ${found.p < 0.001 ? found.p.toExponential(1) : found.p.toFixed(3)}. `

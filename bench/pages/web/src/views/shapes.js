@@ -11,7 +11,7 @@ export function shapes(page) {
     h("div", { class: "choice" }, data.scenes.length > 1 && select("Shape", data.scenes.map((one) => [one.id, one.title]), scene.id,
       (id) => page.go({ scene: id, viewer: "" }), { id: "choose-scene" })),
     h("h2", {}, scene.title), box);
-  const mounted = (globalThis.detailbenchViewer?.mount ?? mount)(box, scene, parsed(), (now) => page.change({ scene: scene.id, viewer: now ? JSON.stringify(now) : "" }));
+  const mounted = mount(box, scene, parsed(), (now) => page.change({ scene: scene.id, viewer: now ? JSON.stringify(now) : "" }));
   page.onDispose(() => mounted.dispose());
   return [view];
 }
