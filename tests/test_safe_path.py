@@ -6,7 +6,7 @@ import sys
 import pytest
 from conftest import TOYS
 
-from bench.engine.runner import _must_rerun
+from bench.engine.runner import must_rerun
 from bench.plan.cell import Settings
 from bench.safe_path import OURS, SAFE_PATH, environment, isolate_imports, safe_children
 
@@ -71,8 +71,8 @@ def test_processes_that_cannot_start_end_the_run_with_one_line_and_no_row(shell,
 
 def test_rows_of_workers_that_never_began_are_run_again():
     row = {"status": "crashed", "stage": "start", "limit_seconds": 60.0, "limit_memory_gb": 4.0}
-    assert _must_rerun(row, Settings(), {})
-    assert not _must_rerun(row | {"stage": "method"}, Settings(), {})
+    assert must_rerun(row, Settings(), {})
+    assert not must_rerun(row | {"stage": "method"}, Settings(), {})
 
 
 # -- the functions ----------------------------------------------------------------------------------------------------

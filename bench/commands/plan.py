@@ -46,6 +46,7 @@ def run(args: argparse.Namespace) -> int:
         without_globs,
         word_of_threads,
     )
+    from ..sweep.planned import Shelf
 
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
@@ -64,8 +65,9 @@ def run(args: argparse.Namespace) -> int:
     trainings: dict[str, str] = {}
     jobs = [job for request in by_experiment(overrides) for job in enumerate_jobs(request, multirun)]
     check_jobs(jobs)
-    for cell, settings in cells_of(jobs, refused):
-        there, state, reasons = look_up(results, cell, settings)
+    shelf = Shelf(results)
+    for cell, settings, mark in cells_of(jobs, refused):
+        there, state, reasons = look_up(results, cell, settings, shelf, mark)
         rest = seconds_to_do(cell, there, pace)
         guess = "" if there == cell.planned else "?" if rest is None else duration(rest)
         lines.append(
@@ -103,22 +105,36 @@ def run(args: argparse.Namespace) -> int:
 
 
 def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
-    """The cell and settings of every job, each cell once; method and task that do not fit are noted in ``refused``."""
-    from ..plan.cell import Cell, NotSolved, check_root, settings_of
-    from ..sweep.composition import resolved
+    """The cell, settings and fingerprint (empty where it is not known yet) of every job, each cell once.
+
+    Method and task that do not fit are noted in ``refused``.
+    """
+    from ..sweep.planned import planned_jobs
 
     seen: set[str] = set()
-    for job in jobs:
-        values = resolved(job)
-        check_root(values)
-        try:
-            cell = Cell.from_config(values)
-            if cell.id not in seen:
-                seen.add(cell.id)
-                yield cell, settings_of(values)
-        except NotSolved as error:
-            if str(error) not in refused:
-                refused.append(str(error))
+    reasons = dict.fromkeys(refused)
+    for one in planned_jobs(jobs) or map(_composed, jobs):
+        if one.cell is None:
+            if one.reason not in reasons:
+                reasons[one.reason] = None
+                refused.append(one.reason)
+        elif one.cell.id not in seen:
+            seen.add(one.cell.id)
+            yield one.cell, one.settings, one.mark
+
+
+def _composed(job: list[str]) -> Any:
+    """One job, composed by itself."""
+    from ..plan.cell import Cell, NotSolved, check_root, settings_of
+    from ..sweep.composition import resolved
+    from ..sweep.planned import Planned
+
+    values = resolved(job)
+    check_root(values)
+    try:
+        return Planned(Cell.from_config(values), settings_of(values))
+    except NotSolved as error:
+        return Planned(None, None, reason=str(error))
 
 
 def line_of_training(results: Any, training: Any) -> str:
@@ -131,8 +147,21 @@ def line_of_training(results: Any, training: Any) -> str:
     return f"first: {training.title}  {state}  at most {duration(training.seconds)} on {training.device}"
 
 
-def look_up(results: Any, cell: Any, settings: Any) -> tuple[int, str, tuple[str, ...]]:
-    """How many cases of a cell need not be run again, in a word how it stands, and why its records are not current."""
+def look_up(
+    results: Any, cell: Any, settings: Any, shelf: Any = None, mark: str = ""
+) -> tuple[int, str, tuple[str, ...]]:
+    """How many cases of a cell need not be run again, in a word how it stands, and why its records are not current.
+
+    With the cell's fingerprint ``mark`` and a :class:`bench.sweep.planned.Shelf`, records of finished cells are not
+    opened.
+    """
+    if shelf is not None and mark:
+        if not shelf.has_any(cell):
+            return 0, "new", ()
+        stands = shelf.look_up(cell, settings, mark)
+        if stands.complete:
+            failed = sum(row["status"] != "ok" for row in stands.rows)
+            return cell.planned, f"{failed} failed" if failed else "finished", ()
     from ..engine.runner import lacks_output, standing_rows
     from ..results.earlier import standing
     from ..results.provenance import ingredients

@@ -119,14 +119,14 @@ def _sweep(
         interrupted = None
         try:
             words = settled_by_job(overrides) if multirun else overrides
-            code = _launch(session, [*words, *private], len(jobs), multirun, ahead)
+            code = _launch(session, [*words, *private], jobs, private, multirun, ahead)
         except KeyboardInterrupt as error:
             code = interrupted = code_of(error)
         finally:
             from ..engine.runner import forget_servers
 
             forget_servers()
-        done = session.read()
+        done = [*(ahead.ended.values() if ahead else ()), *session.read()]
     cells = list({d["cell"]: d for d in reversed(done) if d["kind"] == "cell"}.values())[::-1]
     # Each job is a cell, but for pairs that do not fit, and for jobs that are the same cell.
     others = sum(entry["kind"] == "not_solved" for entry in done)
@@ -152,13 +152,27 @@ def show_config(flags: list[str], overrides: list[str], multirun: bool) -> int:
     return sweep.launch([*flags, *overrides], multirun=False)
 
 
-def _launch(session: sweep.Session, overrides: list[str], total: int, multirun: bool, ahead: Outlook | None) -> int:
-    forecast = ahead.forecast if ahead else None
+def _launch(
+    session: sweep.Session,
+    overrides: list[str],
+    jobs: list[list[str]],
+    private: list[str],
+    multirun: bool,
+    ahead: Outlook | None,
+) -> int:
+    """Launch what is not finished; the exit code."""
+    forecast, ended = (ahead.forecast, ahead.ended) if ahead else (None, {})
+    places = [place for place in range(len(jobs)) if place not in ended]
     with contextlib.ExitStack() as stack:
+        total = len(jobs)
         shown = stack.enter_context(Bars(total, forecast)) if sys.stderr.isatty() else Lines(total, forecast)
-        stack.enter_context(Follow(session, shown))
+        shown.ended_before(ended)
+        if not places:
+            return 0
+        stack.enter_context(Follow(session, shown, places))
         sweep.PROGRESS = shown
-        return sweep.launch_all(session, overrides, total, multirun)
+        launched = [[*jobs[place], *private] for place in places] if ended else None
+        return sweep.launch_all(session, overrides, len(places), multirun, launched)
 
 
 def _report(
@@ -266,7 +280,7 @@ def check_devices(requests: list[list[str]], sweeps: list[list[list[str]]], resu
             for device in devices_of(overrides):
                 check_device(device)
         except UsageError:
-            for cell, settings in cells_of(jobs, []):
+            for cell, settings, _ in cells_of(jobs, []):
                 if look_up(results, cell, settings)[0] < cell.planned:
                     check_device(cell.device)
 

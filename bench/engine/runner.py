@@ -144,7 +144,7 @@ def finished_rows(
     rows = stored.rows if stored else []
     rows = rows + [row for row in results.partial_rows(cell.id, mark) if same <= ({"split": cell.split} | row).items()]
     before = stored.meta["settings"]["limit"] if stored else {}
-    kept = {row["case_index"]: row for row in rows if not _must_rerun(row, settings, before)}
+    kept = {row["case_index"]: row for row in rows if not must_rerun(row, settings, before)}
     return {index: row for index, row in kept.items() if not lacks_output(results, row, settings)}, stored
 
 
@@ -183,7 +183,7 @@ def _references(stored: Record | None, rows: list[dict[str, Any]]) -> dict[str, 
     return before | {case: path for case, path in now.items() if path}
 
 
-def _must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str, float]) -> bool:
+def must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str, float]) -> bool:
     """Whether a stored row should be made anew: a limit was raised, a library may be there now, or it is asked for.
 
     A row with a note counts as one that the limit cut short: what a method left out for want of time may fit now.

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import StoreError
 from ..own_folder import read_regular
-from .checks import NoRecord, check_values, checked_types, read_record
+from .checks import NoRecord, check_values, checked_types, lacks, read_record
 from .files import COLUMNS, IDENTITY, NOT_INDEXED, ORDER, SCHEMA_VERSION, WRITTEN, newest, write_atomically
 
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 FILE = "__file"  # the columns that only this module sees
 FOLDER = "__folder"
+# What decides whether a case must be run again.
+STATE = ("case_index", "status", "stage", "message", "output", "limit_seconds", "limit_memory_gb")
 BATCH = 256  # files read before their small tables are made one: ten thousand of them are mostly overhead
 
 
@@ -52,13 +54,44 @@ def rows(folders: Sequence[Results], *, use_index: bool, of: Collection[tuple[st
     return frame.drop(columns=[c for c in (FILE, WRITTEN, FOLDER, *ORDER) if c in frame]).reset_index(drop=True)
 
 
+def states(results: Results) -> tuple[dict[tuple[str, str], list[dict[str, Any]]], set[str]]:
+    """What decides whether a cell is finished, of every record: no file of a current index is opened.
+
+    Returns
+    -------
+    rows : dict
+        By cell and fingerprint, the columns :data:`STATE` of every row.
+    lacking : set of str
+        Names of the records whose metadata are not whole (:func:`bench.results.checks.lacks`).
+    """
+    table, _, lacking = _merged(results, use_index=True)
+    found: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    if table is not None:
+        columns = [table[name].to_pylist() for name in ("cell", "fingerprint", *STATE)]
+        for cell, mark, *values in zip(*columns, strict=True):
+            found.setdefault((cell, mark), []).append(dict(zip(STATE, values, strict=True)))
+    return found, lacking
+
+
 def _gathered(results: Results, use_index: bool) -> pd.DataFrame:
     """Every row below one folder, with the name of its file and when that was written."""
+    merged, files, _ = _merged(results, use_index)
+    if merged is None:
+        return _empty()
+    frame = merged.to_pandas()
+    return frame.assign(**{WRITTEN: frame[FILE].map({name: mtime / 1e9 for name, (_, mtime, _) in files.items()})})
+
+
+Files = dict[str, tuple[Path, int, int]]
+
+
+def _merged(results: Results, use_index: bool) -> tuple[pa.Table | None, Files, set[str]]:
+    """The rows of all records, None without any; all files; and the names of those whose metadata are not whole."""
     import pyarrow as pa
 
     files = {p.name: (p, s.st_mtime_ns, s.st_size) for p, s in results._files()}
     folder = results.folder / ".index"
-    known, table = _load(folder) if use_index else ({}, None)
+    known, lacking, table = _load(folder) if use_index else ({}, set(), None)
     seen = {name: [mtime, size] for name, (_, mtime, size) in files.items()}
     named = set(table[FILE].unique().to_pylist()) if table is not None else set()
     kept = {name for name in named if name in files and known.get(name) == seen[name]}
@@ -70,15 +103,15 @@ def _gathered(results: Results, use_index: bool) -> pd.DataFrame:
 
             table = table.filter(pc.is_in(table[FILE], value_set=pa.array(sorted(kept), pa.string())))
         tables.append(table)
-    read = _read_all(results, [files[name][0] for name in sorted(files.keys() - kept)])
+    read, found = _read_all(results, [files[name][0] for name in sorted(files.keys() - kept)])
+    lacking = (lacking & kept) | found
     tables.extend(read)
     if not tables:
-        return _empty()
+        return None, files, lacking
     merged = pa.concat_tables(tables, promote_options="permissive") if len(tables) > 1 else tables[0]
     if use_index and (read or named - kept):
-        _save(folder, seen, merged)
-    frame = merged.to_pandas()
-    return frame.assign(**{WRITTEN: frame[FILE].map({name: mtime / 1e9 for name, (_, mtime, _) in files.items()})})
+        _save(folder, seen, lacking, merged)
+    return merged, files, lacking
 
 
 def _weighed(frame: pd.DataFrame, several: np.ndarray, folders: Sequence[Results]) -> pd.DataFrame:
@@ -120,13 +153,20 @@ def _warn_of_the_future(rivals: pd.DataFrame, folders: Sequence[Results], now: f
         folders[folder].damaged.append(f"{name}: is dated {finished}, in the future; the time of its file counts")
 
 
-def _read_all(results: Results, paths: list[Path]) -> list[pa.Table]:
-    """The tables of some record files; what is no record is left out and reported."""
+def _read_all(results: Results, paths: list[Path]) -> tuple[list[pa.Table], set[str]]:
+    """The tables of some record files, and the names of those whose metadata are not whole.
+
+    What is no record is left out and reported.
+    """
     import pyarrow as pa
+
+    lacking: set[str] = set()
 
     def read(path: Path) -> pa.Table | Exception:
         try:
-            table, _ = read_record(path)
+            table, meta = read_record(path)
+            if lacks(meta):
+                lacking.add(path.name)
         except (NoRecord, FileNotFoundError) as error:
             return error
         table = table.drop_columns([c for c in NOT_INDEXED if c in table.column_names]).replace_schema_metadata(None)
@@ -143,10 +183,10 @@ def _read_all(results: Results, paths: list[Path]) -> list[pa.Table]:
                     good.append(table)
             if good:
                 merged.append(pa.concat_tables(good, promote_options="permissive").combine_chunks())
-    return merged
+    return merged, lacking
 
 
-def _load(folder: Path) -> tuple[dict[str, Any], pa.Table | None]:
+def _load(folder: Path) -> tuple[dict[str, Any], set[str], pa.Table | None]:
     """The index as it was left, or nothing when it cannot be used."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -154,17 +194,18 @@ def _load(folder: Path) -> tuple[dict[str, Any], pa.Table | None]:
     try:
         table = pq.ParquetFile(pa.BufferReader(read_regular(folder / "rows.parquet"))).read()
         known = dict(json.loads(table.schema.metadata[b"files"]))
+        lacking = set(map(str, json.loads(table.schema.metadata[b"lacking"])))
         names = table[FILE].cast(pa.string())
         table = checked_types(table, [name for name in COLUMNS if name not in NOT_INDEXED])
         check_values(table)
         if known.pop("schema_version") != SCHEMA_VERSION or names.null_count:
-            return {}, None
+            return {}, set(), None
     except (NoRecord, OSError, ValueError, KeyError, TypeError, RecursionError, pa.ArrowException):
-        return {}, None
-    return known, table.replace_schema_metadata(None).append_column(FILE, names)
+        return {}, set(), None
+    return known, lacking, table.replace_schema_metadata(None).append_column(FILE, names)
 
 
-def _save(folder: Path, seen: dict[str, Any], table: pa.Table) -> None:
+def _save(folder: Path, seen: dict[str, Any], lacking: set[str], table: pa.Table) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -173,7 +214,10 @@ def _save(folder: Path, seen: dict[str, Any], table: pa.Table) -> None:
     files = {name: stamp for name, stamp in seen.items() if name in named}
     if folder.is_symlink():
         return
-    meta = {b"files": json.dumps({"schema_version": SCHEMA_VERSION, **files}).encode()}
+    meta = {
+        b"files": json.dumps({"schema_version": SCHEMA_VERSION, **files}).encode(),
+        b"lacking": json.dumps(sorted(lacking)).encode(),
+    }
     pq.write_table(table.replace_schema_metadata(meta), sink, compression="zstd")
     with contextlib.suppress(StoreError):  # results that can only be read still make a leaderboard
         write_atomically(folder / "rows.parquet", sink.getvalue().to_pybytes())

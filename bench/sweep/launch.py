@@ -188,26 +188,36 @@ def is_hydras(override: str) -> bool:
 
 
 @contextlib.contextmanager
-def _few_compositions(mode_is_known: bool) -> Iterator[None]:
-    """Let Hydra compose less often.
+def _few_compositions(mode_is_known: bool, jobs: Sequence[Sequence[str]] | None) -> Iterator[None]:
+    """Let Hydra compose less often, and launch these jobs alone where they are given.
 
     It composes every job of a sweep once before the first starts, which takes minutes for thousands, and all but the
     swept words only to see whether ``hydra.mode`` says that this is a sweep, which the front door has found out. A job
     that is the only one says itself what is wrong with it.
     """
+    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
     from hydra._internal.hydra import Hydra
     from hydra.plugins.sweeper import Sweeper
 
-    validate, get_mode = Sweeper.validate_batch_is_legal, Hydra.get_mode
+    validate, get_mode, split = Sweeper.validate_batch_is_legal, Hydra.get_mode, BasicSweeper.split_arguments
     Sweeper.validate_batch_is_legal = lambda self, batch: validate(
         self, representatives(batch) if len(batch) > 1 else ()
     )
     if mode_is_known:
         Hydra.get_mode = lambda self, config_name, overrides: None
+    if jobs is not None:
+        BasicSweeper.split_arguments = staticmethod(lambda overrides, most=None: _batches(jobs, most))
     try:
         yield
     finally:
         Sweeper.validate_batch_is_legal, Hydra.get_mode = validate, get_mode
+        BasicSweeper.split_arguments = staticmethod(split)
+
+
+def _batches(jobs: Sequence[Sequence[str]], most: int | None) -> list[list[list[str]]]:
+    """The jobs as Hydra's sweeper hands them to a launcher: at most ``most`` at a time, all without it."""
+    size = len(jobs) if most is None or most == -1 else most
+    return [[list(job) for job in jobs[begin : begin + size]] for begin in range(0, len(jobs), max(size, 1))]
 
 
 @contextlib.contextmanager
@@ -249,8 +259,14 @@ class WorkerDied(DetailbenchError):
 WORKER_DIED = ("BrokenExecutor", "UncompletedJobError", "RayError")
 
 
-def launch(overrides: list[str], multirun: bool) -> int:
+def launch(overrides: list[str], multirun: bool, jobs: Sequence[Sequence[str]] | None = None) -> int:
     """Let Hydra run the jobs; 0, or the exit code that a job ended the sweep with.
+
+    Parameters
+    ----------
+    overrides : of the command
+    multirun : whether it is a sweep
+    jobs : of a sweep, the overrides of the jobs that are launched; all without it
 
     Raises
     ------
@@ -275,7 +291,7 @@ def launch(overrides: list[str], multirun: bool) -> int:
         with (
             safe_children(),
             _deaf_to_interrupts(overrides),
-            _few_compositions(mode_is_known=not any(is_hydras(word) for word in overrides)),
+            _few_compositions(not any(is_hydras(word) for word in overrides), jobs),
         ):
             hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
     except SystemExit as error:
@@ -306,7 +322,13 @@ def launch(overrides: list[str], multirun: bool) -> int:
     return 0
 
 
-def launch_all(session: Session, overrides: list[str], total: int, multirun: bool) -> int:
+def launch_all(
+    session: Session,
+    overrides: list[str],
+    total: int,
+    multirun: bool,
+    jobs: Sequence[Sequence[str]] | None = None,
+) -> int:
     """:func:`launch`, and once more for what a killed process of a launcher left undone: finished jobs end at once.
 
     Returns
@@ -317,7 +339,7 @@ def launch_all(session: Session, overrides: list[str], total: int, multirun: boo
     counts = not any(word.lstrip("+").startswith("hydra/sweeper") for word in overrides)  # as many jobs as were planned
     for again in (False, True):
         try:
-            code, what = launch(overrides, multirun), "the launcher ended early"
+            code, what = launch(overrides, multirun, jobs), "the launcher ended early"
         except WorkerDied as error:
             code, what = 0, str(error)
         undone = total - sum("job" in entry for _, entry in session.entries())

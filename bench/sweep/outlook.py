@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..engine.runner import standing_rows
@@ -20,22 +20,32 @@ from ..results.provenance import ingredients
 from ..results.store import Results
 from .composition import resolved
 from .forecast import Forecast, Pace, seconds_to_do, summary, workers_of
+from .planned import Planned, Shelf, entry_of, planned_jobs
 
 LOOKED_UP = 100  # jobs of a large sweep that stand for all
 
 
 @dataclass(frozen=True)
 class Outlook:
-    """A forecast of a sweep, and the same in words: empty where no time is known."""
+    """A forecast of a sweep, and the same in words: empty where no time is known.
+
+    Attributes
+    ----------
+    ended : dict
+        By place in the sweep, what jobs would leave that need not be launched: their cells are finished, or there is
+        no cell. Empty where that is not known beforehand.
+    """
 
     forecast: Forecast
     text: str
+    ended: Mapping[int, dict[str, Any]] = field(default_factory=dict)
 
 
 def look_ahead(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results: Results) -> Outlook | None:
     """What the jobs of a sweep have to do; None where they differ in what cannot be looked up.
 
-    Of a large sweep some jobs, evenly spread, stand for all.
+    Every job is looked up where their configs can be put together from parts. Otherwise, of a large sweep some jobs,
+    evenly spread, stand for all.
 
     Parameters
     ----------
@@ -43,6 +53,44 @@ def look_ahead(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results:
     overrides : those of the sweep, which name its launcher
     results : where finished cases are
     """
+    try:
+        plan = planned_jobs(jobs)
+        if plan is not None:
+            return _outlook(plan, jobs, overrides, results)
+    except UsageError:
+        return None  # what is wrong is said where the job is run
+    return _likely(jobs, overrides, results)
+
+
+def _outlook(
+    plan: Iterator[Planned], jobs: Sequence[Sequence[str]], overrides: Sequence[str], results: Results
+) -> Outlook:
+    """The outlook of a sweep whose cells are all known."""
+    shelf, pace = Shelf(results), Pace.of(results)
+    seconds: list[float | None] = []
+    ended: dict[int, dict[str, Any]] = {}
+    planned = finished = unknown = 0
+    threads = 1
+    for place, one in enumerate(plan):
+        if one.cell is None or one.settings is None:
+            ended[place] = {"kind": "not_solved", "message": one.reason}
+            seconds.append(0.0)
+            continue
+        stands = shelf.look_up(one.cell, one.settings, one.mark)
+        done = one.cell.planned if stands.complete else min(len(stands.rows), one.cell.planned)
+        if stands.complete:
+            ended[place] = entry_of(one.cell, stands)
+        rest = seconds_to_do(one.cell, done, pace)
+        seconds.append(rest)
+        planned, finished, threads = planned + one.cell.planned, finished + done, max(threads, one.cell.threads)
+        unknown += one.cell.planned - done if rest is None else 0
+    workers = workers_of(overrides, threads)
+    text = summary(planned, finished, seconds, unknown, workers) if any(seconds) else ""
+    return Outlook(Forecast(seconds, [_kind(job) for job in jobs], workers), text, ended)
+
+
+def _likely(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results: Results) -> Outlook | None:
+    """The outlook of a sweep of which some jobs are looked at."""
     chosen = range(0, len(jobs), -(-len(jobs) // LOOKED_UP) or 1)
     try:
         cells = dict(zip(chosen, likely_cells([jobs[job] for job in chosen]), strict=True))

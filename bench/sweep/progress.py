@@ -7,10 +7,10 @@ import math
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..text import below, duration, shown, shown_streams
+from ..text import below, counted, duration, shown, shown_streams
 from .forecast import Forecast
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 LOOK = 0.1  # seconds between looks at what jobs left
 LOOK_AGAIN = 1.0  # seconds for which a forecast is shown as it is
+MOST_LINES = 200  # of cells that were finished before: of more there is one line
 WORTH_SAYING = 10.0  # seconds that are left, at least
 
 
@@ -72,6 +73,18 @@ class Lines:
             count = f"[{self.done}/{self.total}] " if self.total else ""
             left = self.left()
             self.show(f"{count}{entry['line']}{f'; {left}' if left else ''}")
+
+    def ended_before(self, entries: Mapping[int, Mapping[str, Any]]) -> None:
+        """Count the jobs that need not be launched: by place in the sweep, what they would leave."""
+        for place, entry in entries.items():
+            if self.forecast:
+                self.forecast.ended(place, 0.0)
+            if len(entries) <= MOST_LINES:
+                self.ended(entry)
+        if len(entries) > MOST_LINES:
+            self.done += len(entries)
+            cells = sum(entry["kind"] == "cell" for entry in entries.values())
+            self.show(f"{counted(cells, 'cell')} of {self.total} finished before, all cached")
 
     def left(self) -> str:
         """``about 3 min left``; empty where that is not known, or no longer of interest."""
@@ -153,11 +166,13 @@ Progress = Lines | Bars
 class Follow:
     """Shows what the jobs of a session leave in its folder as they leave it, whichever process runs them.
 
+    ``places`` are the places of the launched jobs in their sweep, where some are not launched.
+
     Inside ``with``, a thread looks at the folder every now and then; at the end all that is there has been shown.
     """
 
-    def __init__(self, session: Session, progress: Progress):
-        self._session, self._progress = session, progress
+    def __init__(self, session: Session, progress: Progress, places: Sequence[int] | None = None):
+        self._session, self._progress, self._places = session, progress, places
         self._shown: set[str] = set()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._look_on, daemon=True, name="progress")
@@ -182,6 +197,8 @@ class Follow:
         """Show what is new."""
         for name, entry in self._session.entries(self._shown):
             self._shown.add(name)
+            if self._places is not None and entry.get("job", -1) in range(len(self._places)):
+                entry["job"] = self._places[entry["job"]]  # jobs are counted among those that are launched
             self._progress.ended(entry)
 
 

@@ -1,0 +1,279 @@
+"""The configs of all jobs of a sweep, put together from parts that Hydra composes once each.
+
+Hydra takes a tenth of a second to compose a config: hours for fifty thousand jobs. But what ``method=rimls
+method.filterscale=3`` makes of the config does not depend on the dataset, so one composition for each distinct choice
+of a group is enough:
+
+* Overrides of one job are put into groups by their key: ``method`` and ``method.depth`` are of one *head*.
+* Heads that may change anything (a profile, an experiment, a convention, Hydra's own) are *outer* ones. For each
+  combination of these, one job is the base.
+* Of each other head, each distinct set of overrides is composed once, in place of those of the base; a number that
+  takes the place of another one of its type is put in without Hydra.
+* What holds interpolations is composed once for each combination of the heads that it refers to.
+
+Nothing is taken on trust: a head that changes anything outside of its own node, and a config file that could, leave
+the sweep to Hydra, as does a sample of jobs of which one is composed to something else.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+from ..errors import UsageError
+from ..plan.keys import GROUPS, Base
+from ..plugins import config_files, presets
+from ..plugins.registry import KINDS
+from .composition import CONFIG_NAME, hydra_ready, in_words
+
+Words = tuple[str, ...]
+Values = dict[str, Any]
+
+# Heads whose overrides change their own node alone: plugins, and plain keys of the run.
+INNER = (*KINDS, *(f.name for f in fields(Base) if f.name not in GROUPS))
+PLAIN_KEY = re.compile(r"\+?(\w+)(\.\w+)*")
+# As Hydra's grammar has them.
+WHOLE = re.compile(r"[+-]?(0|[1-9][0-9]*)")
+DECIMAL = re.compile(r"[+-]?[0-9]+\.[0-9]+([eE][+-]?[0-9]+)?")
+SAMPLE = 4  # jobs that Hydra composes as well
+RESOLVER = re.compile(r"\$\{\s*([\w.]+)\s*:")
+REFERENCE = re.compile(r"\w+")
+USUAL_CASES = "usual_cases"  # asks for the dataset
+
+
+class Apart(Exception):
+    """The jobs cannot be put together from parts."""
+
+
+@functools.lru_cache(maxsize=100_000)
+def _head(word: str) -> str:
+    """The head of an override; empty for an outer one."""
+    key, equals, _ = word.partition("=")
+    found = PLAIN_KEY.fullmatch(key)
+    return found[1] if equals and found and found[1] in INNER else ""
+
+
+@functools.lru_cache(maxsize=100_000)
+def _number(word: str) -> tuple[str, int | float] | None:
+    """The override without its value, and the number that is its value; None where that is surely none."""
+    key, _, value = word.partition("=")
+    if key.startswith("+"):
+        return None
+    if WHOLE.fullmatch(value):
+        return f"{key}=<int>", int(value)
+    return (f"{key}=<float>", float(value)) if DECIMAL.fullmatch(value) else None
+
+
+def values_of(jobs: Sequence[Sequence[str]]) -> Iterator[Values] | None:
+    """The resolved config of each job, as :func:`bench.sweep.composition.resolved` gives it; None where not possible.
+
+    Configs share their nodes: they are to be read only.
+
+    Parameters
+    ----------
+    jobs : the overrides of each job
+    """
+    if len(jobs) < 2 or not _configs_are_plain():
+        return None
+    try:
+        with hydra_ready():
+            assembly = _Assembly(jobs)
+            for place in _sample(len(jobs)):
+                if assembly.values(place) != _composed(tuple(jobs[place]), resolve=True):
+                    return None
+    except (Apart, UsageError):
+        return None  # what is wrong with a job is said where that is run
+    return (assembly.values(place) for place in range(len(jobs)))
+
+
+def _sample(count: int) -> list[int]:
+    """Some of the jobs, evenly spread, the last one among them."""
+    return sorted({place * (count - 1) // min(SAMPLE, count - 1) for place in range(min(SAMPLE, count - 1) + 1)})
+
+
+def _configs_are_plain() -> bool:
+    """Whether no file of a user or a package can make one choice depend on another one, or reach into its node."""
+    for group in GROUPS:
+        for file in presets.files(group).values():
+            if file.folder.origin == config_files.OURS:
+                continue  # tests see to those
+            text = file.text()
+            if (group in KINDS and "@package" in text) or may_depend(text):
+                return False
+    return True
+
+
+def may_depend(text: str) -> bool:
+    """Whether the list of defaults in a YAML file has an interpolation, or is no plain list."""
+    inside = False
+    for line in text.splitlines():
+        if re.match(r"defaults\s*:", line):
+            inside = True
+        elif inside and re.match(r"[^\s#-]", line):
+            inside = False
+        if inside and "${" in line:
+            return True
+    return False
+
+
+def _composed(job: Words, *, resolve: bool = False) -> Values:
+    """One job's config by Hydra, within :func:`hydra_ready`."""
+    from hydra import compose
+    from omegaconf import OmegaConf
+
+    with in_words(job):
+        config = compose(CONFIG_NAME, overrides=list(job))
+        if resolve and "cases" in config:
+            config.cases = config.cases
+        return OmegaConf.to_container(config, resolve=resolve)
+
+
+class _Assembly:
+    """Parts of the configs of jobs, composed when they are first asked for.
+
+    Parameters
+    ----------
+    jobs : the overrides of each job
+    """
+
+    def __init__(self, jobs: Sequence[Sequence[str]]):
+        self._jobs = [self._split(job) for job in jobs]
+        self._outer: dict[Words, _Family] = {}
+        for outer, inner in self._jobs:
+            if outer not in self._outer:
+                self._outer[outer] = _Family(outer, inner)
+        for outer, inner in self._jobs:
+            self._outer[outer].add(inner)
+        for family in self._outer.values():
+            family.find_interpolations()
+
+    @staticmethod
+    def _split(job: Sequence[str]) -> tuple[Words, dict[str, Words]]:
+        outer, inner = [], {}
+        for word in job:
+            if word.lstrip("+~").startswith("hydra"):
+                continue  # of no config of a job
+            if head := _head(word):
+                inner[head] = (*inner.get(head, ()), word)
+            else:
+                outer.append(word)
+        return tuple(outer), inner
+
+    def values(self, place: int) -> Values:
+        """The resolved config of one job."""
+        outer, inner = self._jobs[place]
+        return self._outer[outer].values(inner)
+
+
+class _Family:
+    """Jobs with the same outer overrides: their base, and what each head makes of its own node."""
+
+    def __init__(self, outer: Words, inner: Mapping[str, Words]):
+        self.outer, self.first = outer, dict(inner)
+        self.base = _composed(self._job({}))
+        self.nodes: dict[tuple[str, Words], Any] = {}  # unresolved, by head and overrides
+        self._templates: dict[tuple[str, Words], tuple[str, Any]] = {}
+        self.context: tuple[str, ...] = ()  # heads that interpolations refer to, and those with interpolations
+        self.resolved: tuple[str, ...] = ()  # those with interpolations
+        self._contexts: dict[tuple[Words, ...], Values] = {}
+
+    def _job(self, changed: Mapping[str, Words]) -> Words:
+        return (*self.outer, *(word for words in (self.first | dict(changed)).values() for word in words))
+
+    def add(self, inner: Mapping[str, Words]) -> None:
+        """Compose what these overrides bring that no job before had."""
+        if inner.keys() != self.first.keys():
+            raise Apart
+        for item in inner.items():
+            if item not in self.nodes:
+                self.nodes[item] = self._node(*item)
+
+    def _node(self, head: str, words: Words) -> Any:
+        if words == self.first[head]:
+            return self._known(head, words, self.base[head])
+        key, number = _template(words)
+        if known := self._templates.get((head, key)):
+            return _with_number(known[1], known[0], number)
+        values = _composed(self._job({head: words}))
+        if values.keys() != self.base.keys() or any(
+            values[other] != node for other, node in self.base.items() if other != head
+        ):
+            raise Apart  # it reaches beyond its own node
+        return self._known(head, words, values[head])
+
+    def _known(self, head: str, words: Words, node: Any) -> Any:
+        """Let a node stand for those with another number in the same place, if it has that number there."""
+        key, number = _template(words)
+        if number is not None:
+            path = words[-1].partition("=")[0].partition(".")[2]
+            found = _at(node, path)
+            if type(found) is type(number) and found == number:
+                self._templates[head, key] = (path, node)
+        return node
+
+    def find_interpolations(self) -> None:
+        """Which heads have interpolations in any job, and which they refer to."""
+        texts = {head: _interpolations(node) for head, node in self.base.items()}
+        for (head, _), node in self.nodes.items():
+            texts[head] |= _interpolations(node)
+        self.resolved = tuple(head for head, found in texts.items() if found)
+        named = set(self.resolved)
+        for text in {text for found in texts.values() for text in found}:
+            if any(name != USUAL_CASES for name in RESOLVER.findall(text)):
+                raise Apart  # what it asks for is not known
+            named |= {name for name in REFERENCE.findall(text) if name in self.base}
+            named |= {"dataset"} if RESOLVER.search(text) else set()
+        self.context = tuple(head for head in self.first if head in named)
+
+    def values(self, inner: Mapping[str, Words]) -> Values:
+        """The resolved config of a job with these overrides."""
+        values = self.base | {head: self.nodes[head, words] for head, words in inner.items()}
+        if self.resolved:
+            key = tuple(inner[head] for head in self.context)
+            if key not in self._contexts:
+                full = _resolved(self._job({head: inner[head] for head in self.context}))
+                self._contexts[key] = {head: full[head] for head in self.resolved}
+            values |= self._contexts[key]
+        return values
+
+
+def _resolved(job: Words) -> Values:
+    """As :func:`_composed`, whether or not Hydra is ready: configs are asked for one by one."""
+    from hydra.core.global_hydra import GlobalHydra
+
+    if GlobalHydra.instance().is_initialized():
+        return _composed(job, resolve=True)
+    with hydra_ready():
+        return _composed(job, resolve=True)
+
+
+def _template(words: Words) -> tuple[Words, int | float | None]:
+    """Overrides with a type in place of the last one's number, and that number; the words themselves without one."""
+    found = _number(words[-1])
+    return ((*words[:-1], found[0]), found[1]) if found else (words, None)
+
+
+def _at(node: Any, path: str) -> Any:
+    for name in path.split(".") if path else ():
+        node = node.get(name) if isinstance(node, dict) else None
+    return node
+
+
+def _with_number(node: Any, path: str, number: int | float) -> Any:
+    """A node with a number at a place; what is not on the way there is shared."""
+    if not path:
+        return number
+    name, _, rest = path.partition(".")
+    return node | {name: _with_number(node[name], rest, number)}
+
+
+def _interpolations(node: Any) -> set[str]:
+    """The texts with interpolations within a node, keys included."""
+    if isinstance(node, str):
+        return {node} if "${" in node else set()
+    if isinstance(node, dict):
+        return set().union(*map(_interpolations, (*node, *node.values())), set())
+    return set().union(*map(_interpolations, node), set()) if isinstance(node, list) else set()
