@@ -36,6 +36,7 @@ COMMANDS = {
     "inputs": "write the inputs of cases to files, for code that runs elsewhere",
     "import": "score outputs that were made elsewhere",
     "report": "results as one page for a browser: tables, charts, cases, shapes",
+    "site": "results as a folder of pages for a static host",
     "train": "train a learned method, and keep its weights",
     "apply": "one method on one file, or on many",
     "recommend": "which method serves a scan: a ranking without ground truth",
@@ -49,7 +50,7 @@ COMMANDS = {
 EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved,
 130 interrupted (143 by SIGTERM, 129 by SIGHUP)"""
 
-READ_CONFIGS = ("run", "plan", "list", "leaderboard", "report", "train", "apply", "check")
+READ_CONFIGS = ("run", "plan", "list", "leaderboard", "report", "site", "train", "apply", "check")
 MOST_NAMES = 5  # of which it is said that they are in two places
 MOST_NAME = 500  # letters of a file's name in a message
 

@@ -38,6 +38,10 @@ function start() {
   let dispose = null;
 
   page.link = (change) => `#${new URLSearchParams(Object.entries({ ...page.state, ...change }).filter(([, v]) => v))}`;
+  page.methodPage = (method) => { // in a site, from another page
+    const there = data.site && data.focus !== method && data.site.pages.find((one) => one.kind === "method" && one.name === method);
+    return there ? data.site.root + there.href.split("/").map(encodeURIComponent).join("/") : null;
+  };
   page.change = (change) => { // what a part of the view did by itself
     page.state = { ...page.state, ...change };
     link.write(page.state);
@@ -120,9 +124,26 @@ function start() {
       h("p", {}, [counted(about.methods, "method"), counted(about.datasets, "dataset"), counted(about.shapes, "shape"),
         `${about.solved.toLocaleString("en-US")} of ${counted(about.rows, "case")} solved`,
         about.last && (day(about.first) === day(about.last) ? day(about.last) : `${day(about.first)} to ${day(about.last)}`)]
-        .filter(Boolean).join(" · ")), h("nav", {}, tabs)),
+        .filter(Boolean).join(" · ")), siteLinks(data.site), h("nav", {}, tabs)),
     main);
   draw();
+}
+
+// In a site: back to the index, and on to any other page.
+function siteLinks(site) {
+  if (!site) return null;
+  const kinds = [...new Set(site.pages.map((one) => one.kind))].filter((kind) => kind !== "index");
+  const path = (href) => site.root + href.split("/").map(encodeURIComponent).join("/");
+  return h("nav", { class: "site", "aria-label": "Pages" },
+    site.kind === "index" ? h("strong", {}, "All results") : h("a", { href: path("index.html") }, "All results"),
+    kinds.map((kind) => {
+      const pages = site.pages.filter((one) => one.kind === kind);
+      const here = pages.find((one) => one.kind === site.kind && one.name === site.name);
+      const list = h("select", { "aria-label": `Pages by ${kind}`, onchange: (event) => { if (event.target.value) location.href = event.target.value; } },
+        h("option", { value: "" }, kind));
+      for (const one of pages) list.append(h("option", { value: path(one.href), selected: one === here }, one.name));
+      return list;
+    }));
 }
 
 function themeSwitch() {

@@ -21,7 +21,7 @@ const features = tableFeatures({
 /*
  * columns: [{id, title, value(row), text?(row), cell?(row), numeric?, descending?, filter?, help?, csv?}]; `value` is what
  * is sorted by and saved (undefined where there is none), `filter` offers a list of the column's values.
- * options: {caption, name, state: {sort, q, f.ID}, onState(change), search?, foot?, details?(row), open?, onOpen?(row)}; with
+ * options: {caption, name, state: {sort, q, f.ID}, onState(change), search?, foot?, details?(row), open?, onOpen?(row), mark?(row)}; with
  * `details` a row opens, one at a time, and shows these elements below it; `open` is the row that is open at first.
  */
 export function dataTable(rows, columns, options) {
@@ -70,7 +70,7 @@ export function dataTable(rows, columns, options) {
   function line(row) {
     const mine = row === opened;
     const element = h("tr", {
-      class: options.details && (mine ? "opens selected" : "opens"), tabindex: options.details && "-1", "aria-expanded": options.details && String(mine),
+      class: options.details ? (mine ? "opens selected" : "opens") : options.mark?.(row) && "selected", tabindex: options.details && "-1", "aria-expanded": options.details && String(mine),
       onclick: options.details && ((event) => { if (!event.target.closest("a, button")) turnRow(row); }),
     });
     columns.forEach((column, i) => {

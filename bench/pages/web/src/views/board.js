@@ -44,7 +44,7 @@ export function board(page, choice) {
       help: `the ${Math.round(100 * page.data.level)} % confidence interval of the rank`,
       csv: { head: ["rank_low", "rank_high"], values: (row) => [at("rank_low")(row), at("rank_high")(row)] } },
     { id: "method", title: "method", header: true, value: (row) => row.marked, kind: "name",
-      cell: (row) => h("a", { href: page.link({ view: "cases", "f.method": row.label, sort: "", q: "" }), title: `${row.label}: all cases` }, row.marked) },
+      cell: (row) => h("a", { href: page.methodPage(row.method) ?? page.link({ view: "cases", "f.method": row.label, sort: "", q: "" }), title: `${row.label}: all cases` }, row.marked) },
     { id: "mean", title: metric.heading, value: at("mean"), descending: metric.better === "higher",
       help: "mean, with its interval over shapes; bold: tied for first",
       cell: (row) => h(row.i >= 0 && metric.best[row.i] ? "strong" : "span", {}, row.i < 0 ? "-" : metric.texts[row.i]),
@@ -79,7 +79,7 @@ export function board(page, choice) {
     h("p", { class: "lead" }, `${group.shapes} shapes, ${group.cells} cells. Ranked by ${metric.name} ${arrow(metric.better)}.`),
     dataTable(lines(group, metric), columns, {
       caption: `${group.title}, by ${metric.name}`, name: `${group.title}_${metric.name}`, state: page.state,
-      onState: page.change, foot: floors,
+      onState: page.change, foot: floors, mark: (row) => Boolean(page.data.focus) && row.method === page.data.focus,
     }),
     notes([...metric.notes, ...group.notes]),
   ];
