@@ -35,17 +35,17 @@ def browser():
 
 @pytest.fixture
 def visit(browser):
-    """Opens a file as ``visit(path, hash="", **context)``; the page must ask for no address and report no error."""
+    """Opens a file as ``visit(path, hash="", allowed=path)``; it asks for nothing else, and reports no error."""
     contexts, problems = [], []
 
-    def open_page(path, hash="", **options):
+    def open_page(path, hash="", allowed=None, **options):
         context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}} | options)
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(15_000)
         page.on("console", lambda message: problems.append(f"{message.type}: {message.text}"))
         page.on("pageerror", lambda error: problems.append(f"error: {error}"))
-        page.on("request", lambda request: _note_request(request.url, path, problems))
+        page.on("request", lambda request: _note_request(request.url, allowed or path, problems))
         page.goto(f"file://{path}{hash}")
         page.wait_for_selector("main *", state="attached")
         return page
@@ -56,7 +56,33 @@ def visit(browser):
     assert problems == []
 
 
-def _note_request(url, path, problems):
-    """A page may ask for itself, for files beside it, and for what it holds."""
-    if not url.startswith((f"file://{path.parent}", "data:", "blob:")):
+def _note_request(url, allowed, problems):
+    """A page may ask for itself, or for the files of its folder, and for what it holds."""
+    if not url.startswith((f"file://{allowed}", "data:", "blob:")):
         problems.append(f"request: {url}")
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory):
+    """A folder of results that no method has made."""
+    from made_results import make
+
+    return make(tmp_path_factory.mktemp("made") / "small")
+
+
+@pytest.fixture(scope="session")
+def small_data(small):
+    """What a page of these results is made of."""
+    from bench.pages.data import page_data
+
+    return page_data(small.rows(use_index=False), [small], title="A <b>title</b> & more")
+
+
+@pytest.fixture(scope="session")
+def small_page(small_data, tmp_path_factory):
+    """The page itself."""
+    from bench.pages.assemble import one_file
+
+    path = tmp_path_factory.mktemp("pages") / "page.html"
+    path.write_text(one_file(small_data), encoding="utf-8")
+    return path

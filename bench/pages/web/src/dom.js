@@ -56,6 +56,7 @@ export function svgText(svg) {
     const style = getComputedStyle(element);
     const kept = DRAWN.map((name) => `${name}:${style.getPropertyValue(name)}`).join(";");
     to[i].removeAttribute("class");
+    for (const { name, value } of [...to[i].attributes]) if (value.includes("var(")) to[i].removeAttribute(name);
     to[i].setAttribute("style", kept);
   });
   copy.querySelectorAll("style").forEach((element) => element.remove());
