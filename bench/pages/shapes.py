@@ -1,0 +1,283 @@
+"""The shapes of a page: which cases have kept outputs, made small enough for the page, with their errors.
+
+Errors are of the full outputs: distances are measured before a mesh is simplified, and each vertex that is shown has
+the distance of the nearest vertex of the full one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..geometry.cloud import PointCloud
+from ..notices import notice
+from ..pictures.errors import common_limit, distances, weights
+from ..pictures.labels import folder_of, labels
+from ..pictures.shapes import CaseShapes, Item, case_shapes, places
+from .packing import pack, quantised
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from trimesh import Trimesh
+
+    from ..pictures.shapes import Place
+    from ..results.store import Results
+
+MOST = 40_000  # faces, or points, of a shape: more cost time in a browser, and show nothing more in a panel
+FEWEST = 2_000  # of a shape that is still worth showing
+BYTES_OF_FACE, BYTES_OF_POINT = 4.2, 8.0  # about what a packed shape takes; measured
+SPARE = 0.97  # of the budget, where a first packing missed it
+TRIES = 5
+
+
+@dataclass(eq=False)
+class _Panel:
+    """A shape on its way into a page."""
+
+    item: Item
+    shape: Trimesh | PointCloud | None = None
+    errors: np.ndarray | None = None  # (n,) shares of the limit
+    full: int = 0  # faces or points of the full shape
+
+    @property
+    def is_mesh(self) -> bool:
+        return self.shape is not None and not isinstance(self.shape, PointCloud)
+
+    @property
+    def size(self) -> int:
+        """Faces of a mesh, points of a cloud."""
+        return 0 if self.shape is None else len(self.shape.faces) if self.is_mesh else len(self.shape)
+
+    def bytes(self, cap: float) -> float:
+        """About how many bytes it takes with so many faces or points at most."""
+        return min(self.size, cap) * (BYTES_OF_FACE if self.is_mesh else BYTES_OF_POINT)
+
+
+def scenes(
+    results: Results | Sequence[Results], rows: pd.DataFrame, budget_bytes: int
+) -> tuple[list[dict[str, Any]], dict[str, bytes]]:
+    """The cases of some rows that have kept outputs, as scenes for the viewer of the page.
+
+    Where not all cases fit, the first ones of each dataset and sensor do, and a notice says how many are left out.
+
+    Parameters
+    ----------
+    results : Results or sequence of Results
+        The folders of the rows.
+    rows : DataFrame
+        As :meth:`bench.results.store.Results.rows` gives them.
+    budget_bytes : int
+        All packed shapes together take no more. In base64 they are a third larger.
+
+    Returns
+    -------
+    scenes : list of dict
+        ``id``, ``title``, ``unit``, ``limit`` (the distance at the end of the colour scale, 0 where nothing differs
+        from the reference), ``task``, ``dataset``, ``sensor``, ``split``, ``seed``, ``case``, and ``panels``: dicts
+        with ``name``, ``role`` (``input``, ``output`` or ``reference``), ``kind`` (``mesh``, ``cloud`` or None),
+        ``geometry`` (an ID, or None where there is nothing to show but the note) and ``note``. Empty where no output
+        is kept.
+    geometry : dict of str to bytes
+        The packed shapes (:mod:`bench.pages.packing`) by ID. Equal shapes are there once.
+    """
+    folders = list(results) if isinstance(results, Sequence) else [results]
+    found = _fitting(_cases(folders, rows), budget_bytes)
+    made = [_scene(place, case_shapes(folders, place, part)) for place, part in found]
+    packed = _packed([panel for _, panels in made for panel in panels], budget_bytes)
+    shown, geometry = [], {}
+    for scene, panels in made:
+        data = [packed.get(id(panel)) for panel in panels]
+        if None in [one for one, panel in zip(data, panels, strict=True) if panel.shape is not None]:
+            continue  # the budget is too small for it
+        geometry |= {_name(one.data): one.data for one in data if one}
+        shown.append(scene | {"panels": [_panel(*pair) for pair in zip(panels, data, strict=True)]})
+    return shown, geometry
+
+
+# -- which cases -------------------------------------------------------------------------------------------------------
+
+
+def _cases(folders: Sequence[Results], rows: pd.DataFrame) -> list[tuple[Place, pd.DataFrame]]:
+    """The cases that have a kept output, each with the rows that have one or failed."""
+    if not len(rows):
+        return []
+    rows = rows.reset_index(drop=True)
+    rows = rows.assign(label=labels(rows, folders), __kept=[_is_kept(folders, row) for row in rows.to_dict("records")])
+    found = []
+    for place, part in places(rows):
+        failed = ~part["status"].isin(["ok", "skipped"])
+        if part["__kept"].any():
+            part = part[part["__kept"] | failed].sort_values("label", kind="stable")
+            found.append((place, part.drop(columns="__kept")))
+    return found
+
+
+def _is_kept(folders: Sequence[Results], row: Mapping[str, Any]) -> bool:
+    folder = folder_of(folders, row) if row.get("output") else None
+    return folder is not None and folder.output_of(row) is not None
+
+
+def _fitting(cases: list[tuple[Place, pd.DataFrame]], budget: int) -> list[tuple[Place, pd.DataFrame]]:
+    """As many cases as the budget has room for: the first of each dataset and sensor, then the second, and so on."""
+    turns: dict[tuple[str, str, str], int] = {}
+    order = []
+    for number, (place, part) in enumerate(cases):
+        turn = turns[place[:3]] = turns.get(place[:3], -1) + 1
+        order.append((turn, number, len(part) + 2))
+    room, chosen = budget / (FEWEST * BYTES_OF_FACE), []
+    for _, number, shapes in sorted(order):
+        if shapes > room:
+            break
+        room -= shapes
+        chosen.append(number)
+    if left_out := len(cases) - len(chosen):
+        what = "case with kept outputs does" if left_out == 1 else "cases with kept outputs do"
+        notice(f"3-D view: {left_out} {what} not fit into {budget / 1e6:.3g} MB of shapes")
+    return [cases[number] for number in sorted(chosen)]
+
+
+# -- what is in a case -------------------------------------------------------------------------------------------------
+
+
+def _scene(place: Place, shapes: CaseShapes) -> tuple[dict[str, Any], list[_Panel]]:
+    """What a scene says of its case, and its panels with at most MOST faces or points."""
+    panels = [_Panel(item) for item in shapes.items]
+    reference = shapes.reference.shape
+    measured: dict[int, np.ndarray] = {}
+    for number, item in enumerate(shapes.items):
+        if _is_compared(item) and reference is not None:
+            measured[number] = distances(item.shape, reference)
+    outputs = [number for number in measured if shapes.items[number].role == "output"]
+    limit = common_limit((measured[n], weights(shapes.items[n].shape)) for n in outputs)
+    for number, panel in enumerate(panels):
+        if _can_be_shown(panel.item.shape):
+            panel.shape, panel.full = panel.item.shape, _Panel(panel.item, panel.item.shape).size
+            if number in measured and limit > 0:
+                panel.errors = np.minimum(measured[number] / limit, 1)
+            panels[number] = _smaller(panel, MOST)
+        else:
+            panel.item = _words(panel.item)
+        panels[number].item = _without_shape(panels[number].item)  # the full one is not needed any more
+    said = place._asdict()
+    title = " · ".join([place.case, place.sensor] if place.sensor else [place.case])
+    name = hashlib.sha256("\n".join(map(str, place)).encode("utf-8", "replace")).hexdigest()[:12]
+    return {"id": name, "title": title, "unit": shapes.unit, "limit": limit, **said}, panels
+
+
+def _can_be_shown(shape: Any) -> bool:
+    return isinstance(shape, PointCloud) or (hasattr(shape, "vertices") and hasattr(shape, "faces"))
+
+
+def _is_compared(item: Item) -> bool:
+    """Outputs are held against the reference, and inputs that are points: the noise that a method was given."""
+    return _can_be_shown(item.shape) and (
+        item.role == "output" or (item.role == "input" and isinstance(item.shape, PointCloud))
+    )
+
+
+def _words(item: Item) -> Item:
+    """What stands in a panel without a shape."""
+    if item.note or item.shape is None:
+        return item
+    return Item(item.name, item.role, None, f"{len(item.shape.images)} pictures, which this view does not show")
+
+
+def _without_shape(item: Item) -> Item:
+    return Item(item.name, item.role, None, item.note, item.row)
+
+
+# -- fewer faces -------------------------------------------------------------------------------------------------------
+
+
+def _smaller(panel: _Panel, cap: int) -> _Panel:
+    """The panel with at most ``cap`` faces or points; each has the error of the nearest one before."""
+    from ..geometry.neighbours import OrderedPoints
+    from ..geometry.simplify import simplify
+
+    if panel.shape is None or panel.size <= cap:
+        return panel
+    if not panel.is_mesh:
+        kept = np.linspace(0, panel.size - 1, cap).astype(np.int64)
+        normals = panel.shape.normals
+        shape = PointCloud(panel.shape.points[kept], None if normals is None else normals[kept])
+        return _Panel(panel.item, shape, None if panel.errors is None else panel.errors[kept], panel.full)
+    shape = simplify(panel.shape, max(cap, 4))
+    errors = panel.errors
+    if errors is not None:
+        before = OrderedPoints(np.asarray(panel.shape.vertices))
+        errors = errors[OrderedPoints(np.asarray(shape.vertices)).nearest_in(before).index]
+    return _Panel(panel.item, shape, errors, panel.full)
+
+
+@dataclass(frozen=True)
+class _Packed:
+    data: bytes
+    size: int  # faces or points
+
+
+def _packed(panels: Iterable[_Panel], budget: int) -> dict[int, _Packed]:
+    """The containers of all panels with a shape by the panel's ``id``: together, each counted once, within the budget.
+
+    Shapes with many faces lose some, down to a number that is the same for all. Where even the fewest faces are too
+    many, the last panels have none.
+    """
+    panels = [panel for panel in panels if panel.shape is not None]
+    cap = _cap(panels, budget)
+    packed: dict[int, _Packed] = {}
+    for _ in range(TRIES):
+        for panel in panels:
+            before = packed.get(id(panel))
+            if before is None or before.size > cap:
+                small = _smaller(panel, max(cap, FEWEST))
+                packed[id(panel)] = _Packed(_pack(small), small.size)
+        total = sum(map(len, {one.data for one in packed.values()}))
+        if total <= budget or cap <= FEWEST:
+            break
+        cap = int(cap * SPARE * budget / total)
+    kept, room, seen = {}, budget, set()
+    for key, one in packed.items():
+        room -= 0 if one.data in seen else len(one.data)
+        seen.add(one.data)
+        if room >= 0:
+            kept[key] = one
+    return kept
+
+
+def _cap(panels: Sequence[_Panel], budget: int) -> int:
+    """How many faces or points a shape may have so that all together take about the budget."""
+    low, high = FEWEST, MOST
+    while low < high:
+        middle = (low + high + 1) // 2
+        low, high = (middle, high) if sum(p.bytes(middle) for p in panels) <= budget else (low, middle - 1)
+    return low
+
+
+def _pack(panel: _Panel) -> bytes:
+    if panel.is_mesh:
+        return pack(quantised(panel.shape.vertices, panel.shape.faces, panel.errors))
+    return pack(quantised(panel.shape.points, None, panel.errors, panel.shape.normals))
+
+
+def _panel(panel: _Panel, packed: _Packed | None) -> dict[str, Any]:
+    """What the page says of a panel."""
+    notes = [panel.item.note] if panel.item.note else []
+    if packed is not None and packed.size < panel.full:
+        what = "faces" if panel.is_mesh else "points"
+        scored = f"; scores are of {'the full mesh' if panel.is_mesh else 'all points'}" * (panel.item.role == "output")
+        notes.append(f"shown with {packed.size:,} of {panel.full:,} {what}{scored}")
+    return {
+        "name": panel.item.name,
+        "role": panel.item.role,
+        "kind": None if packed is None else "mesh" if panel.is_mesh else "cloud",
+        "geometry": None if packed is None else _name(packed.data),
+        "note": "; ".join(notes),
+    }
+
+
+def _name(data: bytes) -> str:
+    """The ID of a packed shape: equal ones have the same."""
+    return hashlib.sha256(data).hexdigest()[:16]
