@@ -31,6 +31,7 @@ MOST = 40_000  # faces, or points, of a shape: more cost time in a browser, and 
 FEWEST = 2_000  # of a shape that is still worth showing
 BYTES_OF_FACE, BYTES_OF_POINT = 4.2, 8.0  # about what a packed shape takes; measured
 SPARE = 0.97  # of the budget, where a first packing missed it
+ABOVE = 1.25  # times the cap that is expected: of the first simplification
 TRIES = 5
 
 
@@ -52,9 +53,10 @@ class _Panel:
         """Faces of a mesh, points of a cloud."""
         return 0 if self.shape is None else len(self.shape.faces) if self.is_mesh else len(self.shape)
 
-    def bytes(self, cap: float) -> float:
-        """About how many bytes it takes with so many faces or points at most."""
-        return min(self.size, cap) * (BYTES_OF_FACE if self.is_mesh else BYTES_OF_POINT)
+    @property
+    def amount(self) -> tuple[int, float]:
+        """Its size, and about how many bytes each face or point takes."""
+        return self.size, BYTES_OF_FACE if self.is_mesh else BYTES_OF_POINT
 
 
 def scenes(
@@ -86,7 +88,8 @@ def scenes(
     """
     folders = list(results) if isinstance(results, Sequence) else [results]
     found = _fitting(_cases(folders, rows), budget_bytes)
-    made = [_scene(place, case_shapes(folders, place, part)) for place, part in found]
+    most = _first_cap([part for _, part in found], budget_bytes)
+    made = [_scene(place, case_shapes(folders, place, part), most) for place, part in found]
     packed = _packed([panel for _, panels in made for panel in panels], budget_bytes)
     shown, geometry = [], {}
     for scene, panels in made:
@@ -143,8 +146,8 @@ def _fitting(cases: list[tuple[Place, pd.DataFrame]], budget: int) -> list[tuple
 # -- what is in a case -------------------------------------------------------------------------------------------------
 
 
-def _scene(place: Place, shapes: CaseShapes) -> tuple[dict[str, Any], list[_Panel]]:
-    """What a scene says of its case, and its panels with at most MOST faces or points."""
+def _scene(place: Place, shapes: CaseShapes, most: int) -> tuple[dict[str, Any], list[_Panel]]:
+    """What a scene says of its case, and its panels with at most so many faces or points."""
     panels = [_Panel(item) for item in shapes.items]
     reference = shapes.reference.shape
     measured: dict[int, np.ndarray] = {}
@@ -158,7 +161,7 @@ def _scene(place: Place, shapes: CaseShapes) -> tuple[dict[str, Any], list[_Pane
             panel.shape, panel.full = panel.item.shape, _Panel(panel.item, panel.item.shape).size
             if number in measured and limit > 0:
                 panel.errors = np.minimum(measured[number] / limit, 1)
-            panels[number] = _smaller(panel, MOST)
+            panels[number] = _smaller(panel, most)
         else:
             panel.item = _words(panel.item)
         panels[number].item = _without_shape(panels[number].item)  # the full one is not needed any more
@@ -226,7 +229,7 @@ def _packed(panels: Iterable[_Panel], budget: int) -> dict[int, _Packed]:
     many, the last panels have none.
     """
     panels = [panel for panel in panels if panel.shape is not None]
-    cap = _cap(panels, budget)
+    cap = _cap([panel.amount for panel in panels], budget)
     packed: dict[int, _Packed] = {}
     for _ in range(TRIES):
         for panel in panels:
@@ -247,13 +250,30 @@ def _packed(panels: Iterable[_Panel], budget: int) -> dict[int, _Packed]:
     return kept
 
 
-def _cap(panels: Sequence[_Panel], budget: int) -> int:
-    """How many faces or points a shape may have so that all together take about the budget."""
+def _cap(amounts: Sequence[tuple[int, float]], budget: int) -> int:
+    """How many faces or points a shape may have so that all together take about the budget.
+
+    ``amounts`` are pairs of a size and the bytes of one.
+    """
     low, high = FEWEST, MOST
     while low < high:
         middle = (low + high + 1) // 2
-        low, high = (middle, high) if sum(p.bytes(middle) for p in panels) <= budget else (low, middle - 1)
+        fits = sum(min(size, middle) * each for size, each in amounts) <= budget
+        low, high = (middle, high) if fits else (low, middle - 1)
     return low
+
+
+def _first_cap(parts: Sequence[pd.DataFrame], budget: int) -> int:
+    """A cap from what the rows say, a bit above what will fit: a large mesh is simplified once only."""
+    amounts = []
+    for part in parts:
+        kept = part[part["status"] == "ok"]
+        faces, points = kept["output_faces"].fillna(0), kept["output_points"].fillna(0)
+        sizes = [
+            (int(f), BYTES_OF_FACE) if f > 0 else (int(p), BYTES_OF_POINT) for f, p in zip(faces, points, strict=True)
+        ]
+        amounts += [*sizes, *[max(sizes)] * 2]  # the input and the reference, as large as the largest output
+    return min(MOST, int(ABOVE * _cap(amounts, budget)))
 
 
 def _pack(panel: _Panel) -> bytes:
