@@ -4,6 +4,7 @@
   detailbench score clean.xyz scan.ply --metric p2f_mean,chamfer_l1_mean
   detailbench score output.ply reference.ply --convention mpu
   detailbench score output.ply reference.ply --units file
+  detailbench score output.ply reference.ply --save errors.ply --limit 0.5
   detailbench score mvs024.ply stl024_total.ply --convention dtu_mm --mask ObsMask24_10.mat --plane Plane24.mat
   detailbench score deformed.obj target.obj --source rest.obj --metric cot_laplacian
 
@@ -15,6 +16,10 @@ out. --units file prints lengths in the units of the files, millimetres say, and
 --metric takes names from `detailbench list metrics` and sets of them (standard, full); --convention a paper's columns.
 The floor is the score of a perfect output: the reference itself, or a fresh sample of it as large as the output.
 --units file prints lengths in the units of the files, millimetres say, and squares of lengths in their squares.
+
+--save FILE.ply writes the output with the distance of each vertex, or point, to the reference: as the property
+`distance`, in the units of the files, and as colours from light (0) to dark (--limit and beyond; by default 98 % of the
+surface is below it). MeshLab and CloudCompare open it.
 """
 
 from __future__ import annotations
@@ -59,6 +64,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plane", metavar="FILE", help="ground plane of DTU, for dtu_distances")
     parser.add_argument("--seed", type=int, default=0, help="of the samples (default: 0)")
     parser.add_argument("--samples", type=int, help="points drawn from each surface (default: 100,000)")
+    parser.add_argument("--save", metavar="FILE.ply", help="write OUTPUT with its distances to REFERENCE, coloured")
+    parser.add_argument("--limit", type=float, help="of the colours of --save, in the units of the files")
     parser.add_argument("--json", action="store_true", help="print JSON, in full precision")
     add_plugin_argument(parser)
 
@@ -66,6 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read, score, print."""
     load_plugins(args.plugin)
+    _check_save(args)
     if args.samples is not None and args.samples < 1:
         raise UsageError(f"--samples {args.samples}: expected at least 1")
     if args.seed < 0:
@@ -92,8 +100,9 @@ def run(args: argparse.Namespace) -> int:
     in_files = all(choice.plugin.options.get("length") == "file" for choice in chosen)
     if args.units == "file":
         scores = in_units_of_files(scores, case.frame.radius)
+    errors = save(args, case, output) if args.save else None
     if args.json:
-        print(json.dumps(as_json(args, case, scores, left_out), indent=2))
+        print(json.dumps(as_json(args, case, scores, left_out) | ({"errors": errors} if errors else {}), indent=2))
     else:
         print(f"{args.output} ({words(output)}) against {args.reference} ({words(case.reference.mesh)})\n")
         print(
@@ -106,6 +115,8 @@ def run(args: argparse.Namespace) -> int:
                 units="file" if in_files else args.units,
             )
         )
+        if errors:
+            print(_scale(errors))
     return 0
 
 
@@ -243,6 +254,52 @@ def in_convention(convention: Convention, scores: dict[str, Score]) -> dict[str,
             floor = None if floor is None else floor * column.factor
             shown[column.title] = Score(value * column.factor, floor, better)
     return shown
+
+
+# -- errors as a file --------------------------------------------------------------------------------------------------
+
+
+def _check_save(args: argparse.Namespace) -> None:
+    from ..pictures.error_file import check_error_file
+
+    if args.limit is not None and not args.save:
+        raise UsageError(f"--limit {args.limit:g}: is of the colours of --save FILE.ply, which is not given")
+    if args.limit is not None and not (args.limit > 0 and math.isfinite(args.limit)):
+        raise UsageError(f"--limit {args.limit:g}: expected a distance above 0, in the units of the files")
+    if args.save:
+        check_error_file(args.save)
+        if any(Path(args.save).resolve() == Path(path).resolve() for path in (args.output, args.reference)):
+            raise UsageError(f"--save {args.save}: is a file that is scored; expected another name")
+
+
+def save(args: argparse.Namespace, case: Case, output: PointCloud | Trimesh) -> dict[str, Any]:
+    """Write the output as its file has it, with its distances to the reference; returns what the colours mean."""
+    from ..pictures.error_file import save_errors
+    from ..pictures.errors import common_limit, distances, weights
+
+    truth = case.reference
+    found = distances(output, truth.mesh if truth.cloud is None else truth.cloud) * case.frame.radius
+    share = weights(output)
+    limit = args.limit if args.limit is not None else common_limit([(found, share)])
+    save_errors(load(args.output), found, limit, args.save)
+    return {
+        "file": args.save,
+        "count": len(found),
+        "limit": limit,
+        "beyond": float(share[found > limit].sum()),
+        "largest": float(found.max(initial=0)),
+    }
+
+
+def _scale(errors: dict[str, Any]) -> str:
+    """What the colours of the file mean."""
+    what = f"\n{errors['file']}: {errors['count']:,} distances to the reference, in the units of the files.\n"
+    if not errors["limit"]:
+        return f"{what}All are 0, so there is one colour."
+    return (
+        f"{what}Colours: light is 0, dark is {errors['limit']:.3g} (--limit) and beyond, where "
+        f"{100 * errors['beyond']:.2g} % of the output are. The largest distance is {errors['largest']:.3g}."
+    )
 
 
 # -- printing ----------------------------------------------------------------------------------------------------------
