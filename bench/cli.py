@@ -37,6 +37,7 @@ COMMANDS = {
     "import": "score outputs that were made elsewhere",
     "report": "results as one page for a browser: tables, charts, cases, shapes",
     "site": "results as a folder of pages for a static host",
+    "plot": "a plot of scores for a paper, with its numbers as CSV",
     "train": "train a learned method, and keep its weights",
     "apply": "one method on one file, or on many",
     "recommend": "which method serves a scan: a ranking without ground truth",

@@ -60,7 +60,7 @@ def chosen(
         raise UsageError(f"these are results of {', '.join(kinds)}: choose one with --task")
     rows = _of_seed(rows, seed)
     rows = rows.assign(label=labels(rows, folders))
-    order = _methods(rows, method)
+    order = ordered_labels(rows, method)
     rows = rows[rows["label"].isin(order)]
     rows = _of_cases(rows, case)
     ranks = {name: {value: i for i, value in enumerate(_order(name, filters[name], rows))} for name in ORDERED}
@@ -106,8 +106,14 @@ def _of_seed(rows: pd.DataFrame, seed: int | None) -> pd.DataFrame:
     return rows[rows["seed"] == wanted]
 
 
-def _methods(rows: pd.DataFrame, method: Names) -> list[str]:
-    """The labels to show, in their order: as asked, or by name."""
+def ordered_labels(rows: pd.DataFrame, method: Names) -> list[str]:
+    """The labels to show, in their order: as asked, or by name.
+
+    Raises
+    ------
+    UsageError
+        For a name that is neither a method, nor a preset, nor a label of the rows.
+    """
     known = dict(zip(rows["label"], rows["method"], strict=True))
     if method is None:
         return sorted(known)

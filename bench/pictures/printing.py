@@ -31,7 +31,7 @@ STYLE = {
 }
 
 
-def width_of(text: str) -> float:
+def width_of(text: str, option: str = "--width") -> float:
     """The inches that ``3.3in``, ``8.5cm``, ``84mm``, ``column`` or ``page`` stand for.
 
     Raises
@@ -44,7 +44,7 @@ def width_of(text: str) -> float:
     found = re.fullmatch(r"([0-9]*\.?[0-9]+)\s*(in|cm|mm)?", text)
     inches = float(found[1]) / {"cm": 2.54, "mm": 25.4}.get(found[2], 1.0) if found else 0.0
     if not 0.8 <= inches <= 60:
-        raise UsageError(f"--width {text}: expected column, page, or a length like 3.3in or 84mm, up to 60 inches")
+        raise UsageError(f"{option} {text}: expected column, page, or a length like 3.3in or 84mm, up to 60 inches")
     return inches
 
 
