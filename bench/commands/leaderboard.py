@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if args.best:
         from .leaderboard_best import show_best
 
-        show_best(rows, output, preset=args.preset, folders=folders, level=args.level, **filters)
+        show_best(rows, output, preset=args.preset, folders=folders, by=args.by, level=args.level, **filters)
     elif args.agreement:
         show_agreement(rows, args.agreement, output, level=args.level, **filters)
     elif args.across:

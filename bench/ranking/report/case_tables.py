@@ -56,7 +56,7 @@ def _table(group: tuple, scores: pd.DataFrame, means: list[Mapping[str, Any]], l
     metric = look.names.get(group[-1], group[-1])
     return Table(
         *group[:-1],
-        methods=tuple(cases),
+        methods=tuple(_short(cases)),
         ranks=(),
         fronts=(),
         metrics=tuple(columns),
@@ -70,6 +70,12 @@ def _table(group: tuple, scores: pd.DataFrame, means: list[Mapping[str, Any]], l
         subject=f"{metric} {arrow}{unit}",
         caption=look.caption,
     )
+
+
+def _short(cases: list[str]) -> list[str]:
+    """The ids without the dataset before them, where all are of one."""
+    datasets = {case.rpartition("/")[0] for case in cases}
+    return [case.rpartition("/")[2] for case in cases] if len(datasets) == 1 else cases
 
 
 def _ordered(means: list[Mapping[str, Any]], look: Look) -> list[Mapping[str, Any]]:

@@ -1,0 +1,132 @@
+"""The tables of the best parameters: the variants of a method, and what each parameter does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from ...text import counted
+from ..best import Best, Effect, Variant
+from ..naming import parts_of
+from .look import Look
+from .numbers import column_digits, plain, unit_exponent
+from .table import Cell, Metric, Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST = 30  # lines of a table of variants
+DEFAULTS = "(the defaults)"
+
+
+def best_tables(found: Iterable[Best], look: Look | None = None) -> list[Table]:
+    """Two tables for each method: its variants, and the effects of its parameters."""
+    look = look or Look()
+    return [table for one in found for table in (_variants(one, look), _effects(one, look)) if table.methods]
+
+
+def frame_of(found: Iterable[Best]) -> pd.DataFrame:
+    """All variants in full precision, for CSV."""
+    import pandas as pd
+
+    columns = ("task", "dataset", "sensor", "split", "method", "variant", "metric", "better", "geometric_mean")
+    columns += ("ratio", "ratio_low", "ratio_high", "solved", "planned", "seconds_median", "shapes")
+    lines = [
+        (*b.group, b.method, v.variant, b.metric, b.better, v.mean, v.ratio, v.low, v.high, v.solved, v.planned)
+        + (v.seconds, b.shapes)
+        for b in found
+        for v in b.variants
+    ]
+    return pd.DataFrame(lines, columns=list(columns))
+
+
+def _variants(one: Best, look: Look) -> Table:
+    shown = one.variants[:MOST]
+    first = shown[0]
+    sure = not math.isnan(first.low)
+    ratios = [_ratio(v, i == 0, sure) for i, v in enumerate(shown)]
+    what = f"geometric mean over all cases, {counted(one.shapes, 'shape')}; a failed case has the worst pseudo-method's"
+    notes = [
+        f"{what} score.",
+        *([_tie_note(one, shown)] if sure else [f"Fewer than 4 shapes: no interval of a ratio ({one.shapes})."]),
+        *one.edges,
+        *([f"{len(one.variants) - MOST} more variants are in the CSV."] if len(one.variants) > MOST else []),
+        *one.notes,
+        *_split_note(one),
+    ]
+    return Table(
+        *one.group,
+        methods=tuple(", ".join(parts_of(v.variant)) or DEFAULTS for v in shown),
+        ranks=(),
+        fronts=(),
+        metrics=(_means(one, shown, look), Metric("ratio", "", 0, tuple(ratios), title="ratio")),
+        solved=tuple(f"{v.solved}/{v.planned}" for v in shown),
+        seconds=tuple(plain(v.seconds) for v in shown),
+        memory=(),
+        parameters=(),
+        notes=tuple(notes),
+        head="parameters",
+        subject=one.method,
+        caption=look.caption,
+    )
+
+
+def _effects(one: Best, look: Look) -> Table:
+    least: dict[str, float] = {}
+    for effect in one.effects:
+        least[effect.parameter] = min(least.get(effect.parameter, math.inf), abs(math.log(effect.ratio or math.inf)))
+    best = [abs(math.log(e.ratio)) == least[e.parameter] if e.ratio > 0 else False for e in one.effects]
+    ratios = (Cell(f"{e.ratio:.3f}", is_best) for e, is_best in zip(one.effects, best, strict=True))
+    counts = (Cell(str(e.variants)) for e in one.effects)
+    return Table(
+        *one.group,
+        methods=tuple(f"{e.parameter}={e.value}" for e in one.effects),
+        ranks=(),
+        fronts=(),
+        metrics=(
+            _means(one, one.effects, look),
+            Metric("ratio", "", 0, tuple(ratios), title="ratio"),
+            Metric("variants", "", 0, tuple(counts), title="variants"),
+        ),
+        solved=(),
+        seconds=(),
+        memory=(),
+        parameters=(),
+        notes=(
+            "one parameter at a time: the geometric mean over all variants with that value, of those settings of the "
+            "others that were run with all values; ratio: to its best value.",
+        ),
+        head="parameter",
+        subject=f"{one.method}: effects",
+    )
+
+
+def _means(one: Best, shown: Iterable[Variant | Effect], look: Look) -> Metric:
+    values = [line.mean for line in shown]
+    exponent = unit_exponent(values)
+    digits = look.digits
+    if digits is None:  # a digit more than a table of means has: variants of one method are close to each other
+        digits = min(4, 1 + column_digits(((value, math.nan, math.nan) for value in values), exponent))
+    cells = (Cell(plain(value, exponent, digits)) for value in values)
+    return Metric(one.metric, one.better, exponent, tuple(cells), title=look.names.get(one.metric, ""))
+
+
+def _ratio(variant: Variant, first: bool, sure: bool) -> Cell:
+    if first:
+        return Cell("1", best=True)
+    if not math.isfinite(variant.ratio):
+        return Cell("-")
+    interval = f" [{variant.low:.3f}, {variant.high:.3f}]" if sure else ""
+    return Cell(f"{variant.ratio:.3f}{interval}", tied=sure and variant.is_tied)
+
+
+def _tie_note(one: Best, shown: tuple[Variant, ...]) -> str:
+    tied = sum(variant.is_tied for variant in shown[1:])
+    return f"ratio: to the best, with its {one.level:.0%} interval over shapes; it holds 1 for {tied} of the others."
+
+
+def _split_note(one: Best) -> list[str]:
+    if one.group[3] == "train":
+        return []
+    return ["Chosen on test shapes: on these the winner looks better than it is. Tune on split=train, judge on test."]

@@ -1,0 +1,196 @@
+"""The best parameters of a sweep: geometric means, effects and intervals against pandas and scipy by hand."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from boards import row, rows
+from records import cell_of, record
+from scipy import stats
+
+from bench.commands.leaderboard import Output
+from bench.commands.leaderboard_best import check_preset, show_best, write_preset
+from bench.errors import UsageError
+from bench.plan.cell import Choice
+from bench.plugins import config_files
+from bench.plugins.presets import presets
+from bench.ranking.best import best
+from bench.ranking.report.best_tables import best_tables, frame_of
+from bench.results.store import Results
+
+CASES = [f"s{i}" for i in range(6)]
+
+
+def sweep(depths=(6, 8, 10), trims=(0.1, 0.2), left_out=(), split="train", **changes):
+    """A grid of two parameters, each case with its own difficulty; depth 10 and trim 0.1 are best."""
+    rng = np.random.default_rng(0)
+    hard = rng.lognormal(0, 1, len(CASES))
+    records = []
+    for depth in depths:
+        for trim in trims:
+            if (depth, trim) in left_out:
+                continue
+            parts = [f"depth={depth}"] if depth != 8 else []  # 8 is the default
+            variant = ",".join([*parts, f"trim={trim:g}"])
+            for i, case in enumerate(CASES):
+                for seed in (0, 1):
+                    score = hard[i] * 20 / depth * (1 + trim) * rng.lognormal(0, 0.05)
+                    where = {"variant": variant, "split": split, "case_index": i, **changes}
+                    records.append(row("poisson", case, seed, {"d": score}) | where)
+    return rows(*records)
+
+
+def by_hand(frame):
+    return np.exp(np.log(frame["score.d"]).groupby(frame["variant"]).mean()).sort_values()
+
+
+def test_variants_are_in_the_order_of_their_geometric_means():
+    frame = sweep()
+    (one,) = best(frame)
+    means = by_hand(frame)
+    assert [v.variant for v in one.variants] == list(means.index)
+    assert [v.mean for v in one.variants] == pytest.approx(list(means))
+    assert one.variants[0].variant == "depth=10,trim=0.1" and one.shapes == 6
+    assert [v.ratio for v in one.variants] == pytest.approx(list(means / means.iloc[0]))
+
+
+def test_the_interval_of_a_ratio_is_students_over_the_shapes():
+    frame = sweep()
+    (one,) = best(frame)
+    logs = np.log(frame["score.d"]).groupby([frame["case"], frame["variant"]]).mean().unstack()
+    first = one.variants[0].variant
+    for variant in one.variants[1:]:
+        test = stats.ttest_rel(logs[variant.variant], logs[first])
+        low, high = np.exp(test.confidence_interval(0.95))
+        assert (variant.low, variant.high) == pytest.approx((low, high))
+        assert variant.is_tied == (test.pvalue >= 0.05)
+
+
+def test_the_effect_of_a_parameter_pools_the_others():
+    frame = sweep()
+    (one,) = best(frame)
+    depth = frame["variant"].str.extract(r"depth=(\d+)")[0].fillna("8")  # the default, from the plugin
+    trim = frame["variant"].str.extract(r"trim=([\d.]+)")[0]
+    for name, values in (("depth", depth), ("trim", trim)):
+        means = np.exp(np.log(frame["score.d"]).groupby(values).mean())
+        found = {e.value: e for e in one.effects if e.parameter == name}
+        assert set(found) == set(means.index)
+        for value, mean in means.items():
+            assert found[value].mean == pytest.approx(mean)
+            assert found[value].ratio == pytest.approx(mean / means.min())
+    assert [e.value for e in one.effects if e.parameter == "depth"] == ["6", "8", "10"]
+
+
+def test_effects_of_a_grid_with_holes_compare_like_with_like():
+    """Without depth 10 at trim 0.2, depths are compared at trim 0.1 alone: pooled, 10 would profit from the hole."""
+    frame = sweep(left_out=[(10, 0.2)])
+    (one,) = best(frame)
+    depths = {e.value: e for e in one.effects if e.parameter == "depth"}
+    means = by_hand(frame)
+    assert depths["6"].mean == pytest.approx(means["depth=6,trim=0.1"]) and depths["6"].variants == 1
+
+
+def test_a_winner_at_the_edge_is_noted_with_what_to_try():
+    (one,) = best(sweep())
+    assert [re.match(r"\w+=[\d.]+ is the \w+", text)[0] for text in one.edges] == [
+        "depth=10 is the largest",
+        "trim=0.1 is the least",
+    ]
+    assert "method.depth=12" in one.edges[0] and "method.trim=0.05" in one.edges[1]
+    (inner,) = best(sweep(depths=(6, 10, 14)).assign(**{"score.d": lambda f: f["score.d"] * 1}), metric="d")
+    assert "depth=14 is the largest value" in " ".join(inner.edges)
+
+
+def test_only_train_shapes_count_unless_the_user_says_so():
+    both = pd.concat([sweep(), sweep(split="test").assign(**{"score.d": 1e-3})], ignore_index=True)
+    (one,) = best(both)
+    assert one.group[3] == "train" and one.variants[0].mean > 0.1
+    (flattered,) = best(both, split="test")
+    notes = [note for table in best_tables([flattered]) for note in table.notes]
+    assert any(note.startswith("Chosen on test shapes") for note in notes)
+    with pytest.raises(UsageError, match="split=train.*--split test"):
+        best(sweep(split="test"))
+
+
+def test_a_failure_counts_what_the_worst_pseudo_method_scores():
+    frame = sweep()
+    frame["worst.d"] = 50.0
+    at = frame.index[frame["variant"] == "depth=10,trim=0.1"][0]
+    frame.loc[at, "status"] = "timeout"
+    frame.loc[at, "score.d"] = np.nan
+    (one,) = best(frame)
+    found = next(v for v in one.variants if v.variant == "depth=10,trim=0.1")
+    values = frame["score.d"].fillna(50.0)[frame["variant"] == found.variant]
+    assert found.mean == pytest.approx(math.exp(np.log(values).mean())) and (found.solved, found.planned) == (11, 12)
+
+
+def test_variants_of_fewer_cases_are_left_out_and_named():
+    frame = sweep()
+    frame = frame[~((frame["variant"] == "depth=6,trim=0.2") & (frame["case"] == "s0"))]
+    (one,) = best(frame)
+    assert len(one.variants) == 5 and "depth=6,trim=0.2 (10 of 12)" in one.notes[0]
+
+
+def test_what_cannot_be_compared_is_refused():
+    with pytest.raises(UsageError, match="several settings"):
+        best(rows(*(row("a", c, 0, {"d": 1.0}, split="train") for c in CASES)))
+    with pytest.raises(UsageError, match="reference's own value"):
+        best(sweep().assign(directions='{"d": "reference"}', **{"floor.d": 1.0}))
+    with pytest.raises(UsageError, match="nothing was solved"):
+        best(sweep().assign(status="error", directions=""))
+
+
+def test_the_csv_has_every_variant():
+    found = best(sweep())
+    frame = frame_of(found)
+    assert frame["geometric_mean"].tolist() == [v.mean for v in found[0].variants]
+    assert set(frame["split"]) == {"train"}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def stored(folder):
+    """A sweep in a folder, whose records hold the parameters exactly."""
+    frame = sweep(trims=(0.1,))
+    results = Results(folder)
+    for variant, part in frame.groupby("variant"):
+        depth = int(re.search(r"depth=(\d+)", variant)[1]) if "depth" in variant else 8
+        method = Choice("method", "poisson", {"depth": depth, "trim": 0.1})
+        cell = replace(cell_of(), method=method, split="train")
+        one = record(cell.id, method="poisson", split="train")
+        one.meta["cell"] = cell.to_json()
+        results.write(one)
+        frame.loc[part.index, ["cell", "fingerprint"]] = [one.cell, one.fingerprint]
+    return frame
+
+
+def test_the_winner_becomes_a_preset_that_is_found(here, capsys):
+    frame = stored(here / "results")
+    show_best(frame, Output(), preset="my_poisson", folders=["results"], by=None)
+    assert "method=my_poisson" in capsys.readouterr().err
+    for cached in (config_files._folders, config_files._found):  # the next command is another process
+        cached.cache_clear()
+    assert presets("method", "poisson")["my_poisson"].values == {"depth": 10, "trim": 0.1}
+    with pytest.raises(UsageError, match="is there already"):
+        check_preset("my_poisson")
+
+
+def test_a_preset_that_cannot_be_written_says_why(here):
+    frame = stored(here / "results")
+    found = best(frame)
+    with pytest.raises(UsageError, match="small letters"):
+        check_preset("My preset")
+    with pytest.raises(UsageError, match="is a method itself"):
+        check_preset("poisson")
+    with pytest.raises(UsageError, match="2 winners"):
+        write_preset("x", found * 2, frame, ["results"])
+    with pytest.raises(UsageError, match="no record of poisson"):
+        write_preset("x", found, frame.assign(cell="nothing"), ["results"])
+    assert not (here / "conf").exists()

@@ -1,0 +1,105 @@
+"""Cases in lines and methods in columns: values, means and wins against pandas by hand, in every format."""
+
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+from boards import row, rows
+
+from bench.commands.leaderboard import Output, show_by_case
+from bench.errors import UsageError
+from bench.ranking.by_case import COLUMNS, by_case, without_case
+from bench.ranking.report import FORMATS
+from bench.ranking.report.case_tables import case_tables
+from bench.ranking.report.look import Look
+
+CASES = ["plate", "bracket", "knot", "chain", "bowl"]
+
+
+@pytest.fixture(scope="module")
+def frame():
+    rng = np.random.default_rng(3)
+    return rows(
+        *(
+            row(method, case, seed, {"d": rng.lognormal(0, 0.5), "f": rng.random()}, sensor=sensor, case_index=i)
+            for method in ("b_method", "a_method", "c_method")
+            for i, case in enumerate(CASES)
+            for seed in (0, 1)
+            for sensor in ("noisy", "scanned")
+        )
+    )
+
+
+def pivot(frame, metric="score.d"):
+    return frame.pivot_table(index="case", columns="method", values=metric, aggfunc="mean").loc[CASES]
+
+
+def test_values_means_and_wins(frame):
+    scores, board = by_case(frame, by="case,task", metric="d")
+    wanted = pivot(frame)
+    assert set(scores["case"]) == {f"bumps/{case}" for case in CASES}
+    scores = scores.assign(case=scores["case"].str.removeprefix("bumps/"))
+    found = scores.pivot(index="case", columns="method", values="value").loc[CASES]
+    pd.testing.assert_frame_equal(found, wanted, check_names=False)
+    (table,) = case_tables(scores, board)
+    assert table.methods == tuple(CASES)
+    for column in table.metrics:
+        mean, wins = (cell.text for cell in column.feet)
+        assert float(mean) == pytest.approx(wanted[column.name].mean(), abs=0.006)
+        assert int(wins) == (wanted.idxmin(axis=1) == column.name).sum()
+    assert [c.best for column in table.metrics for c in column.cells].count(True) == len(CASES)
+
+
+def test_cases_keep_their_order_and_sensors_their_tables(frame):
+    scores, board = by_case(frame, by="case", metric="d")
+    first, second = case_tables(scores, board)
+    assert first.methods == second.methods == tuple(CASES) and {first.sensor, second.sensor} == {"noisy", "scanned"}
+    assert first.subject == "d ↓" and first.head == "case"
+
+
+def test_higher_is_better_where_the_metric_says_so(frame):
+    up = frame.assign(directions='{"d": "lower", "f": "higher"}')
+    scores, _ = by_case(up, by="case,task", metric="f")
+    best = scores[scores["best"] == 1].set_index("case")["method"]
+    assert best.loc[[f"bumps/{case}" for case in CASES]].tolist() == pivot(up, "score.f").idxmax(axis=1).tolist()
+
+
+def test_ties_count_for_each_and_failures_for_nobody():
+    made = rows(
+        *(row(m, c, 0, {"d": 1.0}, worst={"d": 5.0}) for m in "ab" for c in "wxyz"),
+        row("c", "w", 0, None, worst={"d": 5.0}),
+        *(row("c", c, 0, {"d": 0.5}, worst={"d": 5.0}) for c in "xyz"),
+    )
+    scores, board = by_case(made, by="case", metric="d")
+    wins = scores.groupby("method")["best"].sum()
+    assert wins.to_dict() == {"a": 1, "b": 1, "c": 3}
+    (table,) = case_tables(scores, board)
+    failed = next(c for c in table.metrics if c.name == "c").cells[0]
+    assert (failed.text, failed.mark, failed.best) == ("5.00", "†", False)
+    assert any(note.startswith("† failed cases") for note in table.notes)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_every_format_has_every_case_and_method(frame, format, capsys):
+    show_by_case(frame, "case,task", Output(format, Look(digits=2)), metric="d")
+    text = capsys.readouterr().out
+    plain = text.replace("\\", "")
+    assert all(name in plain for name in [*CASES, "a_method", "b_method", "c_method"])
+    if format == "csv":
+        back = pd.read_csv(io.StringIO(text))
+        assert tuple(back.columns) == COLUMNS and len(back) == 15
+    else:
+        assert "wins" in text and "mean" in text and f"{pivot(frame).iloc[0, 0]:.2f}" in text
+
+
+def test_the_order_of_the_columns_is_the_users(frame):
+    look = Look(order="given", methods=("c_method", "a_method"), names={"a_method": "Ours"})
+    (table,) = case_tables(*by_case(frame, by="case,task", metric="d"), look)
+    assert [column.title for column in table.metrics] == ["c_method", "Ours", "b_method"]
+
+
+def test_the_words_besides_case():
+    assert without_case("case") is None and without_case("case,sensor") == ["sensor"]
+    with pytest.raises(UsageError, match="sensr"):
+        by_case(rows(row(scores={"d": 1.0})), by="case,sensr")
