@@ -39,8 +39,8 @@ class Planted:
     def denoise(self, cloud, run):
         noise = run.rng.normal(size=cloud.points.shape)
         wanted = (1 + LOSS) * abs(run.true_distances(cloud.points)).mean()
-        low, high = 0.0, 1.0
-        for _ in range(25 if LOSS else 0):
+        low, high = 0.0, 0.01
+        for _ in range(12 if LOSS else 0):
             middle = (low + high) / 2
             loss = abs(run.true_distances(cloud.points + middle * noise)).mean()
             low, high = (middle, high) if loss < wanted else (low, middle)

@@ -7,9 +7,9 @@ correction runs over all methods and metrics: however many there are, the chance
 The relative difference is ``2 (now - then) / (|now| + |then|)``, of badness (lower is better), which has no trouble
 with scores near 0; it is shown as the ratio that it stands for: ``(2 + s) / (2 - s) - 1``.
 
-Speed is the ratio of the seconds, each divided by the time of a fixed workload that was measured just before the call
-(:mod:`bench.engine.yardstick`): so the speed of the machine is taken out, as far as that work feels what the method
-feels.
+Speed is the ratio of the processor seconds of calls with one thread, and of the wall seconds of others, each divided by
+the time of a fixed workload that was measured just before the call (:mod:`bench.engine.yardstick`): so the speed of
+the machine is taken out, as far as that work feels what the method feels.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ SIDES = ("then", "now")
 SHORTEST = (
     0.05  # seconds: calls that are shorter say nothing of a method, the clock and the system are too much of them
 )
+SEEN = 0.1  # of the wall time: with less processor time the work is done where we do not see it
 SLOWER = 0.2  # what counts as slower where no threshold is given
 
 
@@ -46,9 +47,9 @@ class Compared:
         both solved), ``change`` (0.05: 5 % worse; negative: better) with ``low`` and ``high``, ``verdict`` (``worse``
         and ``better`` surely, by more than the threshold; ``same`` within it; ``open``).
     speed : DataFrame
-        One line per task, split and method: ``then``, ``now`` (median seconds), ``ratio`` (the median of the paired
-        ratios) with ``low`` and ``high``, ``normalised``, ``verdict`` (``slower``, ``faster``, ``same``, ``open``,
-        ``short``).
+        One line per task, split and method: ``time`` (``processor`` or ``wall``), ``then``, ``now`` (median seconds),
+        ``ratio`` (the median of the paired ratios) with ``low`` and ``high``, ``normalised``, ``verdict`` (``slower``,
+        ``faster``, ``same``, ``open``, ``short``).
     new, gone : DataFrame
         How many cases only one side has, by :data:`METHOD`, task, dataset and sensor.
     failed, solved : DataFrame
@@ -276,19 +277,22 @@ def _verdicts(
 
 def _speed(merged: pd.DataFrame, slower: float, level: float) -> pd.DataFrame:
     """The ratios of the seconds of what both solved, by method."""
-    columns = ["task", "split", *METHOD, "units", "then", "now", "ratio", "low", "high", "normalised", "verdict"]
+    columns = ["task", "split", *METHOD, "time", "units", "then", "now", "ratio", "low", "high"]
+    columns += ["normalised", "verdict"]
     solved = merged[(merged["status_then"] == "ok") & (merged["status_now"] == "ok")]
     solved = solved[(solved["seconds_then"] > 0) & (solved["seconds_now"] > 0)]
     lines = []
     for key, rows in solved.groupby(["task", "split", *METHOD], dropna=False, sort=True):
-        ratio = (rows["seconds_now"] / rows["seconds_then"]).to_numpy(dtype=float)
+        measure, name = _measure(rows)
+        before, after = (rows[f"{measure}_{side}"].to_numpy(dtype=float) for side in SIDES)
+        ratio = after / before
         machine = (rows["reference_seconds_now"] / rows["reference_seconds_then"]).to_numpy(dtype=float)
         line = dict(zip(["task", "split", *METHOD], key, strict=True))
         # The workload is one of processors: it says nothing of a GPU.
         normalised = bool(np.isfinite(machine).all() and (machine > 0).all()) and line["device"] == "cpu"
         ratio = ratio / machine if normalised else ratio
         grouped = pd.Series(np.log(ratio)).groupby((rows["dataset"] + "/" + rows["case"]).to_numpy())
-        line |= {"units": len(rows), "then": rows["seconds_then"].median(), "now": rows["seconds_now"].median()}
+        line |= {"time": name, "units": len(rows), "then": np.median(before), "now": np.median(after)}
         line |= {"ratio": float(np.median(ratio)), "normalised": normalised}
         lines.append(line | {"sums": grouped.sum(), "counts": grouped.size()})
     if not lines:
@@ -304,6 +308,19 @@ def _speed(merged: pd.DataFrame, slower: float, level: float) -> pd.DataFrame:
     doubtful = (np.array(verdicts) == "slower") & (found["ratio"] <= 1 + slower)
     verdict = np.where(short, "short", np.where(doubtful, "open", verdicts))
     return found.assign(verdict=verdict)[columns]
+
+
+def _measure(rows: pd.DataFrame) -> tuple[str, str]:
+    """Which time of paired calls is compared: the column, and its name.
+
+    Of one thread the processor's, which somebody else on the machine does not lengthen; a program in a container takes
+    none that we see, and is measured by the wall clock as several threads and GPUs are.
+    """
+    one = bool((rows["threads"] == 1).all() and (rows["device"] == "cpu").all())
+    columns = [f"cpu_seconds_{side}" for side in SIDES]
+    shares = [rows[column] / rows[f"seconds_{side}"] for column, side in zip(columns, SIDES, strict=True)]
+    seen = all((share > SEEN).all() for share in shares)
+    return ("cpu_seconds", "processor") if one and seen else ("seconds", "wall")
 
 
 def _notes(quality: pd.DataFrame, speed: pd.DataFrame) -> tuple[str, ...]:

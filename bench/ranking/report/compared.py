@@ -118,6 +118,7 @@ def _speed(found: Compared) -> Grid | None:
             _number(line["then"]),
             _number(line["now"]),
             _with_interval(line, 1.0),
+            line["time"],
             "yes" if line["normalised"] else "no",
             str(line["units"]),
             line["verdict"],
@@ -125,10 +126,11 @@ def _speed(found: Compared) -> Grid | None:
         for line in _sorted(found.speed)
     )
     notes = (
-        f"change: the median of the paired ratios, of seconds in units of a fixed workload timed before each call. "
+        f"change: the median of the paired ratios, of seconds in units of a fixed workload timed before each call; "
+        f"time: processor seconds of one thread, wall seconds of several and of GPUs. "
         f"slower, faster: surely by more than {100 * found.slower:.3g}%; short: less than {SHORTEST:g} s, not judged.",
     )
-    head = ("method", "then (s)", "now (s)", "change", "normalised", "pairs", "verdict")
+    head = ("method", "then (s)", "now (s)", "change", "time", "normalised", "pairs", "verdict")
     return Grid("speed", head, cells, notes)
 
 
