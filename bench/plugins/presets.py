@@ -8,10 +8,14 @@
 
 ``sensor=noisy`` is ``sensor=samples sensor.noise=0.01``: the same cell, under the preset's name in tables. A preset may
 also name another one as its plugin, and change parameters of it. Where the files are: :mod:`config_files`.
+
+``_tier_: tuned`` says that a search chose the parameters (`detailbench tune`). It is no parameter: tables mark the
+method with it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -23,6 +27,9 @@ from .metric_sets import FULL
 from .registry import KINDS, Plugin, registry
 from .schema import build, parameters, variant
 
+TIER = "_tier_"  # the key that says how parameters were chosen
+TUNED = "tuned"
+
 
 class Preset(NamedTuple):
     """One YAML file of a group of plugins."""
@@ -33,6 +40,7 @@ class Preset(NamedTuple):
     help: str
     file: str
     origin: str
+    tier: str = ""
 
 
 def names(group: str) -> list[str]:
@@ -115,17 +123,19 @@ def _read(kind: str, name: str, file: ConfigFile) -> Preset:
     """
     text = _text(file)
     content = content_of(file.path, text)
-    chosen = content.pop("defaults", None)
+    chosen, tier = content.pop("defaults", None), content.pop(TIER, "")
+    if tier not in ("", TUNED):
+        raise UsageError(f"{file.path}: {TIER}: expected {TUNED}, or leave the key out")
     plugins = [entry for entry in chosen if entry != "_self_"] if isinstance(chosen, list) else []
     if len(plugins) != 1 or not isinstance(plugins[0], str) or plugins[0] == name:
         raise UsageError(f"{file.path}: expected the {kind} that it is a preset of, for instance defaults: [NAME]")
     plugin, values = plugins[0], content
     if plugin not in registry().names(kind) and plugin in files(kind):
         other = _read(kind, plugin, files(kind)[plugin])
-        plugin, values = other.plugin, {**other.values, **content}
+        plugin, values, tier = other.plugin, {**other.values, **content}, tier or other.tier
     if file.folder.origin != config_files.OURS:
         _check(kind, plugin, values, file.path)
-    return Preset(name, plugin, values, help_of(text), file.path, file.folder.origin)
+    return Preset(name, plugin, values, help_of(text), file.path, file.folder.origin, tier)
 
 
 def content_of(path: str, text: str) -> dict[str, Any]:
@@ -211,6 +221,23 @@ def _variants(kind: str, of: str, folders: tuple[config_files.Folder, ...]) -> d
         if changed:
             found[name] = changed
     return found
+
+
+def tuned_variants(kind: str, of: str) -> frozenset[str]:
+    """The parameters of a plugin, as results call them, that a search chose: those of its presets that say so."""
+    return _tuned(kind, of, config_files.folders())
+
+
+@functools.cache
+def _tuned(kind: str, name: str, folders: tuple[config_files.Folder, ...]) -> frozenset[str]:
+    if not any(preset.tier for preset in own_presets(kind).values()) or name not in registry().names(kind):
+        return frozenset()
+    plugin, found = registry().find(kind, name), set()
+    for preset in presets(kind, name).values():
+        with contextlib.suppress(UsageError):  # what is wrong with it is said where it is chosen
+            if preset.tier:
+                found.add(variant(plugin, parameters(plugin, build(plugin, preset.values))))
+    return frozenset(found - {""})
 
 
 def _key(values: Mapping[str, Any]) -> str:

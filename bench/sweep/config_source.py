@@ -22,7 +22,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from ..errors import UsageError, did_you_mean
 from ..plan.keys import GROUPS, Base
 from ..plugins.config_files import OURS
-from ..plugins.presets import content_of, files
+from ..plugins.presets import TIER, content_of, files
 
 PRIVATE = ("plugins", "session", "config_dirs")  # set by the front door: the first names files to be imported
 LAUNCHERS = ("basic", "joblib")  # the others start programs that their parameters name
@@ -59,6 +59,7 @@ class OwnConfigs(ConfigSource):
         text = Path(path).read_text(encoding="utf-8")
         check(name.partition("/")[0], path, text)
         config = OmegaConf.create(text) if text.strip() else OmegaConf.create()
+        config.pop(TIER, None)  # no parameter
         return ConfigResult(provider=self.provider, path=path, config=config, header=self._get_header_dict(text[:512]))
 
     def available(self) -> bool:

@@ -74,11 +74,12 @@ def render(
     if convention is not None:
         board, metrics = convention.view(board), list(convention.digits)
     from .cells import csv, plain_texts
+    from .tables import tables, tier_of
 
     if format == "csv":
-        return csv(board)
+        tiers = [tier_of(line) for line in board[["method", "variant"]].to_dict("records")]
+        return csv(board.assign(tier=tiers) if any(tiers) else board)
     from .look import Look
-    from .tables import tables
 
     look = look or Look()
     board, rows = plain_texts(board), None if rows is None else plain_texts(rows)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-GIVEN, LEARNED = "‡", "§"  # behind a method: it was given the truth, it was trained beforehand
+# Behind a method: it was given the truth, it was trained beforehand, a search chose its parameters.
+GIVEN, LEARNED, TUNED = "‡", "§", "¶"
 TIED = "≈"  # behind a mean that is not surely worse than the best
 FLOOR = "floor / reference"
 TITLES = {"rank": "rank", "front": "front", "solved": "solved", "seconds": "seconds", "peak_mb": "peak MB"}

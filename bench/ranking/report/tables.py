@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ...plugins.presets import TUNED as TIER_TUNED
+from ...plugins.presets import tuned_variants
 from ..headline import primary_metrics
 from ..naming import is_called, naming
 from ..order import metric_order
@@ -20,7 +22,7 @@ from .labels import hosts_note, setup, shown_setup, with_setup
 from .look import BELOW, INSIDE, OTHERS, PLUSMINUS, Look
 from .look import GIVEN as AS_GIVEN
 from .numbers import column_digits, count, parts_with_interval, plain, unit_exponent
-from .table import GIVEN, LEARNED, Cell, Metric, Table
+from .table import GIVEN, LEARNED, TUNED, Cell, Metric, Table
 from .trained import trained
 
 if TYPE_CHECKING:
@@ -133,6 +135,7 @@ def _table(
     keys = {m: (*group, *(most[m][name] for name in CONTENDER)) for m in methods}
     counts = [parameters.get(keys[m], "-") for m in methods]
     marks = {m: f"{LEARNED if keys[m] in learned else ''}{GIVEN if _is_given(most[m]) else ''}" for m in methods}
+    marks |= {m: marks[m] + TUNED for m in methods if tier_of(most[m])}
     digits = convention.digits if convention else {}
     lines_shown = [most[m] for m in methods]
     on_front = {line["label"] for line in lines if line["front"] == 1}
@@ -257,6 +260,11 @@ def _notes(lines: list[Line], columns: Sequence[Metric], level: float, look: Loo
             f"{GIVEN} trained on true distances of the reference, which the other methods are not given: no answer to "
             "the same question."
         )
+    if any(map(tier_of, lines)):
+        notes.append(
+            f"{TUNED} tuned: a search on train shapes chose its parameters (detailbench tune). It is no fair rival of "
+            "methods that have their defaults."
+        )
     if any(column.better == "difference" for column in columns):
         notes.append(f"{DIFFERENCE}: mean absolute difference to the reference's own value, which is in the last line.")
     notes.extend(standing.coverage(lines, [column.name for column in columns]))
@@ -276,6 +284,11 @@ def numbers_note(level: float, look: Look) -> str:
     shown = [text for name, text in costs.items() if not look.columns or name in look.columns]
     parts = [means.get(look.intervals, "mean over shapes"), *shown]
     return f"{'; '.join(parts)}{', of solved cases' if shown else ''}."
+
+
+def tier_of(line: Line) -> str:
+    """How the parameters of a method were chosen: ``tuned`` by a search, as a preset of the user's says, or empty."""
+    return TIER_TUNED if line["variant"] in tuned_variants("method", line["method"]) else ""
 
 
 def _is_given(line: Line) -> bool:
