@@ -118,7 +118,7 @@ function start() {
   });
 
   const about = data.about;
-  document.body.replaceChildren(
+  document.body.append( // the data and the shapes stay where they are
     h("a", { class: "skip", href: "#content", onclick: (event) => { event.preventDefault(); main.focus(); } }, "Skip to the content"),
     h("header", {}, h("div", { class: "heading" }, h("h1", {}, data.title), themeSwitch()),
       h("p", {}, [counted(about.methods, "method"), counted(about.datasets, "dataset"), counted(about.shapes, "shape"),
