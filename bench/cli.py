@@ -39,6 +39,7 @@ COMMANDS = {
     "site": "results as a folder of pages for a static host",
     "plot": "a plot of scores for a paper, with its numbers as CSV",
     "train": "train a learned method, and keep its weights",
+    "tune": "search good parameters of a method on train shapes, and write a preset",
     "apply": "one method on one file, or on many",
     "recommend": "which method serves a scan: a ranking without ground truth",
     "score": "two files: an output held against its reference",
@@ -52,6 +53,7 @@ EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finish
 130 interrupted (143 by SIGTERM, 129 by SIGHUP)"""
 
 READ_CONFIGS = ("run", "plan", "list", "leaderboard", "report", "site", "train", "apply", "check")
+READ_CONFIGS = ("run", "plan", "list", "leaderboard", "train", "tune", "apply", "check")
 MOST_NAMES = 5  # of which it is said that they are in two places
 MOST_NAME = 500  # letters of a file's name in a message
 

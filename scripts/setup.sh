@@ -8,7 +8,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-extras=gpl,learned,joblib,render,scenes,dev
+extras=gpl,learned,joblib,tune,render,scenes,dev
 unfinished=.venv/.installing # there while a set-up is under way: what was interrupted is made anew
 finished=.venv/.installed    # what the last complete set-up was made from
 
