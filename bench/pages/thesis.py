@@ -120,10 +120,11 @@ def _lines(
 
     found = []
     for line in board.to_dict("records"):
-        theirs = table.value(column.title, line["method"], line["variant"], line["sensor"])
+        method, variant = line["method"], line["variant"]
+        theirs = table.line(column.title, method, variant, line["sensor"])
         if theirs is not None:
-            who = label(line["method"], line["variant"])
-            found.append(_line(who, line, theirs, column.digits, profiles.get((line["method"], line["variant"]), "")))
+            value, profile = float(theirs.values[column.title]), profiles.get((method, variant), "")
+            found.append(_line(label(method, variant), line, value, column.digits, _why(line, profile, theirs.why)))
     ours = [(line["method"], all_parameters(line["method"], line["variant"])) for line in board.to_dict("records")]
     for other in table.lines:
         if column.title in other.values and not any(
@@ -139,7 +140,7 @@ def _lines(
     return found
 
 
-def _line(who: str, line: dict[str, Any], theirs: float, digits: int, profile: str) -> dict[str, Any]:
+def _line(who: str, line: dict[str, Any], theirs: float, digits: int, why: str) -> dict[str, Any]:
     from ..ranking.report.numbers import with_interval
 
     ours = line["mean"]
@@ -156,7 +157,7 @@ def _line(who: str, line: dict[str, Any], theirs: float, digits: int, profile: s
         "solved": number(line["solved"]),
         "planned": number(line["planned"]),
         "status": status,
-        "why": _why(line, profile) if status != "reproduces" else "",
+        "why": why if status != "reproduces" else "",
     }
 
 
@@ -181,13 +182,12 @@ def status_of(ours: float, low: float, high: float, theirs: float, better: str, 
     return "works" if large <= FAR * small else "differs"
 
 
-def _why(line: dict[str, Any], profile: str) -> str:
-    """What is known of a difference: failures, and a profile that is shorter than the paper's."""
+def _why(line: dict[str, Any], profile: str, known: str) -> str:
+    """What is known of a difference: failures, a profile that is shorter than the paper's, what the experiment says."""
     failed = line["planned"] - line["solved"]
     parts = [f"{failed} of {line['planned']} cases failed"] if failed else []
-    if profile and profile != "paper":
-        parts.append(f"run in the profile {profile}, which is shorter than the paper's run")
-    return "; ".join(parts)
+    parts += [f"run in the profile {profile}, shorter than the paper's"] if profile not in ("", "paper") else []
+    return "; ".join([*parts, *([known] if known else [])])
 
 
 def _profiles(rows: pd.DataFrame, cells: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], str]:

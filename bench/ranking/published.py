@@ -11,7 +11,7 @@ The experiment's file says them, under ``published``::
         - {method: siren, parameters: {omega: 60.0}, values: {"CD (1e-3)": 9.85}}
 
 ``values`` go by the titles of the convention's columns. A line belongs to every method of ours whose parameters,
-given or default, are those named.
+given or default, are those named. ``why`` says what is known of a difference, for the page of `detailbench report`.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ class Line:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     sensor: str = ""  # only for this one; empty for any
     name: str = ""  # as the paper calls it, where that is another name
+    why: str = ""  # what is known of a difference between the paper's number and ours
 
     @property
     def title(self) -> str:
@@ -65,11 +66,14 @@ class Published:
 
     def value(self, title: str, method: str, variant: str, sensor: str) -> float | None:
         """The paper's number in the column ``title`` for a method of ours."""
+        line = self.line(title, method, variant, sensor)
+        return None if line is None else float(line.values[title])
+
+    def line(self, title: str, method: str, variant: str, sensor: str) -> Line | None:
+        """The paper's line with a number in the column ``title`` for a method of ours."""
         parameters = all_parameters(method, variant)
-        for line in self.lines:
-            if title in line.values and line.is_of(method, parameters, sensor):
-                return float(line.values[title])
-        return None
+        lines = (line for line in self.lines if title in line.values and line.is_of(method, parameters, sensor))
+        return next(lines, None)
 
     def others(self, ours: Collection[tuple[str, str]], sensor: str) -> list[str]:
         """The lines, in words, that belong to none of ``ours``: methods and variants."""
