@@ -161,4 +161,5 @@ function themeSwitch() {
   return button;
 }
 
-start();
+// A page without data is one that only uses the 3-D view.
+if (globalThis.detailbenchData || document.getElementById("detailbench-data")) start();

@@ -267,4 +267,4 @@ class Viewer {
   }
 }
 
-globalThis.detailbenchViewer = { mount };
+globalThis.detailbenchViewer = { mount, shapeOf };
