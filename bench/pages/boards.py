@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -111,8 +111,10 @@ def _metric(
     name: str, lines: list[dict], column: Metric | None, table: Table, notes: list[str], rows: pd.DataFrame
 ) -> dict[str, Any]:
     """One metric of a table: its lines, best first, as numbers and as `leaderboard` prints them."""
+    from ..ranking.report.standing import is_ranked
     from ..ranking.report.terminal import heading
 
+    ranked = is_ranked(lines)
     texts = {}
     if column is not None:
         texts = {method.rstrip(MARKS): cell for method, cell in zip(table.methods, column.cells, strict=True)}
@@ -127,7 +129,7 @@ def _metric(
         "labels": [line["label"] for line in lines],
         "texts": [cell.text + cell.mark if cell else "-" for cell in printed],
         "best": [bool(cell and cell.best) for cell in printed],
-        "ranks": [_rank(line) for line in lines],
+        "ranks": [_rank(line, ranked) for line in lines],
     }
     found |= {key: [number(line[key]) for line in lines] for key in NUMBERS}
     if name and int(max(line["shapes"] for line in lines)) >= FEWEST_SHAPES and len(lines) > 1:
@@ -135,8 +137,9 @@ def _metric(
     return found
 
 
-def _rank(line: dict) -> str:
-    if not line["solved"]:
+def _rank(line: dict, ranked: bool) -> str:
+    """``2-4``; ``-`` where nothing was solved, and for all where there are too few shapes to rank by."""
+    if not ranked or not line["solved"]:
         return "-"
     low, high = line["rank_low"], line["rank_high"]
     return str(low) if low == high else f"{low}-{high}"
@@ -185,10 +188,3 @@ def duels(rows: pd.DataFrame, metric: str, order: Sequence[tuple]) -> dict[str, 
 
 def _nested(array: np.ndarray) -> list[list[float | int | str | None]]:
     return [[number(float(f"{value:.4g}")) for value in line] for line in array]
-
-
-def lines_of(group: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
-    """Metric, label and printed text of every line of a group."""
-    for metric in group["metrics"]:
-        for name, text in zip(metric["labels"], metric["texts"], strict=True):
-            yield metric["name"], name, text

@@ -60,7 +60,7 @@ function start() {
     tabs.append(h("button", {
       type: "button", role: "tab", id: `tab-${view.id}`, "aria-controls": "content", "data-view": view.id,
       onclick: () => leaveFor(view.id),
-    }, view.title, view.count && h("span", { class: "badge" }, String(view.count(data)))));
+    }, view.title, view.count?.(data) > 0 && h("span", { class: "badge" }, String(view.count(data)))));
   }
   tabs.addEventListener("keydown", (event) => {
     const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
