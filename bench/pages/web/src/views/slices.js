@@ -5,6 +5,8 @@ import { keyOf } from "../data.js";
 import { dataTable } from "../table.js";
 import { arrow } from "../format.js";
 
+const MOST_MARKS = 160; // of one chart
+
 export const hasSlices = (data) => data.ways.length > 1;
 
 const nameOf = (group, by) => (by === "sensor" ? group.sensor : by === "dataset,sensor" ? [group.dataset, group.sensor].filter(Boolean).join(" · ") : group.dataset)
@@ -38,7 +40,9 @@ export function slices(page) {
     ...(whole ? [column("all", `all${unit(whole)}`, whole)] : []),
     ...found.map(({ title, metric, group }) => column(title, `${title}${unit(metric)} · ${group.shapes}`, metric)),
   ];
-  const cells = found.flatMap(({ title, metric }) => metric.labels.map((label, i) => ({
+  // All slices in one chart would be metres high.
+  const drawn = found.slice(0, Math.max(4, Math.floor(MOST_MARKS / Math.max(1, labels.length))));
+  const cells = drawn.flatMap(({ title, metric }) => metric.labels.map((label, i) => ({
     slice: title, label, mean: metric.mean[i], low: metric.ci_low[i] ?? undefined, high: metric.ci_high[i] ?? undefined, best: metric.best[i], style: page.styles.get(label),
   }))).filter((one) => typeof one.mean === "number");
   return [
@@ -49,9 +53,9 @@ export function slices(page) {
     h("h2", {}, `${task}, ${ways.find((way) => way.name === by).title}: ${name} ${arrow(better)}`),
     h("p", { class: "lead" }, "Mean with its interval, and the rank's interval, within each slice; the number beside a slice's name is that of its shapes."),
     dataTable(rows, columns, { caption: `${name} by slice`, name: `${task}_${by}_${name}`, state, onState: page.change }),
-    cells.length && figure(`${name} ${arrow(better)} in each slice`, chart(cells, found.map((one) => one.title), labels, { x: name, width: widthOf() }), {
+    cells.length && figure(`${name} ${arrow(better)} in each slice`, chart(cells, drawn.map((one) => one.title), labels, { x: name, width: widthOf() }), {
       name: `${task}_${by}_${name}`, head: ["slice", "method", "mean", "ci_low", "ci_high"], lines: cells.map((c) => [c.slice, c.label, c.mean, c.low, c.high]),
-      note: "Methods in the order of the table, from above; filled: tied for first in the slice.",
+      note: `Methods in the order of the table, from above; filled: tied for first in the slice.${drawn.length < found.length ? ` The first ${drawn.length} of ${found.length} slices; the table has all.` : ""}`,
     }),
     cells.length && legend(page, labels),
   ].filter(Boolean);
