@@ -6,6 +6,10 @@
 import { bytesOf, unpack } from "./decode.js";
 
 const shapes = new Map();
+// Found when this script starts: the page may put something else in the place of its body.
+const elements = new Map(
+  [...document.querySelectorAll('script[type="text/plain"][id^="geometry-"]')].map((element) => [element.id.slice(9), element]),
+);
 
 /** The shape of an ID, unpacked once however many panels show it. */
 export function shapeOf(id) {
@@ -23,7 +27,7 @@ export function keepOnly(ids) {
 }
 
 async function text(id) {
-  const element = document.getElementById(`geometry-${id}`);
+  const element = elements.get(id) ?? document.getElementById(`geometry-${id}`);
   if (element) return element.textContent;
   const stored = (globalThis.detailbenchGeometry ??= {});
   if (!(id in stored)) await loaded(`${globalThis.detailbenchGeometryFolder ?? "geometry/"}${encodeURIComponent(id)}.js`);
