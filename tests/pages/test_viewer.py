@@ -228,6 +228,23 @@ def test_keys_rotate_zoom_and_reset(opened):
     assert state(page)["camera"][2] == pytest.approx(3.2)
 
 
+def test_the_pointer_reads_the_distance_of_what_is_in_front(opened):
+    page = opened()
+    view = page.locator(".dbv-view").nth(1)
+    here = view.locator(".dbv-here")
+    view.hover()
+    # The ball's point towards the camera, 0.41 above the plane: its height, as a share of the scale.
+    assert float(here.inner_text()) == pytest.approx((0.9 * np.sin(0.41) + 0.9) / 1.8 * 0.02, rel=0.1)
+    page.evaluate("viewer.setState({ slice: ['y', 0.3] })")
+    view.hover(position={"x": 5, "y": 5})
+    assert here.inner_text() == ""
+    page.evaluate("viewer.setState({ camera: [0, 1.553, 4, 0, 0, 0] })")
+    view.hover()
+    assert here.inner_text() in ("≥ 0.02", "0.02")
+    page.locator(".dbv-view").nth(4).hover()
+    assert here.inner_text() == "" == page.locator(".dbv-here").nth(3).inner_text()  # the reference has no errors
+
+
 def test_the_wheel_scrolls_the_page_until_a_panel_has_the_focus(opened):
     page = opened(viewport={"width": 700, "height": 500})
     view = page.locator(".dbv-view").first

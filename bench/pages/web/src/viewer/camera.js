@@ -4,6 +4,7 @@
 
 export const HOME = [-0.9, 0.41, 4, 0, 0, 0];
 export const FIELD = 30; // degrees across the shorter side of a panel
+export const FRONT = { x: 1, y: -1, z: 1 }; // the side of each axis where the camera starts: a slice takes it away
 const STEEPEST = 1.553; // 89 degrees: at the pole there is no up
 
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));

@@ -1,12 +1,11 @@
 // Draws all panels with one WebGL context: a browser gives a page about sixteen.
 
 import { Camera, Geometry, Mesh, Program, Renderer, Texture } from "ogl";
-import { FIELD, eyeOf } from "./camera.js";
+import { FIELD, FRONT, eyeOf } from "./camera.js";
 import { COLORS, PLAIN } from "./colors.js";
 import { corners, edgesOf } from "./decode.js";
 
 const BACK = [0.42, 0.52, 0.7]; // of faces that are seen from behind
-const FRONT = { x: 1, y: -1, z: 1 }; // the side of each axis where the camera starts: a slice takes it away
 const MOST_PIXELS = 16e6; // of the drawing buffer
 
 const VERTEX = `#version 300 es

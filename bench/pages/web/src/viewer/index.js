@@ -11,7 +11,8 @@ import { HOME, zoomed } from "./camera.js";
 import { make } from "./dom.js";
 import { Drawing } from "./draw.js";
 import { listen } from "./gestures.js";
-import { colorBar } from "./scale.js";
+import { vertexAt } from "./pick.js";
+import { colorBar, words } from "./scale.js";
 import { AXES, STYLES, shortState, wholeState } from "./state.js";
 import { keepOnly, shapeOf } from "./store.js";
 import { addStyle } from "./style.js";
@@ -24,7 +25,7 @@ const NO_WEBGL = "The 3-D view needs WebGL 2, which this browser does not offer.
 const LOST = "The graphics system took this view away. It comes back by itself; if it does not, reload the page.";
 const HELP =
   "Drag to rotate, with Shift or the right button to move. Click a panel, then use the wheel to zoom; or the keys: " +
-  "arrows rotate, + and - zoom, R resets.";
+  "arrows rotate, + and - zoom, R resets. Point at a surface to read its distance.";
 
 export function mount(element, scene, state = null, onState = () => {}) {
   return new Viewer(element, scene, state, onState);
@@ -99,7 +100,12 @@ class Viewer {
       { class: "dbv-view", tabindex: empty ? null : "0", role: "img", "aria-label": label, "data-empty": empty, "aria-keyshortcuts": "ArrowLeft ArrowRight ArrowUp ArrowDown + - R" },
       say,
     );
-    if (!empty) listen(view, (step) => this.move(k, step));
+    if (empty) return view;
+    listen(view, (step) => this.move(k, step));
+    const here = make("div", { class: "dbv-here", "aria-hidden": "true" });
+    view.append(here);
+    view.addEventListener("pointermove", (event) => (here.textContent = this.distanceAt(k, event)));
+    view.addEventListener("pointerleave", () => (here.textContent = ""));
     return view;
   }
 
@@ -214,6 +220,18 @@ class Viewer {
 
   say(k, text) {
     this.messages[k].textContent = text;
+  }
+
+  /** The distance at a pointer that presses nothing, as text; none beside the shape and where no colours say it. */
+  distanceAt(k, { buttons, clientX, clientY }) {
+    const shape = this.shapes[k];
+    if (buttons || this.state.mode !== "error" || !shape?.errors || !(this.scene.limit > 0)) return "";
+    const box = this.views[k].getBoundingClientRect();
+    const at = { x: clientX - box.x, y: clientY - box.y, width: box.width, height: box.height };
+    const vertex = vertexAt(shape, { camera: this.state.cameras[k], slice: this.state.slice }, at);
+    if (vertex < 0) return "";
+    const byte = shape.errors[vertex];
+    return `${byte === 255 ? "≥ " : ""}${words(Number(((byte / 255) * this.scene.limit).toPrecision(2)))}`;
   }
 
   // -- drawing ----------------------------------------------------------------------------------------------------------

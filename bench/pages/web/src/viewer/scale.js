@@ -12,7 +12,7 @@ export function ticks(limit) {
   return [...found, limit];
 }
 
-const words = (number) => String(Number(number.toPrecision(3)));
+export const words = (number) => String(Number(number.toPrecision(3)));
 
 export function colorBar(title, unit, limit) {
   const stops = COLORS.filter((_, k) => k % 15 === 0).map((rgb) => `rgb(${rgb.join(" ")})`);

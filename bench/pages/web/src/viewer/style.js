@@ -43,6 +43,9 @@ const TEXT = `
 .dbv-say { position: absolute; inset: 0; display: flex; align-items: center; justify-content: center; padding: 1rem; text-align: center; overflow: auto;
   overflow-wrap: anywhere; }
 .dbv-say:empty { display: none; }
+.dbv-here { position: absolute; left: 0.4rem; bottom: 0.3rem; padding: 0 0.35rem; border-radius: 3px; background: var(--dbv-paper);
+  font-variant-numeric: tabular-nums; pointer-events: none; z-index: 1; }
+.dbv-here:empty { display: none; }
 .dbv-failed { border: 1px solid var(--dbv-line); border-radius: 4px; padding: 1rem; }
 .dbv-help { opacity: 0.75; font-size: 0.8125rem; margin: 0.5rem 0 0; }
 `;
