@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--surfaces", action="store_true", help="of clouds: the screened Poisson surface that they give"
     )
-    parser.add_argument("--size", type=int, metavar="PIXELS", help="across a tile (default: 300 per inch)")
+    parser.add_argument("--size", type=int, metavar="PIXELS", help="across a tile (default: 300 per inch of the width)")
     add_plugin_argument(parser)
 
 

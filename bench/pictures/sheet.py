@@ -169,7 +169,8 @@ class Sheet:
         MissingLibrary
             When matplotlib is not installed.
         """
-        return saved(self.figure(), kind, self.layout.dpi)
+        size, tile = self.layout.size, self.layout.tile
+        return saved(self.figure(), kind, round(size / tile) if size and kind == "png" else self.layout.dpi)
 
     def figure(self) -> Figure:
         """The figure, as matplotlib has it."""
