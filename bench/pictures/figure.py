@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..results.store import Results
 
 ASPECTS = (0.55, 1.25)  # of a tile: height by width
+REACH = 1.3  # times the window of the reference: so far outputs are shown
 SAMPLES = 6000  # of a reference, among which the place of an inset is looked for
 NEIGHBOURS = 25  # from which normals are estimated where the surfaces of clouds are shown
 
@@ -126,7 +127,15 @@ def _row(shapes: CaseShapes, labels: Sequence[str], options: Options) -> _Row:
     first = reference if reference is not None else next((i.shape for i in outputs if i.shape is not None), None)
     shown = [] if first is None else [_extent(first)]
     shown += [_extent(item.shape) for item in shapes.inputs if len(shapes.inputs) > 1 and hasattr(item.shape, "faces")]
+    window = options.camera.window(shown)
+    shown += [_near(_extent(item.shape), options.camera, window) for item in outputs if item.shape is not None]
     return _Row(shapes, errors, options.camera.window(shown))
+
+
+def _near(points: np.ndarray, camera: Camera, window: Window) -> np.ndarray:
+    """Those of (n, 3) points that are not far outside of a window: what flies away would make all else small."""
+    away = abs(window.share(camera.project(points)) - 0.5).max(axis=1, initial=0)
+    return points[away * camera.zoom <= REACH / 2]
 
 
 def _extent(shape: Any) -> np.ndarray:

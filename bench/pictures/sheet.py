@@ -23,6 +23,7 @@ GAP, ROW_GAP = 0.035, 0.05  # inches between tiles
 INSET = 0.40  # of a tile's width
 BAR = 0.085  # inches: the height of the colour bar
 LINES = 3  # at most, of a title
+BAR_LABEL = "distance to the reference (radii)"
 
 
 @dataclass(frozen=True)
@@ -245,23 +246,22 @@ class Sheet:
     def _bar(self, figure: Figure) -> None:
         """The colour bar, and what the numbers beneath the tiles are."""
         place = self.layout
-        words = "; ".join(_words(*score) for score in self.scores)
         y = place.bottom - 0.07 - BAR
+        edge = place.width
         if self.limit > 0:
             width = min(2.4, (place.width - place.left) * 0.45)
-            x = place.width - width - 0.25
+            x = edge = place.width - width - 0.25
             axes = _axes(figure, (x, y, width, BAR))
             axes.imshow(ERROR[None], aspect="auto", extent=(0, 1, 0, 1), interpolation="none")
             for share in (0, 0.5, 1):
                 text = f"{self.limit * share:.3g}"
                 _text(figure, x + share * width, y - 0.02, f"≥ {text}" if share == 1 else text, place.font)
-            label = "distance to the reference (radii)"
-            size, _ = fitted(label, width, place.font, 1)
-            _text(figure, x + width / 2, y - 0.02 - place.line, label, size)
-        if words:
-            room = (place.width - place.left) * 0.5
-            lines = wrapped(f"Beneath: {words}", room, place.font, 3)
-            _text(figure, place.left, y + BAR, "\n".join(lines), place.font, ha="left", color=MUTED)
+            size, _ = fitted(BAR_LABEL, width, place.font, 1)
+            _text(figure, x + width / 2, y - 0.02 - place.line, BAR_LABEL, size)
+        if self.scores:
+            words = "; ".join(_words(*score) for score in self.scores)
+            size, lines = fitted(f"Beneath: {words}", edge - place.left - 0.12, place.font, 3)
+            _text(figure, place.left, y + BAR, "\n".join(lines), size, ha="left", color=MUTED)
 
 
 def best_corner(tiles: Sequence[Tile], aspect: float) -> int:

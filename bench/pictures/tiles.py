@@ -23,6 +23,7 @@ MOST_DISCS = 60_000  # of a cloud: more cannot be told apart in a tile
 CORNERS = 8  # of a disc
 COVER = 0.75  # radius of a disc, in distances of neighbouring points
 EDGES = {"show_edges": True, "edge_color": "#30343a", "edge_opacity": 0.4, "line_width": 0.4 * FINER}
+FAR, NEAR = 0.62, 0.96  # brightness of points without normals at the far end and at the near one
 SPHERE = 0.55  # the same of points without normals
 
 
@@ -112,9 +113,10 @@ class Studio:
         normals = None if cloud.normals is None else cloud.normals[kept]
         vertices, faces, owner = discs(points, normals, spacing(points), self.camera)
         mesh = self._pyvista.make_tri_mesh(vertices, faces)
-        mesh["rgb"] = rgb[owner]
-        if normals is None:  # nothing tells how these points are lit
+        if normals is None:  # nothing tells how these points are lit, so what is farther away is darker
             style |= {"lighting": False}
+            rgb = darkened(rgb, self.camera.project(points)[:, 2])
+        mesh["rgb"] = rgb[owner]
         self._plotter.add_mesh(mesh, scalars="rgb", smooth_shading=False, **style)
 
     def _shot(self, window: Window, size: tuple[int, int]) -> np.ndarray:
@@ -129,6 +131,13 @@ class Studio:
         large = np.asarray(plotter.image)[:, :, :3]
         parts = large.reshape(size[1], FINER, size[0], FINER, 3).astype(np.float32)
         return np.round(parts.mean(axis=(1, 3))).astype(np.uint8)
+
+
+def darkened(rgb: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Colours (n, 3) that are darker the smaller ``depth`` (n,) is: what is far from the eye."""
+    span = np.ptp(depth) if len(depth) else 0.0
+    share = (depth - depth.min()) / span if span > 0 else np.ones(len(depth))
+    return np.round(rgb * (FAR + (NEAR - FAR) * share)[:, None]).astype(np.uint8)
 
 
 def pyvista() -> Any:

@@ -19,7 +19,7 @@ from bench.pictures.errors import distances, weights
 from bench.pictures.figure import Options, draw
 from bench.pictures.printing import kind_of, width_of, wrapped
 from bench.pictures.sheet import Layout, Tile, best_corner
-from bench.pictures.tiles import Paint, Studio, discs, shown_points, spacing
+from bench.pictures.tiles import Paint, Studio, darkened, discs, shown_points, spacing
 from bench.pictures.zoom import visible, where_they_differ, zoom_of
 
 SMALL = Layout(width=3.3, dpi=150)
@@ -83,6 +83,8 @@ def test_discs_lie_across_the_normals_and_touch():
         assert abs((away * across[owner]).sum(axis=1)).max() < 1e-12
         assert np.ptp(np.linalg.norm(away, axis=1)) < 1e-12
         assert (owner[faces] == owner[faces[:, :1]]).all() and len(faces) == 6 * 30
+    dark = darkened(np.full((3, 3), 200, dtype=np.uint8), np.array([0.0, 1.0, 2.0]))
+    assert (np.diff(dark.astype(int), axis=0) > 0).all() and dark.max() < 200
     grid = np.stack(np.meshgrid(*[np.arange(20) * 0.3] * 2, [0.0]), axis=-1).reshape(-1, 3)
     assert spacing(grid) == pytest.approx(0.3)
     assert len(shown_points(70_000)) == 60_000 and (np.diff(shown_points(70_000)) > 0).all()
@@ -146,6 +148,15 @@ def test_all_tiles_of_a_row_have_one_camera(sheet):
             for axis in (0, 1):
                 spans = [np.flatnonzero(m.any(axis=axis))[[0, -1]] for m in (mask, reference)]
                 assert np.subtract(*spans) == pytest.approx([0, 0], abs=3)
+
+
+def test_a_row_shows_all_of_its_outputs_but_not_what_flies_away():
+    from bench.pictures.figure import _near
+
+    camera, window = Camera(), Window((0.0, 0.0), (1.0, 1.0))
+    right, up, _ = camera.axes
+    points = np.stack([right, 1.25 * up, 1.35 * up, -9 * right, 0.2 * right - 1.29 * up])
+    assert np.array_equal(_near(points, camera, window), points[[0, 1, 4]])
 
 
 def test_scores_have_one_unit_and_the_best_is_bold(sheet):
