@@ -60,6 +60,9 @@ def draw(table: pd.DataFrame, scores: Scores, options: Options) -> Figure:
         axes.set_yticks(range(len(methods)), [scores.titles[m] for m in methods] if i == 0 else [""] * len(methods))
         if group:
             axes.set_title(group, fontsize=min(FONT, FONT * each / max(text_width(group, FONT), 1e-3)), pad=3)
+    ends = np.array([axes.get_xlim() for axes in figure.axes])
+    for axes in figure.axes:  # panels are compared with each other
+        axes.set_xlim(ends[:, 0].min(), ends[:, 1].max())
     middle = (left + (width - left) / 2) / width
     figure.text(middle, 0.03 / height, scores.axis, ha="center", va="bottom", fontsize=FONT)
     return figure
