@@ -38,6 +38,7 @@ COMMANDS = {
     "report": "results as one page for a browser: tables, charts, cases, shapes",
     "site": "results as a folder of pages for a static host",
     "plot": "a plot of scores for a paper, with its numbers as CSV",
+    "worst": "the worst cases of a method, and what they share",
     "train": "train a learned method, and keep its weights",
     "tune": "search good parameters of a method on train shapes, and write a preset",
     "apply": "one method on one file, or on many",
@@ -54,6 +55,7 @@ EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finish
 
 READ_CONFIGS = ("run", "plan", "list", "leaderboard", "report", "site", "train", "apply", "check")
 READ_CONFIGS = ("run", "plan", "list", "leaderboard", "train", "tune", "apply", "check")
+READ_CONFIGS = ("run", "plan", "list", "leaderboard", "worst", "train", "apply", "check")
 MOST_NAMES = 5  # of which it is said that they are in two places
 MOST_NAME = 500  # letters of a file's name in a message
 

@@ -177,6 +177,8 @@ def _words_of_command(command: str, before: Sequence[str]) -> list[str]:
         return [f"{kind} " for kind in KINDS]
     if command == "check":
         return [f"{name} " for kind in KINDS for name in _names(kind)]
+    if command == "worst" and not before:
+        return [f"{name} " for name in _names("method")]
     if command == "fetch":
         return [f"{name} " for name in _names("dataset")]
     if command == "completion" and not before:

@@ -24,6 +24,8 @@ count the units as independent would make intervals too narrow (Field and Welsh,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import special
 
@@ -178,6 +180,21 @@ def holm(p: np.ndarray, alpha: float, hypotheses: np.ndarray | int | None = None
     rejected = np.empty_like(passed)
     np.put_along_axis(rejected, order, passed, axis=1)
     return rejected
+
+
+def holm_p(p: Sequence[float]) -> list[float]:
+    """The p-values of one family as Holm's procedure corrects them: rejected at alpha where they are not above it.
+
+    Example
+    -------
+    >>> holm_p([0.01, 0.04, 0.03])
+    [0.03, 0.06, 0.06]
+    """
+    found, least = [0.0] * len(p), 0.0
+    for i, k in enumerate(sorted(range(len(p)), key=lambda k: p[k])):
+        least = max(least, min(1.0, (len(p) - i) * p[k]))
+        found[k] = least
+    return found
 
 
 def sure_differences(
