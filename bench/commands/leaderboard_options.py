@@ -77,6 +77,7 @@ def check(args: argparse.Namespace) -> None:
         With the two that do not.
     """
     from ..ranking.resolution import check_region
+    from ..ranking.selection import GROUPINGS, matching
 
     if args.published and (args.convention or args.across):
         raise UsageError(f"--published {args.published}: says itself which columns are shown")
@@ -92,6 +93,8 @@ def check(args: argparse.Namespace) -> None:
                 raise UsageError(f"--best: compares the variants of a method, which does not go with --{name} {value}")
     elif args.preset:
         raise UsageError(f"--preset {args.preset}: writes the winner of --best, which is not given")
+    if args.by:
+        matching("by", args.by, (*GROUPINGS, "case"))
     if is_by_case(args):
         not_by = {"pareto": args.pareto, "convention": args.convention, "published": args.published}
         for name, value in (not_by | {"columns": args.columns}).items():

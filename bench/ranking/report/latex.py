@@ -27,7 +27,22 @@ COLUMN, PAGE = 229.0, 344.0  # points: article in two columns, article in one
 GAP = 6.0  # between columns: two of \tabcolsep
 NARROW = 34.0  # a title does not need to be narrower
 LABELS = 0.36  # of the width at most for the names of the methods, which are folded where they can be
-LEGENDS = ("†", "‡", "§", "|diff|", "mean", "Only", "Methods were run")  # notes that a reader needs, not only an author
+CUT = "…"  # in a name that is shortened, which a note gives in full
+# How notes begin that a reader needs, not only an author.
+LEGENDS = (
+    "†",
+    "‡",
+    "§",
+    "|diff|",
+    "mean",
+    "Only",
+    "Methods were run",
+    "All methods",
+    "wins",
+    "ratio",
+    "one parameter",
+    "geometric",
+)
 _ESCAPES = {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
@@ -100,7 +115,7 @@ def _label(table: Table) -> str:
 def _notes(table: Table) -> tuple[str, list[str]]:
     """What stands below the table, in LaTeX, and what is in comments: the author can take it into the text."""
     signs = standing_notes([table], r"Bold", r"Underlined")
-    below = [note for note in (*table.notes, *signs) if note in signs or note.startswith(LEGENDS)]
+    below = [note for note in (*table.notes, *signs) if note in signs or note.startswith(LEGENDS) or CUT in note]
     return " ".join(map(escape, below)), [note for note in table.notes if note not in below]
 
 

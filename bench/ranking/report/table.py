@@ -202,12 +202,15 @@ def standing_notes(tables: Sequence[Table], best: str, second: str = "") -> list
         How the best and the second best mean are shown, as ``Bold``; empty where it is not shown.
     """
     is_best, is_tied, is_second = (any(flags) for flags in zip(*(t.best_notes for t in tables), strict=True))
+    if any(table.head.startswith("parameter") for table in tables):
+        tied = [f"{TIED}: not surely worse: the interval of its ratio holds 1."] if is_tied else []
+        return [*([f"{best}: the best."] if is_best else []), *tied]
     of_line = any(table.head == "case" for table in tables)
     what = "the best of a line" if of_line else "the best mean"
     notes = [f"{best}: {what}; what failed anywhere is never the best."] if is_best else []
     if is_tied:
         notes.append(
-            f"{TIED}: tied for first, not surely worse than the best by a paired test over the shapes, however far "
-            "the means are apart; a mean close to the best without the sign is surely worse."
+            f"{TIED}: tied for first: by a paired test over the shapes not surely worse than the best, however far the "
+            "means are apart."
         )
     return [*notes, *([f"{second}: the second best mean."] if is_second and second else [])]
