@@ -40,6 +40,10 @@ leaderboard results --task denoise --metric p2f_mean --by tag --level 0.9
 leaderboard results --format csv --pareto p2f_mean,seconds --equal 0.05 --no-index
 leaderboard results other --agreement real --split test --across sensor
 leaderboard --convention mpu --published table_4_1
+leaderboard results --best --preset mine --split train --by sensor --level 0.9
+leaderboard results --columns rank,p2f_mean,seconds --names identity=Ours --digits 2 --intervals below -o board.tex
+leaderboard results --by case,task --order given --method identity --format latex --wide --cite --caption x --label y
+worst identity results --order score --count 3 --metric p2f_mean --format csv
 why 0123456789ab results=results --source
 why 0123 dataset.path=folder
 reproduce 0123456789ab results=results --rtol 1e-6

@@ -87,25 +87,29 @@ def _p(value: float) -> str:
     return f"{value:.3f}" if value >= 0.001 else f"{value:.1g}"
 
 
+def _column(name: str, cells: Sequence[str]) -> Metric:
+    return Metric(one_line(name), "", 0, tuple(map(Cell, cells)), title=one_line(name))
+
+
 def _table(
     found: Worst, head: str, names: Sequence[str], columns: dict[str, list[str]], notes: Sequence[str], subject: str
 ) -> Table:
     return Table(
-        found.task,
+        one_line(found.task),
         "",
         "",
         found.split,
         methods=tuple(names),
         ranks=(),
         fronts=(),
-        metrics=tuple(Metric(name, "", 0, tuple(map(Cell, cells)), title=name) for name, cells in columns.items()),
+        metrics=tuple(_column(name, cells) for name, cells in columns.items()),
         solved=(),
         seconds=(),
         memory=(),
         parameters=(),
         notes=tuple(notes),
         head=head,
-        subject=subject,
+        subject=one_line(subject),
     )
 
 

@@ -13,12 +13,20 @@ import pytest
 from boards import row, rows
 
 from bench.ranking.agreement import agreement
+from bench.ranking.best import best
+from bench.ranking.by_case import by_case
 from bench.ranking.leaderboard import leaderboard
-from bench.ranking.report import FORMATS, render
+from bench.ranking.report import FORMATS, in_format, render
 from bench.ranking.report.agreement import render_agreement
+from bench.ranking.report.best_tables import best_tables
+from bench.ranking.report.case_tables import case_tables
 from bench.ranking.report.cells import csv as as_csv
+from bench.ranking.report.cells import plain_texts
+from bench.ranking.report.look import Look
 from bench.ranking.report.markdown import escape
 from bench.ranking.report.score_table import Score, score_table
+from bench.ranking.report.worst_tables import worst_tables
+from bench.ranking.worst import worst
 from bench.text import OBEYED
 
 ESCAPES = "\x1b[31m\x1b]0;t\x07\x9b5m\r\x7f\u202e\u2028"
@@ -93,6 +101,27 @@ def test_latex_has_no_command_of_a_name(frame):
     assert r"\input" not in text and not re.search(r"(?<!\\)%", body)
     cells = [line for line in text.splitlines() if line.endswith(r"\\")]
     assert len({len(re.findall(r"(?<!\\)&", line)) for line in cells}) <= 2  # of one tabular each
+
+
+@pytest.mark.parametrize("format", ["terminal", "markdown", "latex"])
+@pytest.mark.parametrize("kind", ["cases", "worst", "best"])
+def test_the_other_tables_show_names_as_text(frame, format, kind):
+    name, made, _ = frame
+    if kind == "cases":
+        texts = case_tables(*map(plain_texts, by_case(made, by="case")))
+    elif kind == "worst":
+        (found,) = worst(made, f"{name}2".replace("*", "?"))
+        texts = worst_tables(found, 4)
+    else:
+        variants = [made.assign(variant=f"{name}={v}", split="train", method=f"{name}m", worst=0.0) for v in "xy"]
+        texts = best_tables(best(plain_texts(pd.concat(variants, ignore_index=True))))
+    text = in_format(texts, format, Look())
+    assert not re.search(rf"(?!\n)[{OBEYED}]", text)
+    if format == "latex":
+        assert r"\input" not in text and not re.search(r"(?<!\\)%", re.sub("^% .*", "", text, flags=re.MULTILINE))
+    if format == "markdown":
+        lines = [line for line in text.splitlines() if line.startswith("|")]
+        assert lines and not any(re.search(r"(?<!\\)(<(?!br>)|`)", line) for line in lines)
 
 
 # -- CSV ---------------------------------------------------------------------------------------------------------------
