@@ -13,7 +13,6 @@ own, with its wall-clock and processor seconds and its largest memory:
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -23,13 +22,11 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from bench.cli import main
 from bench.plugins.registry import load_plugins
 from bench.results.checks import read_record
-from bench.results.files import META_KEY
-from bench.results.store import Results
+from bench.results.store import Record, Results
 from bench.sweep.composition import enumerate_jobs
 from bench.sweep.planned import planned_jobs
 
@@ -50,7 +47,8 @@ def write_all(cells: int, folder: Path) -> None:
     """Write a record of every cell of the sweep."""
     main(["run", *REST, "method=identity", "dataset=bumps", f"results={folder}", "--no-leaderboard"])
     results = Results(folder)
-    table, meta = read_record(next(path for path, _ in results._files()))
+    cells = sorted(path for path, _ in results._files())
+    table, meta = read_record(cells[0])
     rng = np.random.default_rng(0)
     jobs = enumerate_jobs([*sweep(cells), f"results={folder}"], multirun=True)
     with ThreadPoolExecutor(4) as pool:
@@ -78,10 +76,7 @@ def _write(results: Results, table: pa.Table, meta: dict, one, factor: float) ->
         "case": f"{cell.dataset.name}-{cell.seed}",
     }
     values = meta | {"cell_id": cell.id, "cell": cell.to_json(), "fingerprint": one.mark}
-    made = pa.Table.from_pylist([row], schema=table.schema.with_metadata({META_KEY: json.dumps(values).encode()}))
-    path = results.path(cell.id, one.mark)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    pq.write_table(made, path, compression="zstd", write_page_checksum=True)
+    results.write(Record(cell.id, one.mark, values, [row]))
 
 
 def measured(*arguments: str) -> None:

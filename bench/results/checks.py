@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -92,21 +92,31 @@ def read_record(path: Path) -> tuple[pa.Table, dict[str, Any]]:
     FileNotFoundError
         If it is gone.
     """
+
+    def read() -> tuple[pa.Table, dict[str, Any]]:
+        table, meta = _raw(path)
+        return checked_rows(table, meta), meta
+
+    return guarded(read)
+
+
+def read_raw(path: Path) -> tuple[pa.Table, dict[str, Any]]:
+    """As :func:`read_record`, but the rows are not looked at: :func:`checked_together` does that for many records."""
+    return guarded(lambda: _raw(path))
+
+
+def _raw(path: Path) -> tuple[pa.Table, dict[str, Any]]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    def read() -> tuple[pa.Table, dict[str, Any]]:
-        file = pq.ParquetFile(pa.BufferReader(read_content(path)), page_checksum_verification=True)
-        meta = checked_meta((file.metadata.metadata or {}).get(META_KEY))
-        size = sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups))
-        if file.metadata.num_rows > MOST_ROWS or size > MOST_BYTES:
-            raise NoRecord(f"holds {file.metadata.num_rows:,} rows ({size / 1e6:,.0f} MB), more than any record")
-        # Without pyarrow's threads: a record is small, and a thread that still ends when Python does can abort it.
-        table = checked_rows(file.read(use_threads=False), meta)
-        _check_name(path, meta)
-        return table, meta
-
-    return _guarded(read)
+    file = pq.ParquetFile(pa.BufferReader(read_content(path)), page_checksum_verification=True)
+    meta = checked_meta((file.metadata.metadata or {}).get(META_KEY))
+    size = sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups))
+    if file.metadata.num_rows > MOST_ROWS or size > MOST_BYTES:
+        raise NoRecord(f"holds {file.metadata.num_rows:,} rows ({size / 1e6:,.0f} MB), more than any record")
+    _check_name(path, meta)
+    # Without pyarrow's threads: a record is small, and a thread that still ends when Python does can abort it.
+    return file.read(use_threads=False), meta
 
 
 def read_meta(path: Path) -> dict[str, Any]:
@@ -120,7 +130,7 @@ def read_meta(path: Path) -> dict[str, Any]:
         _check_name(path, meta)
         return meta
 
-    return _guarded(read)
+    return guarded(read)
 
 
 def read_content(path: Path) -> bytes:
@@ -133,7 +143,8 @@ def read_content(path: Path) -> bytes:
         raise NoRecord(f"cannot be read: {error.strerror or error}", damaged=False) from error
 
 
-def _guarded(read: Callable[[], T]) -> T:
+def guarded(read: Callable[[], T]) -> T:
+    """What ``read`` gives; whatever it raises for a file that is no record becomes :class:`NoRecord`."""
     import pyarrow as pa
 
     try:
@@ -239,6 +250,51 @@ def checked_rows(table: pa.Table, meta: Mapping[str, Any]) -> pa.Table:
         if len(values) > 1 or values[0] != wanted.get(name, values[0]):
             raise NoRecord(f"its rows are not of one cell, that of its metadata: {name} is {str(values)[:80]}")
     return table
+
+
+def checked_together(entries: Sequence[tuple[pa.Table, Mapping[str, Any]]]) -> pa.Table | None:
+    """:func:`checked_rows` of many records with the same columns at once, which takes a tenth of the time.
+
+    Parameters
+    ----------
+    entries : rows and metadata of each record
+
+    Returns
+    -------
+    Table
+        Of all rows, in order; None where anything is wrong with, or unusual about, any record: each is then to be
+        looked at by itself.
+    """
+    import numpy as np
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    lengths = np.array([table.num_rows for table, _ in entries])
+    wanted = [
+        {"cell": m["cell_id"], "fingerprint": m["fingerprint"]} | of_the_cell(m.get("cell", {})) for _, m in entries
+    ]
+    names = ("cell", "fingerprint", *OF_THE_CELL)
+    if any(len(of) < len(names) for of in wanted) or not (lengths > 0).all():
+        return None
+    if lengths.tolist() != [meta["planned"] for _, meta in entries]:
+        return None
+    try:
+        rows = checked_types(pa.concat_tables([table for table, _ in entries]).combine_chunks())
+        if rows["split"].null_count:
+            return None
+        check_values(rows)
+        for name in names:
+            expected = np.repeat(np.array([of[name] for of in wanted], dtype=object), lengths)
+            if not pc.all(pc.equal(rows[name], pa.array(expected, rows[name].type))).as_py():
+                return None
+    except (NoRecord, pa.ArrowException, ValueError, TypeError):
+        return None
+    record = np.repeat(np.arange(len(entries)), lengths)
+    places = rows["case_index"].to_numpy()
+    cases = rows["case"].dictionary_encode().combine_chunks()
+    codes = (cases.chunk(0) if isinstance(cases, pa.ChunkedArray) else cases).indices.to_numpy()
+    unique = all(len(set(zip(record.tolist(), of.tolist(), strict=True))) == len(of) for of in (places, codes))
+    return rows if unique and (places >= 0).all() else None
 
 
 def of_the_cell(cell: Mapping[str, Any]) -> dict[str, Any]:

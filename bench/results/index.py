@@ -8,6 +8,7 @@ damaged index is made anew, and one that lies behind a link is left alone.
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import time
 from collections.abc import Collection, Iterator, Sequence
@@ -19,7 +20,7 @@ import numpy as np
 
 from ..errors import StoreError
 from ..own_folder import read_regular
-from .checks import NoRecord, check_values, checked_types, lacks, read_record
+from .checks import NoRecord, check_values, checked_rows, checked_together, checked_types, guarded, lacks, read_raw
 from .files import COLUMNS, IDENTITY, NOT_INDEXED, ORDER, SCHEMA_VERSION, WRITTEN, newest, write_atomically
 
 if TYPE_CHECKING:
@@ -162,28 +163,63 @@ def _read_all(results: Results, paths: list[Path]) -> tuple[list[pa.Table], set[
 
     lacking: set[str] = set()
 
-    def read(path: Path) -> pa.Table | Exception:
+    def read(path: Path) -> Entry | Exception:
         try:
-            table, meta = read_record(path)
-            if lacks(meta):
-                lacking.add(path.name)
+            return path, *read_raw(path)
         except (NoRecord, FileNotFoundError) as error:
             return error
-        table = table.drop_columns([c for c in NOT_INDEXED if c in table.column_names]).replace_schema_metadata(None)
-        return table.append_column(FILE, pa.array([path.name] * table.num_rows, pa.string()))
 
     merged = []
     with ThreadPoolExecutor(4) as pool:
         for begin in range(0, len(paths), BATCH):
             batch, good = paths[begin : begin + BATCH], []
-            for path, table in zip(batch, pool.map(read, batch), strict=True):
-                if isinstance(table, NoRecord):
-                    results.leave_out(path, table)
-                elif not isinstance(table, Exception):
-                    good.append(table)
-            if good:
-                merged.append(pa.concat_tables(good, promote_options="permissive").combine_chunks())
+            for path, entry in zip(batch, pool.map(read, batch), strict=True):
+                if isinstance(entry, NoRecord):
+                    results.leave_out(path, entry)
+                elif not isinstance(entry, Exception):
+                    good.append(entry)
+            lacking |= {path.name for path, _, meta in good if lacks(meta)}
+            if tables := [table for alike in _alike(good) for table in _checked(results, alike)]:
+                merged.append(pa.concat_tables(tables, promote_options="permissive").combine_chunks())
     return merged, lacking
+
+
+Entry = tuple[Path, "pa.Table", dict[str, Any]]
+
+
+def _alike(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
+    """The entries in groups of those whose tables have the same columns."""
+    groups: list[tuple[pa.Schema, list[Entry]]] = []
+    for path, table, meta in entries:
+        table = table.replace_schema_metadata(None)
+        alike = next((group for schema, group in groups if schema.equals(table.schema)), None)
+        if alike is None:
+            alike = []
+            groups.append((table.schema, alike))
+        alike.append((path, table, meta))
+    return (group for _, group in groups)
+
+
+def _checked(results: Results, entries: Sequence[Entry]) -> Iterator[pa.Table]:
+    """The rows of records, with the names of their files; those of which something is wrong are left out."""
+    import pyarrow as pa
+
+    together = checked_together([(table, meta) for _, table, meta in entries])
+    if together is not None:
+        names = [path.name for path, table, _ in entries for _ in range(table.num_rows)]
+        yield _indexed(together).append_column(FILE, pa.array(names, pa.string()))
+        return
+    for path, table, meta in entries:
+        try:
+            rows = guarded(functools.partial(checked_rows, table, meta))
+        except NoRecord as error:
+            results.leave_out(path, error)
+        else:
+            yield _indexed(rows).append_column(FILE, pa.array([path.name] * rows.num_rows, pa.string()))
+
+
+def _indexed(table: pa.Table) -> pa.Table:
+    return table.drop_columns([c for c in NOT_INDEXED if c in table.column_names]).replace_schema_metadata(None)
 
 
 def _load(folder: Path) -> tuple[dict[str, Any], set[str], pa.Table | None]:
