@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from ..cli import add_plugin_argument
 from ..errors import UsageError
 from ..plugins.registry import load_plugins
+from ..text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -125,6 +126,8 @@ def _shapes(folders: Sequence[Results], rows: pd.DataFrame, megabytes: float) ->
     except ImportError as error:
         print(f"note: no 3-D view: {error}", file=sys.stderr)
         return [], {}
+    outputs = int(rows["output"].fillna("").astype(bool).sum())
+    print(f"packing the shapes of {counted(outputs, 'output')}; --shapes 0 leaves them out", file=sys.stderr)
     return scenes(folders, rows, int(megabytes * 1e6))
 
 

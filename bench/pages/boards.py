@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..text import one_line
 from .encoding import number
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def _group(
 
     shown = shown_setup(lines)
     for line in lines:
-        line["label"] = label(line["method"], line["variant"], setup(line, shown))
+        line["label"] = one_line(label(line["method"], line["variant"], setup(line, shown)))  # as tables print it
     marked = {text.rstrip(MARKS): text for text in table.methods}
     by_metric = {
         metric.name: [line for line in lines if line["metric"] == metric.name] for metric in table.metrics

@@ -9,6 +9,8 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from boards import row
+from boards import rows as rows_of
 from made_results import HOSTILE, METHODS
 
 from bench.pages.assemble import one_file
@@ -91,6 +93,29 @@ def test_the_texts_are_those_that_the_leaderboard_prints(small, small_data):
         assert all(f"| {text} |" in printed for text in metric["texts"])
     assert [note for note in group["notes"] if note not in printed] == []
     assert [note for note in group["metrics"][0]["notes"] if note not in printed] == []
+
+
+def test_a_variant_of_any_text_keeps_its_numbers():
+    scores = [0.1, 0.2, 0.3, 0.4]
+    odd = [row("a", f"s{i}", scores={"d": s}, variant="path=x\ny,name=<b>\x1b[1m") for i, s in enumerate(scores)]
+    plain = [row("b", f"s{i}", scores={"d": 2 * s}) for i, s in enumerate(scores)]
+    data = page_data(rows_of(*odd, *plain))
+    for group in data["groups"]:
+        (metric,) = group["metrics"]
+        assert len(metric["labels"]) == 2 and "-" not in metric["texts"]
+        assert not any("\n" in label or "\x1b" in label for label in metric["labels"])
+
+
+def test_results_without_a_solved_case_have_a_page(visit, tmp_path):
+    data = page_data(rows_of(*(row(name, f"s{i}") for name in "ab" for i in range(4))))
+    assert [metric["name"] for group in data["groups"] for metric in group["metrics"]] == [""]
+    path = tmp_path / "page.html"
+    path.write_text(one_file(data), encoding="utf-8")
+    page = visit(path)
+    assert page.locator("main tbody tr").count() == 2
+    for tab in page.locator("[role=tab]").all():
+        tab.click()
+        assert page.locator("main h2").count() >= 1
 
 
 def test_every_row_is_a_case_and_every_failure_has_its_command(small, small_data):
