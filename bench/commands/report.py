@@ -47,7 +47,7 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", metavar="NAMES", help=f"only these {name}s: one, or several with commas")
     named = "experiments whose papers' numbers stand beside ours (default: those whose datasets the results have)"
     parser.add_argument("--published", metavar="NAMES", help=named)
-    size = f"of all shapes together; 0: no 3-D view (default: {MEGABYTES:g})"
+    size = f"of all shapes together, in the page; 0: no 3-D view (default: {MEGABYTES:g})"
     parser.add_argument("--shapes", type=float, default=MEGABYTES, metavar="MB", help=size)
     parser.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
     parser.add_argument(
@@ -128,7 +128,7 @@ def _shapes(folders: Sequence[Results], rows: pd.DataFrame, megabytes: float) ->
         return [], {}
     outputs = int(rows["output"].fillna("").astype(bool).sum())
     print(f"packing the shapes of {counted(outputs, 'output')}; --shapes 0 leaves them out", file=sys.stderr)
-    return scenes(folders, rows, int(megabytes * 1e6))
+    return scenes(folders, rows, int(megabytes * 1e6 * 3 / 4))  # base64 makes four letters of three bytes
 
 
 def described(data: dict[str, Any]) -> str:

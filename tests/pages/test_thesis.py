@@ -80,3 +80,16 @@ def test_an_experiment_without_a_table_is_refused():
 
 def test_nothing_solved_gives_nothing():
     assert comparisons(made(failed=6), None, {}, level=0.95) == []
+
+
+def test_the_page_shows_numbers_status_and_reason(visit, tmp_path):
+    from bench.pages.assemble import one_file
+    from bench.pages.data import page_data
+
+    path = tmp_path / "page.html"
+    path.write_text(one_file(page_data(made(1.5))), encoding="utf-8")
+    page = visit(path, "#view=published")
+    line = page.locator("main tbody tr", has_text="fourier").first
+    cells = line.locator("td").all_inner_texts()
+    assert cells[0] == f"{THEIRS:g}" and cells[1].startswith("8.2") and cells[2:5] == ["1.5", "6/6", "works"]
+    assert "not run" in page.locator("main tbody").first.inner_text()

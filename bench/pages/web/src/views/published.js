@@ -18,7 +18,7 @@ export function published(page) {
         csv: { head: ["solved", "planned"], values: (line) => [line.solved, line.planned] } },
       { id: "status", title: "status", value: (line) => line.status, filter: true, cell: (line) => h("span", { class: line.status === "reproduces" ? "good" : line.status === "differs" ? "bad" : "" }, line.status) },
       { id: "why", title: "why", value: (line) => line.why, kind: "text" },
-    ].filter((column) => column.id !== "sensor" || new Set(one.lines.map((line) => line.sensor)).size > 1),
+    ].filter((column) => column.id !== "sensor" || new Set(one.lines.map((line) => line.sensor).filter(Boolean)).size > 1),
     { caption: `${one.experiment}, ${one.column}`, name: `${one.experiment}_${one.column}`, state: {}, search: false }),
     notes(one.notes),
   ]);
