@@ -8,6 +8,7 @@ const TEXT = `
 .dbv-group { display: inline-flex; flex-wrap: wrap; align-items: center; gap: 0.3rem; border: 0; margin: 0; padding: 0; min-width: 0; }
 .dbv button, .dbv select { font: inherit; color: inherit; background: var(--dbv-paper); border: 1px solid var(--dbv-line); border-radius: 4px;
   padding: 0.2rem 0.6rem; min-height: 1.9rem; cursor: pointer; }
+.dbv button:hover { border-color: var(--dbv-ink); }
 .dbv button[aria-pressed="true"] { background: var(--dbv-ink); color: var(--dbv-paper); border-color: var(--dbv-ink); }
 .dbv-joined { display: inline-flex; }
 .dbv-joined button { border-radius: 0; margin-left: -1px; }
