@@ -88,8 +88,9 @@ def scenes(
     """
     folders = list(results) if isinstance(results, Sequence) else [results]
     found = _fitting(_cases(folders, rows), budget_bytes)
+    named = [field for field in ("task", "split", "seed") if len({getattr(place, field) for place, _ in found}) > 1]
     most = _first_cap([part for _, part in found], budget_bytes)
-    made = [_scene(place, case_shapes(folders, place, part), most) for place, part in found]
+    made = [_scene(place, case_shapes(folders, place, part), most, named) for place, part in found]
     packed = _packed([panel for _, panels in made for panel in panels], budget_bytes)
     shown, geometry = [], {}
     for scene, panels in made:
@@ -140,14 +141,14 @@ def _fitting(cases: list[tuple[Place, pd.DataFrame]], budget: int) -> list[tuple
     if left_out := len(cases) - len(chosen):
         what = "case with kept outputs does" if left_out == 1 else "cases with kept outputs do"
         notice(f"3-D view: {left_out} {what} not fit into {budget / 1e6:.3g} MB of shapes")
-    return [cases[number] for number in sorted(chosen)]
+    return sorted((cases[number] for number in chosen), key=lambda case: (*map(str, case[0][:4]), *case[0][4:]))
 
 
 # -- what is in a case -------------------------------------------------------------------------------------------------
 
 
-def _scene(place: Place, shapes: CaseShapes, most: int) -> tuple[dict[str, Any], list[_Panel]]:
-    """What a scene says of its case, and its panels with at most so many faces or points."""
+def _scene(place: Place, shapes: CaseShapes, most: int, named: Sequence[str]) -> tuple[dict[str, Any], list[_Panel]]:
+    """What a scene says of its case, with the ``named`` fields in its title, and panels with at most so many faces."""
     panels = [_Panel(item) for item in shapes.items]
     reference = shapes.reference.shape
     measured: dict[int, np.ndarray] = {}
@@ -166,7 +167,8 @@ def _scene(place: Place, shapes: CaseShapes, most: int) -> tuple[dict[str, Any],
             panel.item = _words(panel.item)
         panels[number].item = _without_shape(panels[number].item)  # the full one is not needed any more
     said = place._asdict()
-    title = " · ".join([place.case, place.sensor] if place.sensor else [place.case])
+    more = [f"seed {place.seed}" if field == "seed" else getattr(place, field) for field in named]
+    title = " · ".join(filter(None, [place.case, place.sensor, *more]))
     name = hashlib.sha256("\n".join(map(str, place)).encode("utf-8", "replace")).hexdigest()[:12]
     return {"id": name, "title": title, "unit": shapes.unit, "limit": limit, **said}, panels
 

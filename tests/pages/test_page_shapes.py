@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bench.geometry.cloud import PointCloud
@@ -116,6 +117,16 @@ def test_nothing_is_shown_where_no_output_is_kept(tmp_path):
     results, _ = stored(tmp_path, ("poisson",), dataset="cad", keeps=False)
     assert scenes(results, results.rows(), 1_000_000) == ([], {})
     assert scenes(results, results.rows().iloc[:0], 1_000_000) == ([], {})
+
+
+def test_titles_name_what_differs(results):
+    rows = results.rows()
+    both = pd.concat([rows, rows.assign(seed=1)], ignore_index=True)
+    titles = [one["title"] for one in scenes(results, both, 1_000_000)[0]]
+    case, other = sorted(rows["case"].unique())
+    sensor = rows["sensor"].iloc[0]
+    assert titles == [f"{name} · {sensor} · seed {seed}" for seed in (0, 1) for name in (case, other)]
+    assert scenes(results, rows, 1_000_000)[0][0]["title"] == f"{case} · {sensor}"
 
 
 def test_clouds_are_shown_as_points_and_thinned(tmp_path):
