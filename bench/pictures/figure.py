@@ -211,8 +211,11 @@ def _tiles(
     tiles = []
     for item, error in zip(items, errors, strict=True):
         scores = _scores(item, exponents, best) if item.role == "output" else ()
-        if item.shape is None or not hasattr(item.shape, "points" if isinstance(item.shape, PointCloud) else "faces"):
+        if item.shape is None or not isinstance(item.shape, PointCloud) and not hasattr(item.shape, "faces"):
             tiles.append(_of_images(item) if item.shape is not None else Tile(None, note=item.note, scores=scores))
+            continue
+        if not len(positions(item.shape)):
+            tiles.append(Tile(None, note="has no points", scores=scores))
             continue
         paint = Paint(error, limit, options.edges)
         pictures = studio.pictures(item.shape, paint, views)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ WIDTHS = {"column": 3.3, "page": 7.0}  # inches, of the usual two-column papers 
 KINDS = ("pdf", "svg", "png")
 SMALLEST = 4.5  # points
 DATELESS = {"pdf": {"CreationDate": None, "ModDate": None}, "svg": {"Date": None}, "png": {}}
+MISSING = "Glyph"  # begins the warning of a letter that the font does not have
 STYLE = {
     "pdf.fonttype": 42,  # TrueType, embedded: text can be searched, and journals take it
     "ps.fonttype": 42,
@@ -91,18 +93,31 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def drawn(figure: Figure) -> None:
+    """Draw a figure for its measures, without a warning of letters that the font does not have."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=MISSING)
+        figure.canvas.draw()
+
+
 def saved(figure: Figure, kind: str, dpi: int) -> bytes:
     """The figure as a file of a kind, the same whenever it is made."""
     target = io.BytesIO()
     # matplotlib reads the date from here where it is set, which would be an arbitrary one
     before = os.environ.pop("SOURCE_DATE_EPOCH", None)
     try:
-        with matplotlib().rc_context(STYLE):
+        with matplotlib().rc_context(STYLE), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=MISSING)
             figure.savefig(target, format=kind, dpi=dpi, metadata=DATELESS[kind])
     finally:
         if before is not None:
             os.environ["SOURCE_DATE_EPOCH"] = before
     return target.getvalue()
+
+
+def printable(text: str) -> str:
+    """Text whose control characters and stray halves of characters are marks: names and messages are foreign text."""
+    return "".join(c if c.isprintable() else "\ufffd" for c in text)
 
 
 def text_width(text: str, size: float, weight: str = "normal") -> float:
@@ -114,11 +129,14 @@ def text_width(text: str, size: float, weight: str = "normal") -> float:
     if not text:
         return 0.0
     font = FontProperties(family="DejaVu Sans", size=size, weight=weight)
-    return text_to_path.get_text_width_height_descent(text, font, False)[0] * POINT
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=MISSING)
+        return text_to_path.get_text_width_height_descent(printable(text), font, False)[0] * POINT
 
 
 def wrapped(text: str, width: float, size: float, lines: int) -> list[str]:
     """Text in lines of a width in inches, at most so many; what does not fit ends with an ellipsis."""
+    text = printable(" ".join(text.split()))
     found = [""]
     for word in re.findall(r"[^\s_\-/,(=]*[_\-/,(=]?\s*", text):
         if text_width((found[-1] + word).rstrip(), size) <= width or not found[-1]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import UsageError
 from .colors import ERROR
-from .printing import POINT, fitted, new_figure, saved, text_width, wrapped
+from .printing import POINT, STYLE, fitted, matplotlib, new_figure, printable, saved, text_width, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -175,6 +175,10 @@ class Sheet:
 
     def figure(self) -> Figure:
         """The figure, as matplotlib has it."""
+        with matplotlib().rc_context(STYLE):
+            return self._figure()
+
+    def _figure(self) -> Figure:
         place = self.layout
         figure = new_figure(place.width, place.height)
         for j, title in enumerate(self.titles):
@@ -304,4 +308,5 @@ def _axes(figure: Figure, box: tuple[float, float, float, float]) -> Axes:
 def _text(figure: Figure, x: float, y: float, text: str, size: float, **style: Any) -> None:
     width, height = figure.get_size_inches()
     style = {"ha": "center", "va": "top", "color": INK, "linespacing": 1.1} | style
+    text = "\n".join(map(printable, text.split("\n")))
     figure.text(x / width, y / height, text, fontsize=size, **style)

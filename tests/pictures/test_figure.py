@@ -203,6 +203,19 @@ def test_text_is_text_in_svg_and_pdf(sheet):
     assert sheet.save("pdf") == pdf and sheet.save("svg").decode() == svg
 
 
+def test_foreign_text_stays_text(sheet):
+    from xml.etree import ElementTree
+
+    name, note = "cost $x^2$ <b>&\x1b[31m\udcff 形", "a\x00b\nsecond line </text>"
+    tiles = [[Tile(None, note=note) for _ in sheet.titles]]
+    hostile = replace(sheet, titles=[name] * len(sheet.titles), rows=[name], tiles=tiles)
+    hostile = replace(hostile, layout=replace(sheet.layout, width=14, aspects=(1.0,)))
+    root = ElementTree.fromstring(hostile.save("svg"))
+    found = " ".join("".join(element.itertext()) for element in root.iter("{http://www.w3.org/2000/svg}text"))
+    assert "$x^2$ <b>&\ufffd" in found and "a\ufffdb second" in found.replace("\n", " ")
+    assert hostile.save("pdf") and hostile.save("png")
+
+
 def test_a_png_has_300_dots_per_inch(sheet):
     import io
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ..printing import POINT, new_figure, text_width
+from ..printing import POINT, new_figure, printable, text_width
 from .style import COLORS, FONT, GRID, INK, name_width
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def draw(table: pd.DataFrame, scores: Scores, options: Options) -> Figure:
         _panel(axes, table[table["group"] == group], methods, each)
         axes.set_yticks(range(len(methods)), [scores.titles[m] for m in methods] if i == 0 else [""] * len(methods))
         if group:
+            group = printable(group)
             axes.set_title(group, fontsize=min(FONT, FONT * each / max(text_width(group, FONT), 1e-3)), pad=3)
     ends = np.array([axes.get_xlim() for axes in figure.axes])
     for axes in figure.axes:  # panels are compared with each other

@@ -12,6 +12,7 @@ from ...ranking.headline import primary_metrics
 from ...ranking.selection import CONTENDER, Names, matching, metrics_of, pool, select
 from ..chosen import ordered_labels, renamed
 from ..labels import labels
+from ..printing import printable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -135,7 +136,7 @@ def scores_of(
         metric=name,
         direction=_direction(rows, name),
         order=order,
-        titles=renamed(names, order),
+        titles={label: printable(title) for label, title in renamed(names, order).items()},
         level=level,
         folders=folders,
         is_ordered=method is not None,

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import printing
 from ..colors import OKABE_ITO
-from ..printing import POINT, new_figure, text_width
+from ..printing import POINT, drawn, new_figure, text_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,14 +79,14 @@ def chart(
 def settle(axes: Axes) -> None:
     """Move the left edge and the lower one of a diagram to where its numbers and words have just room."""
     figure = axes.figure
-    figure.canvas.draw()
+    drawn(figure)
     renderer, edge, place = figure.canvas.get_renderer(), 0.03 * figure.dpi, axes.get_window_extent()
     words = [box for axis in (axes.yaxis, axes.xaxis) if (box := axis.get_tightbbox(renderer)) is not None]
     left = place.x0 - min((box.x0 for box in words), default=place.x0) + edge
     bottom = place.y0 - min((box.y0 for box in words), default=place.y0) + edge
     wide, high = np.array(figure.get_size_inches()) * figure.dpi
     axes.set_position((left / wide, bottom / high, (place.x1 - left) / wide, (place.y1 - bottom) / high))
-    figure.canvas.draw()
+    drawn(figure)
 
 
 def name_width(titles: Mapping[str, str]) -> float:
