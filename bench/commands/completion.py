@@ -175,6 +175,10 @@ def _words_of_command(command: str, before: Sequence[str]) -> list[str]:
         return [f"{name} " for name in names] if len(before) == 1 else []
     if command == "new" and not before:
         return [f"{kind} " for kind in KINDS]
+    if command == "plot" and not before:
+        from ..pictures.plots.kinds import KINDS as PLOTS
+
+        return [f"{kind} " for kind in PLOTS]
     if command == "check":
         return [f"{name} " for kind in KINDS for name in _names(kind)]
     if command == "worst" and not before:

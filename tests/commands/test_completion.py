@@ -33,6 +33,11 @@ def test_the_script_of_each_shell_is_printed_and_asks_this_command(capsys):
         assert capsys.readouterr().out == script and "completion words" in script
 
 
+def test_the_kinds_of_plots_are_completed():
+    assert completions(["plot", "pr"]) == ["profile "]
+    assert "bars " not in completions(["plot", "bars", ""])
+
+
 @pytest.mark.parametrize("command", cli.COMMANDS)
 def test_options_are_those_of_the_parser(command):
     help_of = cli.parser_for(command).format_help()
