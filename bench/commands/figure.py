@@ -58,8 +58,9 @@ def run(args: argparse.Namespace) -> int:
     from ..pictures.camera import Camera
     from ..pictures.chosen import chosen, renamed, split_names
     from ..pictures.figure import Options, check_metrics, draw
-    from ..pictures.printing import kind_of, width_of
+    from ..pictures.printing import kind_of, matplotlib, width_of
     from ..pictures.sheet import Layout
+    from ..pictures.tiles import pyvista
     from ..pictures.zoom import zoom_of
     from ..results.files import write_atomically
     from ..results.store import Results
@@ -72,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--size {args.size}: expected 32 to 4000 pixels")
     if args.zoom and args.no_insets:
         raise UsageError("--zoom says what the insets show, and --no-insets leaves them out: choose one")
+    matplotlib(), pyvista()  # said before anything is read, where one is missing
     camera, zoom = Camera.of(args.camera, args.up), zoom_of(args.zoom) if args.zoom else None
     load_plugins(args.plugin)
     folders = [word.removeprefix("results=") for word in args.results or ["results"]]

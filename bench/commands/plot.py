@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     """Draw the plot, write it and its numbers."""
     from ..pictures.plots.kinds import Options, plot
     from ..pictures.plots.scores import scores_of
-    from ..pictures.printing import kind_of, saved, width_of
+    from ..pictures.printing import kind_of, matplotlib, saved, width_of
     from ..results.files import write_atomically
     from ..results.store import Results
     from .leaderboard import read_rows
@@ -57,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(f"--{name}: is an option of `detailbench plot {kind}`, not of {args.kind}")
     kind = kind_of(args.output)
     size = width_of(args.width or "column"), width_of(args.height, "--height") if args.height else None
+    matplotlib()  # said before anything is read, where it is missing
     load_plugins(args.plugin)
     folders = [word.removeprefix("results=") for word in args.results or ["results"]]
     rows, opened = read_rows(folders), [Results(folder) for folder in folders]

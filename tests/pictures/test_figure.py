@@ -1,6 +1,7 @@
 """Figures of stored results: what is on them, where, and in which colours."""
 
 import re
+import sys
 import zlib
 from dataclasses import replace
 
@@ -249,6 +250,16 @@ def test_without_kept_outputs_the_figure_says_what_keeps_them(tmp_path, capsys):
     results, _ = stored(tmp_path / "results", methods=("poisson",), cases=1, keeps=False)
     assert main(["figure", str(results.folder), "-o", str(tmp_path / "f.png"), "--size", "40"]) == 0
     assert "poisson: no output is kept; run it again with outputs=all" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("command", "library"), [("figure", "pyvista"), ("figure", "matplotlib"), ("plot bars", "matplotlib")]
+)
+def test_a_missing_library_is_named_with_the_line_that_installs_it(command, library, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, library, None)
+    assert main([*command.split(), "nowhere"]) == 1
+    said = capsys.readouterr().err
+    assert f"{library} is not installed; install it with: pip install" in said
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,8 @@ def draw(table: pd.DataFrame, scores: Scores, options: Options) -> Figure:
     bottom = 0.06 + len(lines) * size * POINT * 1.25
     height = options.size[1] or top + cell_height * n + bottom
     figure, axes = chart(width, height, left=side, right=right, top=top, bottom=bottom)
+    room = (width - side - right) / n - 0.03
+    small = FONT * min(1.0, room / text_width("100", FONT, "bold"))
     picture = np.tile(np.array([0.96, 0.96, 0.96]), (n, n, 1))
     for row in table.to_dict("records"):
         i, j = names.index(row["method"]), names.index(row["other"])
@@ -92,7 +94,7 @@ def draw(table: pd.DataFrame, scores: Scores, options: Options) -> Figure:
         text = f"{100 * row['rate']:.0f}" if np.isfinite(row["rate"]) else "–"
         dark = abs(row["rate"] - 0.5) > 0.42 and row["rate"] > 0.5
         weight = "bold" if sure else "normal"
-        axes.text(j, i, text, ha="center", va="center", fontsize=FONT, weight=weight, color="white" if dark else INK)
+        axes.text(j, i, text, ha="center", va="center", fontsize=small, weight=weight, color="white" if dark else INK)
     axes.imshow(picture, aspect="auto", interpolation="none")
     axes.set_xticks(range(n), titles)
     axes.set_yticks(range(n), titles)
