@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ...text import one_line
 from . import latex, markdown
+from .table import Cell, Metric, Table
 from .terminal import wrapped
 
 
@@ -57,24 +58,23 @@ def _markdown(grid: Grid) -> str:
 
 
 def _latex(grid: Grid) -> str:
-    def line(cells: Sequence[str]) -> str:
-        shown = (latex.escape(cell) for cell in cells)
-        return " & ".join(cell.replace("↓", r"$\downarrow$").replace("↑", r"$\uparrow$") for cell in shown) + r" \\"
-
-    caption = latex.escape(" ".join([f"{grid.title}.", *grid.notes]))
-    return "\n".join(
-        [
-            r"\begin{table}[htbp]",
-            r"\centering\footnotesize",
-            rf"\caption{{{caption}}}",
-            rf"\begin{{tabular}}{{{'l' * len(grid.head)}}}",
-            r"\toprule",
-            line(grid.head),
-            r"\midrule",
-            *map(line, grid.lines),
-            r"\bottomrule",
-            r"\end{tabular}",
-            r"\end{table}",
-            "",
-        ]
+    """The grid as a table that fits a column, without the line that says what it needs."""
+    columns = (
+        Metric(title, "", 0, tuple(Cell(line[i]) for line in grid.lines), title=title)
+        for i, title in enumerate(grid.head)
+        if i
     )
+    table = Table(
+        *(grid.title, "", "", "test"),
+        methods=tuple(line[0] for line in grid.lines),
+        ranks=(),
+        fronts=(),
+        metrics=tuple(columns),
+        solved=(),
+        seconds=(),
+        memory=(),
+        parameters=(),
+        notes=grid.notes,
+        head=grid.head[0],
+    )
+    return latex.latex([table]).partition("\n")[2]

@@ -30,18 +30,8 @@ LABELS = 0.36  # of the width at most for the names of the methods, which are fo
 CUT = "…"  # in a name that is shortened, which a note gives in full
 # How notes begin that a reader needs, not only an author.
 LEGENDS = (
-    "†",
-    "‡",
-    "§",
-    "|diff|",
-    "mean",
-    "Only",
-    "Methods were run",
-    "All methods",
-    "wins",
-    "ratio",
-    "one parameter",
-    "geometric",
+    *("†", "‡", "§", "|diff|", "mean", "Only", "Methods were run", "All methods", "wins", "ratio", "one parameter"),
+    *("geometric", "place", "tau:", "spread"),
 )
 _ESCAPES = {
     "\\": r"\textbackslash{}",
@@ -193,14 +183,20 @@ def _cell(column: Column, i: int) -> list[str]:
 
 def _score(cell: Cell) -> list[str]:
     """The mean, and the interval where it stands in a line below."""
-    text = escape(cell.text).replace("-", "$-$") if cell.text != "-" else "--"
+    text = _signed(escape(cell.text)) if cell.text != "-" else "--"
     mean, blank, rest = text.partition(" ")
     if text and cell.best:
         mean = rf"\textbf{{{mean}}}"
     elif text and cell.second:
         mean = rf"\underline{{{mean}}}"
     lines = [f"{mean}{escape(cell.signs)}{blank}{rest}"]
-    return [*lines, rf"{{\scriptsize {cell.below.replace('-', '$-$')}}}"] if cell.below else lines
+    return [*lines, rf"{{\scriptsize {_signed(cell.below)}}}"] if cell.below else lines
+
+
+def _signed(text: str) -> str:
+    """A minus before a number as such, and a dash between the ends of a rank; a hyphen within a name stays."""
+    text = re.sub(r"(?<![\w)])-(?=[\d.])", "$-$", text)
+    return re.sub(r"(?<=\()(\d+)-(\d+)(?=\))", r"\1--\2", text)
 
 
 def _texts(table: Table, column: Column) -> list[str]:

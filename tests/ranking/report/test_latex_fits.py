@@ -42,8 +42,13 @@ def frame():
     return rows(*records)
 
 
-def texts(frame, wide=False):
-    """All kinds of tables that the docs show."""
+@pytest.fixture(scope="module")
+def texts(frame):
+    """All kinds of tables that the docs show: for a column, and for a page."""
+    return {wide: tables_of(frame, wide) for wide in (False, True)}
+
+
+def tables_of(frame, wide):
     board, pooled = leaderboard(frame), leaderboard(frame, by="task")
     columns = ("rank", "surface_distance_mean", "normal_angle_deg", "seconds")
     looks = [Look(intervals=style, wide=wide) for style in INTERVALS]
@@ -57,10 +62,10 @@ def texts(frame, wide=False):
 
 
 @pytest.mark.parametrize(("options", "wide"), [("", False), ("[twocolumn]", False), ("", True), ("[twocolumn]", True)])
-def test_tables_fit_one_column_and_two(frame, tmp_path, options, wide):
+def test_tables_fit_one_column_and_two(texts, tmp_path, options, wide):
     latex = shutil.which("pdflatex")
     assert latex, "pdflatex is missing: install the Debian packages texlive-latex-base and texlive-latex-recommended"
-    body = "\n\\clearpage\n".join(texts(frame, wide))
+    body = "\n\\clearpage\n".join(texts[wide])
     (tmp_path / "t.tex").write_text(
         rf"\documentclass{options}{{article}}\usepackage{{booktabs}}\begin{{document}}{body}\end{{document}}"
     )
@@ -73,8 +78,8 @@ def test_tables_fit_one_column_and_two(frame, tmp_path, options, wide):
     assert (tmp_path / "t.pdf").stat().st_size > 10_000
 
 
-def test_the_file_holds_ascii_and_booktabs_only(frame):
-    for text in texts(frame):
+def test_the_file_holds_ascii_and_booktabs_only(texts):
+    for text in texts[False]:
         assert text.isascii() and text.startswith("% needs \\usepackage{booktabs}")
         assert set(re.findall(r"\\(\w*rule)\b", text)) == {"toprule", "midrule", "bottomrule"}
 
