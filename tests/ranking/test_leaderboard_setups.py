@@ -56,7 +56,7 @@ def test_threads_are_named_where_there_are_several():
     frame = rows(*run(), *run(threads=8, device="cuda", seconds=0.5))
     (table,) = tables(leaderboard(frame), frame)
     assert table.methods == ("sap · cpu, 1 thread", "sap · cuda, 8 threads")
-    assert table.seconds == ("1", "0.500")
+    assert table.seconds == ("1.00", "0.50")
 
 
 def test_two_machines_that_ran_the_same_cases_have_a_line_each():

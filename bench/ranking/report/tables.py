@@ -153,7 +153,7 @@ def _table(
         fronts=tuple("1" if m in on_front else "" for m in methods) if on_front else (),
         metrics=tuple(columns),
         solved=tuple(f"{most[m]['solved']}/{most[m]['planned']}" for m in methods),
-        seconds=tuple(_seconds(most[m]["seconds_median"]) for m in methods),
+        seconds=_seconds([most[m]["seconds_median"] for m in methods], look),
         memory=tuple(_megabytes(most[m]["peak_rss_mb"]) for m in methods),
         parameters=tuple(counts) if any(c != "-" for c in counts) else (),
         notes=(
@@ -317,8 +317,12 @@ def _rank(line: Line | None) -> str:
     return str(low) if low == high else f"{low}-{high}"
 
 
-def _seconds(value: float) -> str:
-    return "-" if not math.isfinite(value) else f"{value:.3f}" if value < 1 else f"{value:.3g}"
+def _seconds(values: Sequence[float], look: Look) -> tuple[str, ...]:
+    """The times of a column, with the same number of decimals."""
+    digits = look.digits
+    if digits is None:
+        digits = column_digits((value, math.nan, math.nan) for value in values)
+    return tuple(plain(value, 0, digits) for value in values)
 
 
 def _megabytes(value: float) -> str:
