@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -116,11 +116,7 @@ def _table(
     look: Look,
 ) -> Table:
     shown = shown_setup(lines)
-    called = naming(((line["method"], line["variant"]) for line in lines), look.names)
-    lines = [
-        line | {"label": with_setup(called.labels[line["method"], line["variant"]], setup(line, shown))}
-        for line in lines
-    ]
+    lines, naming_notes = _labelled(lines, shown, look)
     names = metric_order(lines, wanted)
     by_metric: dict[str, dict[str, Line]] = {name: {} for name in names or [""]}
     for line in lines:
@@ -142,10 +138,7 @@ def _table(
     criteria = (said["pareto"] or primary_metrics(group[0])) if on_front else ()
     alone = bool(on_front) and not said["pareto"] and not wanted  # the task has two primary metrics: no rank
     ranked = standing.is_ranked(list(first.values()))
-    columns: list[Metric] = []
-    for name in names:
-        columns.append(_metric(name, by_metric[name], lines_shown, digits.get(name), look))
-        columns.extend(_published(columns[-1], lines_shown, published, digits.get(name)))
+    columns = _columns(names, by_metric, lines_shown, digits, published, look)
     return Table(
         *group,
         methods=tuple(f"{m} {marks[m]}".rstrip() for m in methods),
@@ -161,7 +154,7 @@ def _table(
             *(_rank_notes(names[0], first, said, look) if names and not alone else ()),
             *(standing.front(criteria, alone) if on_front else ()),
             *_notes(lines, columns, said["level"], look),
-            *called.notes,
+            *naming_notes,
             *(f"{LEARNED} {text}" for text in dict.fromkeys(learned[keys[m]] for m in methods if keys[m] in learned)),
             *hosts_note(lines, shown),
             *(convention.notes(names) if convention else ()),
@@ -169,6 +162,29 @@ def _table(
         ),
         plugins=tuple(line["method"] for line in lines_shown),
     )
+
+
+def _columns(
+    names: Sequence[str],
+    by_metric: dict[str, dict[str, Line]],
+    methods: list[Line],
+    digits: Mapping[str, int],
+    published: Published | None,
+    look: Look,
+) -> list[Metric]:
+    """A column for each metric, with that of a paper beside it."""
+    columns: list[Metric] = []
+    for name in names:
+        columns.append(_metric(name, by_metric[name], methods, digits.get(name), look))
+        columns.extend(_published(columns[-1], methods, published, digits.get(name)))
+    return columns
+
+
+def _labelled(lines: list[Line], shown: Sequence[str], look: Look) -> tuple[list[Line], tuple[str, ...]]:
+    """The lines with the label of their method, and what is to be noted of the labels."""
+    called = naming(((line["method"], line["variant"]) for line in lines), look.names)
+    names = [with_setup(called.labels[line["method"], line["variant"]], setup(line, shown)) for line in lines]
+    return [line | {"label": name} for line, name in zip(lines, names, strict=True)], called.notes
 
 
 def _place_given(line: Line, label: str, methods: Sequence[str]) -> int:
