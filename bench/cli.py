@@ -56,6 +56,7 @@ EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finish
 READ_CONFIGS = ("run", "plan", "list", "leaderboard", "report", "site", "train", "apply", "check")
 READ_CONFIGS = ("run", "plan", "list", "leaderboard", "train", "tune", "apply", "check")
 READ_CONFIGS = ("run", "plan", "list", "leaderboard", "worst", "train", "apply", "check")
+READ_CONFIGS = ("run", "plan", "list", "leaderboard", "train", "apply", "check", "inputs")
 MOST_NAMES = 5  # of which it is said that they are in two places
 MOST_NAME = 500  # letters of a file's name in a message
 

@@ -24,6 +24,7 @@ PAGES = {
         "multiview.md",
         "cages.md",
         "metrics.md",
+        "external.md",
     ),
     "metric": ("metrics.md", "own-data.md"),
 }

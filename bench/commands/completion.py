@@ -60,6 +60,7 @@ complete -c detailbench -f -n 'count (__detailbench_words) >/dev/null' -a '(__de
 SCRIPTS = {"bash": BASH, "zsh": ZSH, "fish": FISH}
 
 TAKE_OVERRIDES = ("run", "plan", "train", "tune", "apply", "check", "fetch")
+TAKE_OVERRIDES = ("run", "plan", "train", "apply", "check", "fetch", "inputs")
 KINDS = ("task", "dataset", "sensor", "method", "metric")
 KEY_VALUES = {
     "split": ("test", "train"),

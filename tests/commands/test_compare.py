@@ -28,20 +28,19 @@ WORDS = (
 
 @pytest.fixture(scope="module")
 def runs(shells):
-    """A run, the same again, one that lost 5 %, and one in which cases fail and others are new."""
+    """A run, the same again, and one that lost 5 %."""
     shell = shells("compared")
     plugin = shell.work / "planted_methods.py"
 
-    def run(name: str, loss: float, *words: str) -> Path:
+    def run(name: str, loss: float) -> Path:
         plugin.write_text(PLUGIN.format(loss=loss, work=0))
         folder = shell.folder / name
-        done = shell.call("run", "-m", "--no-leaderboard", "--plugin", plugin, *WORDS, *words, f"results={folder}")
+        done = shell.call("run", "-m", "--no-leaderboard", "--plugin", plugin, *WORDS, f"results={folder}")
         assert done.returncode in (0, 3), done.stderr
         return folder
 
     shell.then, shell.again = run("then", 0.0), run("again", 0.0)
     shell.lost = run("lost", 0.05)
-    shell.edited = run("edited", 0.0, "dataset.amplitude=0.2")
     return shell
 
 
@@ -88,7 +87,6 @@ def test_cases_that_are_gone_fail_where_it_is_asked_for(runs, tmp_path):
 def test_usage_errors(runs):
     for words, message in (
         ((runs.then, runs.folder / "nowhere"), "no such folder"),
-        ((runs.then, runs.edited), "no case in common"),
         ((runs.then, runs.again, "--fail-worse", "much"), "expected a share such as 2% or 0.02"),
         ((runs.then, runs.again, "--metric", "p2f_man"), "p2f_mean"),
     ):
