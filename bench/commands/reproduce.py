@@ -6,7 +6,8 @@
 
 Seed, parameters and limits are those of the record. A plugin file that it names is not imported, since importing runs
 it: name one that you trust. The result goes to a temporary folder: the stored one is not touched, and what the record
-would have written elsewhere (method.save=FILE) is not written. Exit code 0 when all cases agree, 3 when some do not.
+would have written elsewhere (method.save=FILE) is not written. A program that the record names (method=external) is
+not started, unless --allow-program says that you trust it. Exit code 0 when all cases agree, 3 when some do not.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import tempfile
 from dataclasses import replace
 from typing import Any
 
+from ..errors import UsageError
 from ..plugins.registry import load_plugins
 from ..results.store import Record
 from .why import add_cell_arguments, stored_cell
@@ -25,6 +27,7 @@ from .why import add_cell_arguments, stored_cell
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_cell_arguments(parser)
+    parser.add_argument("--allow-program", action="store_true", help="start the program that the record names")
     parser.add_argument("--rtol", type=float, default=1e-9, help="relative difference that still counts as equal")
 
 
@@ -37,6 +40,8 @@ def run(args: argparse.Namespace) -> int:
     stored = stored_cell(args)
     record, plugins = stored.shown, stored.load(args.plugin)
     cell = stored.cell
+    if not args.allow_program:
+        check_programs(cell)
     print(f"cell {record.cell}: {cell.title}")
     for line in stored.differences(cell):
         print(f"  differs: {line}")
@@ -54,6 +59,24 @@ def run(args: argparse.Namespace) -> int:
         print(f"  {line}")
     print("reproduced: every status and score agrees" if not differences else f"{len(differences)} differences")
     return 3 if differences else 0
+
+
+def check_programs(cell: Any) -> None:
+    """Refuse a cell that starts a program which the record names: it may be anybody's, and do anything.
+
+    Raises
+    ------
+    UsageError
+        With the parameters that name it.
+    """
+    for part in cell.method.parts:
+        if named := getattr(part.cls, "runs", ()):
+            values = {key: cell.method.parameters.get(key) or "" for key in named}
+            said = ", ".join(f"method.{key}={value}" for key, value in values.items() if value) or part.name
+            raise UsageError(
+                f"cell {cell.id} starts a program that its record names: {said}. Read it, and add --allow-program if "
+                "you trust it"
+            )
 
 
 def compare(stored: Record, again: Record, rtol: float) -> list[str]:

@@ -20,7 +20,7 @@ from ..errors import DetailbenchError
 from ..plan.cell import Cell
 from ..plugins.registry import registry
 from .earlier import differences, earlier_digest, seconds_of
-from .provenance import ingredients, package_version, source_digest
+from .provenance import STATED, ingredients, package_version, source_digest
 
 # What the metadata of any folder, and the plugins that they name, may raise.
 UNTOLD = (DetailbenchError, KeyError, TypeError, ValueError, AttributeError, OSError, RecursionError, OverflowError)
@@ -44,7 +44,8 @@ class Today:
             return None
         try:
             cell = Cell.from_json(meta["cell"])
-            now = self._of(cell) | {"cell": cell.id}
+            stated = {key: value for key, value in then.items() if key.startswith(STATED)}
+            now = self._of(cell) | {"cell": cell.id} | stated
         except UNTOLD:
             try:
                 now = _without_plugins(then, meta)
@@ -57,7 +58,7 @@ class Today:
         same = {k: v for k, v in cell.to_json().items() if k not in ("seed", "cases", "split")}
         key = json.dumps(same, sort_keys=True)
         if key not in self._known:
-            self._known[key] = ingredients(cell)
+            self._known[key] = ingredients(cell, recorded={})
         return self._known[key]
 
 

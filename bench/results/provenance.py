@@ -11,7 +11,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -29,14 +29,24 @@ from .sources import BENCH, Stamps, source_closure, source_digest, stamps
 ALWAYS = ("numpy", "scipy", "trimesh")
 
 
-def ingredients(cell: Cell) -> dict[str, Any]:
+STATED = "version that "  # the ingredients for which a program of the user's was asked
+
+
+def ingredients(cell: Cell, recorded: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """All that decides whether a finished result of ``cell`` is current, as a flat mapping for :func:`explain`.
 
     The parameters and the seed (in ``cell``), the source of the plugins that make the output (with the neighbours
     and the geometry that they import), the versions of metrics, the packages that compute, what a dataset says of its
     own state (hashes of the user's files), and the contents of the files that plugins read (:mod:`reads`).
+
+    A method may state the version of a program that it runs, and runs it for that. So what comes from a record, which
+    may be a stranger's, is given as ``recorded`` ingredients: the versions are then those that stand there, unasked.
     """
     parts = {"cell": cell.id} | depends_on(cell.choices, cell.dataset)
+    if recorded is not None:
+        parts |= {key: value for key, value in recorded.items() if key.startswith(STATED)}
+    else:
+        parts |= stated_versions(cell.method)
     if cell.training:
         parts[WEIGHTS] = weights_of(cell.training)
     return parts
@@ -84,12 +94,14 @@ def depends_on(choices: Iterable[Choice], dataset: Choice | None = None) -> dict
     state = getattr(dataset.build(), "state", None) if dataset else None
     if state:
         parts.update({f"file {name}": value for name, value in state().items()})
-    for choice in choices:
-        said = choice.made.version() if choice.kind == "method" and hasattr(choice.made, "version") else None
-        if said:  # of a program outside, whose file does not tell all
-            parts[f"version that {choice.kind} {choice.name} states"] = said
     parts.update({f"content of {name}": value for name, value in contents(choices).items()})
     return parts
+
+
+def stated_versions(method: Choice) -> dict[str, str]:
+    """What a method says of the version of a program, whose file does not tell all; asking may run the program."""
+    said = method.made.version() if hasattr(method.made, "version") else ""
+    return {f"{STATED}method {method.name} states": said} if said else {}
 
 
 def memory_keys(cell: Cell) -> dict[str, str]:

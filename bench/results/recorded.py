@@ -150,7 +150,7 @@ class Stored:
     def differences(self, cell: Cell) -> list[str]:
         """What differs between the day of the record and today, one line each; the paths given anew do not count."""
         then = self.shown.meta["ingredients"]
-        lines = differences(then, ingredients(cell) | ({"cell": then.get("cell")} if self.paths else {}))
+        lines = differences(then, ingredients(cell, recorded=then) | ({"cell": then.get("cell")} if self.paths else {}))
         return lines + (list(_edited(self.shown.meta, cell)) if any(line.startswith(SOURCE) for line in lines) else [])
 
 

@@ -57,6 +57,7 @@ class External:
     """
 
     called = "name"
+    runs = ("command", "version_command")  # what a stranger's record must not start
 
     name: str = ""  # in tables, in place of all other parameters: one name for each setting
     command: str = "cp {input} {output}"  # the program and its arguments

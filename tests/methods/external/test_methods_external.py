@@ -10,15 +10,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from toy_cells import config
 
 from bench import BadInput, InvalidOutput, PointCloud, Run, UsageError
+from bench.commands.reproduce import check_programs
 from bench.geometry.io.files import load_cloud
 from bench.methods.external.external import PREFIX, External
+from bench.plan.cell import Cell
 from bench.plan.choice import Choice
 from bench.plugins.reads import contents
 from bench.plugins.registry import registry
 from bench.plugins.schema import build, defaults
-from bench.results.provenance import depends_on
+from bench.results.current import Today
+from bench.results.provenance import ingredients, stated_versions
 
 COPY = "import shutil, sys; shutil.copy(sys.argv[1], sys.argv[2])"
 METHOD = registry().find("method", "external")
@@ -197,9 +201,26 @@ def test_another_program_or_script_makes_results_stale(program, tmp_path):
         assert contents([choice]) != before
 
 
-def test_another_version_makes_results_stale(program):
+def test_another_version_makes_results_stale():
     def key(version: str) -> str:
         made = Choice("method", "external", defaults(METHOD) | {"version_command": f"echo {version}"})
-        return depends_on([made])["version that method external states"]
+        return stated_versions(made)["version that method external states"]
 
     assert (key("1.2"), key("1.3")) == ("1.2", "1.3")
+
+
+def test_a_record_starts_nothing(program, tmp_path):
+    """Neither to see whether it is current, nor to say what differs, nor to reproduce it without a word."""
+    touched = tmp_path / "touched"
+    command = f"{program(f'open({str(touched)!r}, chr(119))')} {{input}} {{output}}"
+    values = {"_name_": "external", "command": command, "version_command": program(f"open({str(touched)!r}, chr(119))")}
+    cell = Cell.from_config(config(method=values))
+    then = {"cell": cell.id, "version that method external states": "1"}
+    now = ingredients(cell, recorded=then)
+    assert now["version that method external states"] == "1"
+    assert Today().is_current({"cell": cell.to_json(), "ingredients": now})
+    with pytest.raises(UsageError, match="--allow-program"):
+        check_programs(cell)
+    assert not touched.exists()
+    ingredients(cell)
+    assert touched.exists()
