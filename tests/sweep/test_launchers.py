@@ -15,7 +15,7 @@ METHODS = "fine,raises,segfaults,returns_nan,exits"
 LAUNCHERS = {
     "joblib": ("hydra_plugins.hydra_joblib_launcher", ("hydra.launcher.n_jobs=2",)),
     "submitit_local": ("hydra_plugins.hydra_submitit_launcher", ("hydra.launcher.timeout_min=5",)),
-    "ray": ("hydra_plugins.hydra_ray_launcher", ("hydra.launcher.ray.init.num_cpus=2",)),
+    "ray": ("hydra_plugins.hydra_ray_launcher", ("+hydra.launcher.ray.init.num_cpus=2",)),
 }
 
 
