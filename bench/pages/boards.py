@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 GROUP = ("task", "dataset", "sensor", "split")
 CONTENDER = ("method", "variant", "threads", "device", "host")
-MARKS = " †‡§"
+MARKS = " ‡§¶"  # behind the name of a method, see bench.ranking.report.table
 NUMBERS = (
     "mean", "ci_low", "ci_high", "floor", "rank_low", "rank_high", "solved", "planned", "imputed", "seconds_median",
     "peak_rss_mb", "train_seconds", "shapes", "score_mean", "front",
@@ -79,11 +79,16 @@ def boards(rows: pd.DataFrame, *, level: float, equal: float) -> dict[str, Any]:
 def _group(
     way: Way, key: Sequence[str], lines: list[dict], table: Table, rows: pd.DataFrame, level: float, equal: float
 ) -> dict[str, Any]:
-    from ..ranking.report.labels import label, setup, shown_setup
+    from ..ranking.naming import naming
+    from ..ranking.report.labels import setup, shown_setup, with_setup
+    from ..ranking.report.look import Look
+    from ..ranking.report.table import standing_notes
 
     shown = shown_setup(lines)
-    for line in lines:
-        line["label"] = one_line(label(line["method"], line["variant"], setup(line, shown)))  # as tables print it
+    printed = [(one_line(line["method"]), one_line(line["variant"])) for line in lines]  # as tables have them
+    called = naming(printed, Look().names).labels
+    for line, name in zip(lines, printed, strict=True):
+        line["label"] = with_setup(called[name], setup(line, shown))
     marked = {text.rstrip(MARKS): text for text in table.methods}
     by_metric = {
         metric.name: [line for line in lines if line["metric"] == metric.name] for metric in table.metrics
@@ -97,7 +102,10 @@ def _group(
         "title": table.title,
         "shapes": int(rows["case"].nunique()),
         "cells": int(rows["cell"].nunique()),
-        "notes": [note for note in table.notes if note not in special],
+        "notes": [
+            *(note for note in table.notes if note not in special),
+            *standing_notes([table], "Bold", "Italic"),
+        ],
         "contenders": [
             {"label": name, "marked": marked.get(name, name)} | {part: line[part] for part in CONTENDER}
             for name, line in {line["label"]: line for line in lines}.items()
@@ -128,8 +136,9 @@ def _metric(
         "floor_text": column.floor if column else "",
         "notes": notes,
         "labels": [line["label"] for line in lines],
-        "texts": [cell.text + cell.mark if cell else "-" for cell in printed],
+        "texts": [f"{cell.text}{' ' * cell.tied}{cell.signs}" if cell else "-" for cell in printed],
         "best": [bool(cell and cell.best) for cell in printed],
+        "second": [bool(cell and cell.second) for cell in printed],
         "ranks": [_rank(line, ranked) for line in lines],
     }
     found |= {key: [number(line[key]) for line in lines] for key in NUMBERS}

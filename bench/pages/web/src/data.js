@@ -13,14 +13,17 @@ export function load() {
   };
   data.column = column;
   data.value = (name, row) => column(name)?.[row] ?? null;
-  data.label = (row) => {
-    const variant = data.value("variant", row);
-    return variant ? `${data.value("method", row)} (${variant.split(",").join(", ")})` : data.value("method", row);
-  };
+  data.label = (row) => plainLabel(data.value("method", row), data.value("variant", row));
   data.scoreNames = Object.keys(packed).filter((name) => name.startsWith("score.")).map((name) => name.slice(6));
   data.tasks = [...new Set(data.groups.map((group) => group.task))];
   return data;
 }
+
+// A method with its parameters; tables may call it by the name of a preset.
+export const plainLabel = (method, variant) => (variant ? `${method} (${variant.split(",").join(", ")})` : method);
+
+// How a mean stands out in its table: the best one, the second best one.
+export const emphasis = (metric, i) => (metric.best[i] ? "strong" : metric.second?.[i] ? "em" : "span");
 
 export const keyOf = (group) => [group.dataset, group.sensor, group.split].join(" · ");
 

@@ -1,5 +1,5 @@
 import { h, select } from "./dom.js";
-import { chosen, keyOf, load } from "./data.js";
+import { chosen, keyOf, load, plainLabel } from "./data.js";
 import { counted, day } from "./format.js";
 import { styles } from "./colors.js";
 import * as link from "./state.js";
@@ -32,6 +32,10 @@ function start() {
   const data = load();
   const page = { data, state: link.read() };
   page.styles = styles(data.groups.flatMap((group) => group.contenders.map((one) => one.label)));
+  for (const one of data.groups.flatMap((group) => group.contenders)) { // traces go by the parameters
+    const plain = plainLabel(one.method, one.variant);
+    if (!page.styles.has(plain)) page.styles.set(plain, page.styles.get(one.label));
+  }
   const views = VIEWS.filter((view) => !view.present || view.present(data));
   const main = h("main", { id: "content", tabindex: "-1", role: "tabpanel" });
   const tabs = h("div", { role: "tablist", "aria-label": "Views" });

@@ -1,5 +1,6 @@
 // The leaderboard: the numbers of `detailbench leaderboard`, one metric in full and the others beside it.
 import { dataTable } from "../table.js";
+import { emphasis, plainLabel } from "../data.js";
 import { h, notes, s } from "../dom.js";
 import { arrow, megabytes, seconds } from "../format.js";
 
@@ -44,10 +45,10 @@ export function board(page, choice) {
       help: `the ${Math.round(100 * page.data.level)} % confidence interval of the rank`,
       csv: { head: ["rank_low", "rank_high"], values: (row) => [at("rank_low")(row), at("rank_high")(row)] } },
     { id: "method", title: "method", header: true, value: (row) => row.marked, kind: "name",
-      cell: (row) => h("a", { href: page.methodPage(row.method) ?? page.link({ view: "cases", "f.method": row.label, sort: "", q: "" }), title: `${row.label}: all cases` }, row.marked) },
+      cell: (row) => h("a", { href: page.methodPage(row.method) ?? page.link({ view: "cases", "f.method": plainLabel(row.method, row.variant), sort: "", q: "" }), title: `${row.label}: all cases` }, row.marked) },
     { id: "mean", title: metric.heading, value: at("mean"), descending: metric.better === "higher",
-      help: "mean, with its interval over shapes; bold: tied for first",
-      cell: (row) => h(row.i >= 0 && metric.best[row.i] ? "strong" : "span", {}, row.i < 0 ? "-" : metric.texts[row.i]),
+      help: "mean, with its interval over shapes; bold: the best mean",
+      cell: (row) => h(row.i >= 0 ? emphasis(metric, row.i) : "span", {}, row.i < 0 ? "-" : metric.texts[row.i]),
       csv: { head: [metric.name, "ci_low", "ci_high"], values: (row) => [at("mean")(row), at("ci_low")(row), at("ci_high")(row)] } },
     { id: "interval", title: "interval", plain: true, csv: false, value: () => undefined,
       cell: (row) => (row.i < 0 ? "" : whisker(metric, row.i, range)) },
@@ -63,7 +64,7 @@ export function board(page, choice) {
       value: (row) => other.mean[place(other, row)] ?? undefined,
       cell: (row) => {
         const i = place(other, row);
-        return h(other.best[i] ? "strong" : "span", {}, i < 0 ? "-" : other.texts[i]);
+        return h(emphasis(other, i), {}, i < 0 ? "-" : other.texts[i]);
       },
     })),
   ];

@@ -1,7 +1,7 @@
 // One metric in all groups side by side: by dataset, sensor or tag.
 import { slices as chart, widthOf } from "../charts.js";
 import { figure, h, select } from "../dom.js";
-import { keyOf } from "../data.js";
+import { emphasis } from "../data.js";
 import { dataTable } from "../table.js";
 import { arrow } from "../format.js";
 
@@ -31,7 +31,7 @@ export function slices(page) {
     id, title, descending: better === "higher", value: (row) => metric.mean[cell(metric, row.label)] ?? undefined,
     cell: (row) => {
       const i = cell(metric, row.label);
-      return i < 0 ? "-" : [h(metric.best[i] ? "strong" : "span", {}, metric.texts[i]), h("small", { class: "rank", title: "rank" }, ` ${metric.ranks[i]}`)];
+      return i < 0 ? "-" : [h(emphasis(metric, i), {}, metric.texts[i]), h("small", { class: "rank", title: "rank" }, ` ${metric.ranks[i]}`)];
     },
     csv: { head: [id, `${id} ci_low`, `${id} ci_high`, `${id} rank`], values: (row) => ["mean", "ci_low", "ci_high", "ranks"].map((key) => metric[key][cell(metric, row.label)]) },
   });
@@ -55,7 +55,7 @@ export function slices(page) {
     dataTable(rows, columns, { caption: `${name} by slice`, name: `${task}_${by}_${name}`, state, onState: page.change }),
     cells.length && figure(`${name} ${arrow(better)} in each slice`, chart(cells, drawn.map((one) => one.title), labels, { x: name, width: widthOf() }), {
       name: `${task}_${by}_${name}`, head: ["slice", "method", "mean", "ci_low", "ci_high"], lines: cells.map((c) => [c.slice, c.label, c.mean, c.low, c.high]),
-      note: `Methods in the order of the table, from above; filled: tied for first in the slice.${drawn.length < found.length ? ` The first ${drawn.length} of ${found.length} slices; the table has all.` : ""}`,
+      note: `Methods in the order of the table, from above; filled: the best mean of the slice.${drawn.length < found.length ? ` The first ${drawn.length} of ${found.length} slices; the table has all.` : ""}`,
     }),
     cells.length && legend(page, labels),
   ].filter(Boolean);
