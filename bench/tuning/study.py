@@ -18,7 +18,7 @@ from .space import Axis
 if TYPE_CHECKING:
     import optuna
 
-STARTS = 10  # random settings, at most, before the search learns from what it saw
+STARTS = 8  # random settings before the search learns from what it saw
 REPEATS = 25  # settings in a row that were tried before: what is left to try is not found
 
 
@@ -152,8 +152,8 @@ class Search:
     def _study(self) -> optuna.Study:
         optuna = imported()
         optuna.logging.set_verbosity(optuna.logging.WARNING)
-        starts = STARTS if self.trials is None else max(2, min(STARTS, self.trials // 3))
-        sampler = optuna.samplers.TPESampler(seed=self.seed, n_startup_trials=starts)
+        # Of more trials the first ones are the same, so that a search can be gone on with.
+        sampler = optuna.samplers.TPESampler(seed=self.seed, n_startup_trials=STARTS)
         study = optuna.create_study(sampler=sampler, direction="minimize")
         study.enqueue_trial({key: value for axis in self.axes for key, value in axis.of_default().items()})
         return study

@@ -100,6 +100,9 @@ def test_a_search_finds_the_least_is_the_same_each_time_and_stops_what_is_surely
     again, _ = a_search(monkeypatch, loss, axes, seed=3, trials=25)
     again.run()
     assert [t.changed for t in again.done] == [t.changed for t in search.done]
+    fewer, _ = a_search(monkeypatch, loss, axes, seed=3, trials=12)
+    fewer.run()
+    assert [t.changed for t in fewer.done] == [t.changed for t in search.done[:12]]
     held = search.judged(held_out=4)
     assert {case[1:4:2] for case in held[0].solved} == {(f"d{p}", f"c{i}") for p in range(2) for i in range(5, 9)}
     assert ratio(held[1], held[0], held[0].index).high < 1
