@@ -6,8 +6,8 @@
 
 (with pyvista, from the extra `render`)
 
-Families: a row each, its first test shapes, with their tags. Sensors: one shape as each of them sees it, coloured by
-the distance to the surface; presets of sensors included.
+Families: half a row each, its first test shapes, with their kinds. Sensors: one shape as each of them sees it,
+coloured by the distance to the surface; presets of sensors included.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ import pyvista
 
 from bench import Frame, Shape, generator
 from bench.geometry.mesh_surface import MeshSurface
-from bench.geometry.traits import all_tags
 from bench.plugins.presets import presets
 from bench.plugins.registry import registry
 from bench.plugins.schema import build
@@ -48,11 +47,15 @@ def families(picture: str, only: list[str]) -> None:
     for number, plugin in enumerate(plugins):
         for column, shape in enumerate(islice(plugin.cls().shapes("test"), SHAPES)):
             plotter.subplot(number // 2, column + SHAPES * (number % 2))
-            title = f"{plugin.name}\n" if column == 0 else "\n"
-            label(plotter, title + ", ".join(all_tags(shape.traits, shape.tags)))
+            kinds = [tag for tag in shape.tags if tag not in shape.traits.tags]
+            label(plotter, (f"{plugin.name}\n" if column == 0 else "\n") + ", ".join(kinds))
             sharp = "sharp" in shape.traits.tags
-            plotter.add_mesh(polydata(shape), color="#cfc7b8", smooth_shading=not sharp, split_sharp_edges=False)
+            look = {"color": "#cfc7b8", "smooth_shading": not sharp, "split_sharp_edges": False}
+            if shape.mesh.area < 0.01:  # a curve: a band without a width that could be seen
+                look = {"color": "black", "style": "wireframe", "line_width": 2}
+            plotter.add_mesh(polydata(shape), **look)
             plotter.camera_position = VIEW
+            plotter.camera.zoom(0.85)  # room for the words
     save(plotter, picture)
 
 

@@ -84,7 +84,7 @@ def cells_of(words: list[str], refused: list[str]) -> list[Any]:
     jobs = [job for request in by_experiment(overrides) for job in enumerate_jobs(request, True)]
     check_jobs(jobs)
     found: dict[str, tuple[Cell, Any]] = {}
-    for cell, settings in planned(jobs, refused):
+    for cell, settings, _ in planned(jobs, refused):
         values = cell.to_json()
         key = {name: values[name] for name in ("task", "dataset", "sensor", "seed", "split")}
         found.setdefault(json.dumps(key, sort_keys=True), (cell, settings))
