@@ -31,6 +31,11 @@ class Cloud:
         return Cloud(self.points[:count], self.normals[:count])
 
 
+# Of smaller grids the coarsest level has one or two cells a side, and oneDNN 3.12 sums the gradients of its bfloat16
+# weights over memory that it has not set: two equal calls differ.
+LEAST_MIXED = 12
+
+
 class Descriptor(nn.Module):
     """Point encoder, grid and U-Net: a cloud to features at the centres of the cells of a grid over [-1, 1]^3.
 
@@ -42,7 +47,8 @@ class Descriptor(nn.Module):
     generator : torch.Generator
         The weights are drawn from it, on the CPU.
     mixed : bool
-        Convolve in bfloat16 while training, where the processor or the GPU multiplies it; never otherwise.
+        Convolve in bfloat16 while training, where the processor or the GPU multiplies it; never otherwise, nor with
+        less than :data:`LEAST_MIXED` cells along a side.
     """
 
     def __init__(
@@ -59,7 +65,7 @@ class Descriptor(nn.Module):
         occupied, features = self.encoder(cloud.normals, cells)
         grid = features.new_zeros(self.side**3, self.channels).index_copy(0, occupied, features)
         grid = grid.t().reshape(1, self.channels, self.side, self.side, self.side)
-        fast = self.mixed and torch.is_grad_enabled() and multiplies_bfloat16(grid.device)
+        fast = self.mixed and self.side >= LEAST_MIXED and torch.is_grad_enabled() and multiplies_bfloat16(grid.device)
         with torch.autocast(grid.device.type, dtype=torch.bfloat16, enabled=fast):
             grid = self.unet(grid)
         return grid.to(features.dtype).reshape(self.channels, -1).t().contiguous()
