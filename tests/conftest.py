@@ -15,6 +15,9 @@ from pathlib import Path
 import psutil
 import pytest
 
+# Fixtures of the tests of pages. A conftest.py of their own would be what the others find as `conftest`.
+from browsing import browser, small, small_data, small_page, visit  # noqa: F401
+
 from bench.datasets.real import Real
 from bench.errors import MissingData
 from bench.plugins.registry import KINDS, load_plugins, plugin_module_name, registry
