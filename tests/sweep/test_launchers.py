@@ -28,7 +28,18 @@ def _is_there(package: str) -> bool:
 
 INSTALLED = [name for name, (package, _) in LAUNCHERS.items() if _is_there(package)]
 # What a run measures, and when and in which process it did.
-MEASURED = ("seconds", "cpu_seconds", "peak_rss_mb", "rss_before_mb", "started", "finished", "traceback", "host")
+MEASURED = (
+    "seconds",
+    "cpu_seconds",
+    "reference_seconds",
+    "exchange_seconds",
+    "peak_rss_mb",
+    "rss_before_mb",
+    "started",
+    "finished",
+    "traceback",
+    "host",
+)
 
 
 @pytest.fixture(scope="module")

@@ -159,7 +159,7 @@ def test_the_command_writes_a_preset_that_is_used_and_marked(tune, monkeypatch, 
     words = ["--plugin", MOVER, "task=denoise", "metric=p2f_mean", "results=t", "cases=1", "sensor.count=300"]
     assert cli.main(["run", "-m", *words, "method=mover,mover_tuned", "dataset=bumps"]) == 0
     shown = capsys.readouterr().out
-    assert len(re.findall(r"^mover .*¶", shown, re.MULTILINE)) == 1 and "¶ tuned: a search on train shapes" in shown
+    assert len(re.findall(r"^mover_tuned ¶", shown, re.MULTILINE)) == 1 and "¶ tuned: a search on train shapes" in shown
     assert cli.main(["leaderboard", "t", "--plugin", MOVER, "--format", "csv"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].endswith(",tier") and sorted(line.endswith(",tuned") for line in lines[1:]) == [False, True]
