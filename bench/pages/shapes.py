@@ -110,7 +110,7 @@ def _cases(folders: Sequence[Results], rows: pd.DataFrame) -> list[tuple[Place, 
     if not len(rows):
         return []
     rows = rows.reset_index(drop=True)
-    rows = rows.assign(label=labels(rows, folders), __kept=[_is_kept(folders, row) for row in rows.to_dict("records")])
+    rows = rows.assign(label=labels(rows), __kept=[_is_kept(folders, row) for row in rows.to_dict("records")])
     found = []
     for place, part in places(rows):
         failed = ~part["status"].isin(["ok", "skipped"])

@@ -59,7 +59,7 @@ def chosen(
     if len(kinds) > 1:
         raise UsageError(f"these are results of {', '.join(kinds)}: choose one with --task")
     rows = _of_seed(rows, seed)
-    rows = rows.assign(label=labels(rows, folders))
+    rows = rows.assign(label=labels(rows))
     order = ordered_labels(rows, method)
     rows = rows[rows["label"].isin(order)]
     rows = _of_cases(rows, case)

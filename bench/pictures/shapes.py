@@ -120,7 +120,7 @@ def case_shapes(folders: Sequence[Results], place: Place, rows: pd.DataFrame) ->
         With a note in place of whatever is not there: nothing is raised for a missing file, a plugin that is not
         installed, or a case that cannot be made again.
     """
-    names = list(rows["label"]) if "label" in rows else labels(rows, folders)
+    names = list(rows["label"]) if "label" in rows else labels(rows)
     found = [(name, row, folder_of(folders, row)) for name, row in zip(names, rows.to_dict("records"), strict=True)]
     outputs = tuple(_output(name, row, results) for name, row, results in found)
     case, why = _first_case(found)

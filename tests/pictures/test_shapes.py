@@ -12,7 +12,7 @@ from records import record, row
 from bench import PointCloud
 from bench.geometry.io.files import save
 from bench.pictures.errors import distances
-from bench.pictures.labels import labels, split_variant
+from bench.pictures.labels import labels
 from bench.pictures.shapes import case_shapes, has_faces, places
 from bench.plugins.presets import presets
 from bench.plugins.registry import registry
@@ -84,15 +84,14 @@ def test_the_header_says_what_a_file_is(tmp_path, kept):
     assert all(has_faces(file) for file in (kept[0].folder / "outputs/references").iterdir())
 
 
-def test_labels_are_as_short_as_they_can_be():
+def test_labels_are_those_of_tables():
     def of(*pairs, **values):
         return labels(pd.DataFrame([row(method=m, variant=v, **values) for m, v in pairs]))
 
-    assert of(("jet", "k=9"), ("apss", "")) == ["jet", "apss"]
+    assert of(("jet", "k=9"), ("apss", "")) == ["jet (k=9)", "apss"]
     assert of(("jet", "k=9,a=1"), ("jet", "k=7,a=1"), ("jet", "k=9,a=1")) == ["jet (k=9)", "jet (k=7)", "jet (k=9)"]
     two = pd.DataFrame([row(device="cpu"), row(device="cuda")])
     assert labels(two) == ["jet · cpu", "jet · cuda"]
-    assert split_variant("a=[1,2],b=x(c=1,d=2),e=3") == ["a=[1,2]", "b=x(c=1,d=2)", "e=3"]
 
 
 def test_presets_keep_their_names(tmp_path):
@@ -105,4 +104,4 @@ def test_presets_keep_their_names(tmp_path):
     results = Results(tmp_path)
     results.write(stored)
     rows = results.rows()
-    assert choice.variant and set(labels(rows, [results])) == {"alpha_wrap_plain"}
+    assert choice.variant and set(labels(rows)) == {"alpha_wrap_plain"}

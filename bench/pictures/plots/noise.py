@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ...errors import UsageError, did_you_mean
-from ..labels import folder_of, split_variant
+from ...ranking.naming import parts_of
+from ..labels import folder_of
 from .style import chart, looks, name_width, names_at_ends, plain_log
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def _without(labels: pd.Series, name: str) -> list[str]:
     for label in labels:
         head, bracket, rest = label.partition(" (")
         inner, _, tail = rest.rpartition(")")
-        kept = [part.strip() for part in split_variant(inner) if part.strip().partition("=")[0] != key.split(".")[0]]
+        kept = [part.strip() for part in parts_of(inner) if part.strip().partition("=")[0] != key.split(".")[0]]
         found.append((f"{head} ({', '.join(kept)})" if kept else head) + tail if bracket else label)
     return found
 

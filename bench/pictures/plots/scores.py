@@ -127,7 +127,7 @@ def scores_of(
         found = sorted(rows[what].unique()) if what in rows else []
         if len(found) > 1:
             raise UsageError(f"these are results of the {what}s {', '.join(found)}: choose one with --{what}")
-    rows = rows.assign(label=labels(pool(rows, "task"), folders))
+    rows = rows.assign(label=labels(pool(rows, "task")))
     order = ordered_labels(rows, method)
     rows = rows[rows["label"].isin(order)].reset_index(drop=True)
     name = _metric(rows, metric)
