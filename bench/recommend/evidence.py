@@ -143,10 +143,11 @@ class _Points:
     def __init__(self, scan: Scan):
         # The points of a scan lie along a space-filling curve: neighbours in the order are neighbours in space.
         patch = np.arange(len(scan.cloud)) * PATCHES // len(scan.cloud)
-        self._whole, self._patch, self._good = scan.cloud.points, patch, ~scan.outlier
+        self._all, self._patch, self._good = scan.cloud.points, patch, np.flatnonzero(~scan.outlier)
         rows = [np.flatnonzero(~scan.outlier & (scan.second == bool(half))) for half in (0, 1)]
         self.held = [(scan.cloud.points[chosen], patch[chosen]) for chosen in rows]
         self._trees = [cKDTree(points) for points, _ in self.held]
+        self._tree = cKDTree(self._all[self._good])
 
     def nearest(self, points: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
         """Distances of points (n, 3) to the nearest points of a half, and the patches of those."""
@@ -155,15 +156,15 @@ class _Points:
 
     def across(self, removed: np.ndarray, surface: MeshSurface, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Sums of the distances of removed points (a mask of all) to a surface, and of its samples nearest to them."""
-        good = np.flatnonzero(self._good)
-        gone = good[removed[good]]
-        to_mesh = _sums(surface.project(self._whole[gone]).distance, self._patch[gone])
+        gone = self._good[removed[self._good]]
+        to_mesh = _sums(surface.project(self._all[gone]).distance, self._patch[gone])
         samples, _ = surface.sample(SAMPLES, generator(seed, "gaps"))
-        distance, at = cKDTree(self._whole[good]).query(samples)
-        near = removed[good[at]]
+        distance, at = self._tree.query(samples)
+        at = self._good[at]
+        near = removed[at]
         if not near.any():  # nothing of the surface is there: as far from the points as they are from it
             return to_mesh, to_mesh
-        return to_mesh, _sums(distance[near], self._patch[good[at[near]]])
+        return to_mesh, _sums(distance[near], self._patch[at[near]])
 
 
 def _sums(values: np.ndarray, patch: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from ..geometry.cloud import PointCloud
 from ..geometry.mesh_surface import MeshSurface
 from ..seeds import generator
-from .scan import NEIGHBOURS, Scan, taken
+from .scan import Scan, reach_of, taken
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -66,9 +66,8 @@ def gaps_of(scan: Scan, meshes: Sequence[Trimesh], families: Sequence[str], seed
     seed : int
         Of the samples and of the places.
     """
-    points = scan.cloud.points[~scan.outlier]
-    tree = cKDTree(points)
-    reach = tree.query(points, [NEIGHBOURS + 1])[0][:, 0]
+    tree = cKDTree(scan.cloud.points[~scan.outlier])
+    reach = reach_of(tree)
     shares, depths = [], []
     for mesh in meshes:
         samples, _ = MeshSurface(mesh).sample(SAMPLES, generator(seed, "hidden"))

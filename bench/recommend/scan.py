@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..errors import BadInput
 from ..geometry.cloud import Frame, PointCloud
@@ -105,12 +106,15 @@ def scan_of(name: str, cloud: PointCloud, frame: Frame, points: int, seed: int) 
     return Scan(name, total, cloud, second, outlier, mean_spacing(cloud.points[~outlier]), state, frame)
 
 
+def reach_of(tree: cKDTree) -> np.ndarray:
+    """How far each point of a tree is from its eighth neighbour, (n,)."""
+    return tree.query(tree.data, [NEIGHBOURS + 1])[0][:, 0]
+
+
 def state_of(cloud: PointCloud) -> tuple[State, np.ndarray]:
     """The measured state of a cloud, and which of its points are outliers, an (n,) bool array."""
-    from scipy.spatial import cKDTree
-
     points = cloud.points
-    reach = cKDTree(points).query(points, [NEIGHBOURS + 1])[0][:, 0]
+    reach = reach_of(cKDTree(points))
     outlier = reach > FAR_OFF * np.median(reach)
     kept = points[~outlier]
     area = reach[~outlier] ** 2

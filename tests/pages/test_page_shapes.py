@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
+from pictured import stored
 
 from bench.geometry.cloud import PointCloud
 from bench.geometry.io.files import load_mesh, save
@@ -16,9 +14,6 @@ from bench.pages import shapes
 from bench.pages.packing import WORST, unpack
 from bench.pages.shapes import scenes
 from bench.plugins.registry import load_plugins
-
-sys.path.append(str(Path(__file__).parents[1] / "pictures"))
-from pictured import stored
 
 METHODS = ("poisson", "apss", "rimls")
 

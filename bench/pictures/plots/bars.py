@@ -30,12 +30,7 @@ def table(scores: Scores, options: Options) -> pd.DataFrame:
             "group": group,
             "method": board["label"],
             "title": board["label"].map(scores.titles),
-            "metric": scores.metric,
-            "mean": board["mean"].astype(float),
-            "low": board["ci_low"].astype(float),
-            "high": board["ci_high"].astype(float),
-            "solved": board["solved"].astype(int),
-            "planned": board["planned"].astype(int),
+            **scores.means(board),
         }
     )
     overall = scores.board().reset_index(drop=True)

@@ -46,12 +46,7 @@ def table(scores: Scores, options: Options) -> pd.DataFrame:
                 {
                     "method": _without(board["label"], name),
                     name: float(x),
-                    "metric": scores.metric,
-                    "mean": board["mean"].astype(float),
-                    "low": board["ci_low"].astype(float),
-                    "high": board["ci_high"].astype(float),
-                    "solved": board["solved"].astype(int),
-                    "planned": board["planned"].astype(int),
+                    **scores.means(board),
                 }
             )
         )

@@ -74,6 +74,17 @@ class Scores:
         """The rows as one table."""
         return pool(self.rows, "task")
 
+    def means(self, board: pd.DataFrame) -> dict[str, Any]:
+        """What a board gives to the table of a plot: means, their intervals, and how many cases were solved."""
+        return {
+            "metric": self.metric,
+            "mean": board["mean"].astype(float),
+            "low": board["ci_low"].astype(float),
+            "high": board["ci_high"].astype(float),
+            "solved": board["solved"].astype(int),
+            "planned": board["planned"].astype(int),
+        }
+
     def board(self, rows: pd.DataFrame | None = None, by: Names = "task") -> pd.DataFrame:
         """The lines of the leaderboard of some of the rows by the plot's metric, with a column ``label``.
 

@@ -58,13 +58,9 @@ def _variants(one: Best, look: Look) -> Table:
     return Table(
         *one.group,
         methods=tuple(", ".join(parts_of(v.variant)) or DEFAULTS for v in shown),
-        ranks=(),
-        fronts=(),
         metrics=(_means(one, shown, look), Metric("ratio", "", 0, tuple(ratios), title="ratio")),
         solved=tuple(f"{v.solved}/{v.planned}" for v in shown),
         seconds=tuple(plain(v.seconds) for v in shown),
-        memory=(),
-        parameters=(),
         notes=tuple(notes),
         head="parameters",
         subject=one.method,
@@ -82,17 +78,11 @@ def _effects(one: Best, look: Look) -> Table:
     return Table(
         *one.group,
         methods=tuple(f"{e.parameter}={e.value}" for e in one.effects),
-        ranks=(),
-        fronts=(),
         metrics=(
             _means(one, one.effects, look),
             Metric("ratio", "", 0, tuple(ratios), title="ratio"),
             Metric("variants", "", 0, tuple(counts), title="variants"),
         ),
-        solved=(),
-        seconds=(),
-        memory=(),
-        parameters=(),
         notes=(
             "one parameter at a time: the geometric mean over all variants with that value, of those settings of the "
             "others that were run with all values; ratio: to its best value.",

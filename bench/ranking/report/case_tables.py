@@ -57,13 +57,7 @@ def _table(group: tuple, scores: pd.DataFrame, means: list[Mapping[str, Any]], l
     return Table(
         *group[:-1],
         methods=tuple(_short(cases)),
-        ranks=(),
-        fronts=(),
         metrics=tuple(columns),
-        solved=(),
-        seconds=(),
-        memory=(),
-        parameters=(),
         notes=_notes(scores, called.notes),
         head="case",
         foot=FOOT,

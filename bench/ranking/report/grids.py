@@ -67,13 +67,7 @@ def _latex(grid: Grid) -> str:
     table = Table(
         *(grid.title, "", "", "test"),
         methods=tuple(line[0] for line in grid.lines),
-        ranks=(),
-        fronts=(),
         metrics=tuple(columns),
-        solved=(),
-        seconds=(),
-        memory=(),
-        parameters=(),
         notes=grid.notes,
         head=grid.head[0],
     )

@@ -67,21 +67,21 @@ Column = Metric | Plain
 
 @dataclass(frozen=True)
 class Table:
-    """One table; every tuple has one entry per method, best method first."""
+    """One table; every tuple has one entry per method, best method first, or none where there is no such column."""
 
     task: str
     dataset: str
     sensor: str
     split: str
     methods: tuple[str, ...]
-    ranks: tuple[str, ...]  # by the first metric; empty where the task has no single rank
-    fronts: tuple[str, ...]  # "1" on the Pareto front; empty where none was asked for
     metrics: tuple[Metric, ...]
-    solved: tuple[str, ...]
-    seconds: tuple[str, ...]
-    memory: tuple[str, ...]
-    parameters: tuple[str, ...]  # empty when no method has any
-    notes: tuple[str, ...]
+    ranks: tuple[str, ...] = ()  # by the first metric; empty where the task has no single rank
+    fronts: tuple[str, ...] = ()  # "1" on the Pareto front; empty where none was asked for
+    solved: tuple[str, ...] = ()
+    seconds: tuple[str, ...] = ()
+    memory: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()  # empty when no method has any
+    notes: tuple[str, ...] = ()
     head: str = "method"  # above the names of the lines
     order: tuple[str, ...] = ()  # the names of the columns to print, in their order; empty for all
     foot: tuple[str, ...] = ()  # the names of the last lines; without it there is one, of the floors
