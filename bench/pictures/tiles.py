@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 FINER = 2  # pictures are rendered larger by this factor, and averaged
-MOST_DISCS = 60_000  # of a cloud: more cannot be told apart in a tile
+MOST_DISCS = 60_000  # of a cloud: more would overlap in a tile
 CORNERS = 8  # of a disc
 COVER = 0.75  # radius of a disc, in distances of neighbouring points
 EDGES = {"show_edges": True, "edge_color": "#30343a", "edge_opacity": 0.4, "line_width": 0.4 * FINER}

@@ -8,7 +8,7 @@
 * **Average ranks** (Friedman, *J. Am. Stat. Assoc.* 32, 1937; Demšar, "Statistical Comparisons of Classifiers over
   Multiple Data Sets", *JMLR* 7, 2006): methods are ranked on each unit, the ranks of a shape's units are averaged, and
   the shape is one block with the ranks of these averages. Two methods whose average ranks differ by less than the
-  critical difference of Nemenyi's test, ``q sqrt(k (k + 1) / (6 n))``, cannot be told apart by that test.
+  critical difference of Nemenyi's test, ``q sqrt(k (k + 1) / (6 n))``, do not differ significantly by that test.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Average ranks, and which of them cannot be told apart: a critical-difference diagram.
+"""Average ranks, with a bar over those that do not differ significantly: a critical-difference diagram.
 
 J. Demšar, "Statistical Comparisons of Classifiers over Multiple Data Sets", *JMLR* 7, 2006; the numbers are those of
 :func:`bench.ranking.comparison.average_ranks`.
@@ -86,7 +86,7 @@ def cliques(ranks: np.ndarray, critical: float) -> list[tuple[int, int]]:
 
 
 def draw(table: pd.DataFrame, scores: Scores, options: Options) -> Figure:
-    """Ranks on a line, best on the left; names at both sides; bars join what cannot be told apart."""
+    """Ranks on a line, best on the left; names at both sides; bars join ranks that do not differ significantly."""
     ranks, n = table["average_rank"].to_numpy(), len(table)
     critical = float(table["critical_difference"].iloc[0])
     groups = cliques(ranks, critical)
