@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 PLACES = ("input", "output", "seed", "threads", "folder", "seconds", "ratio", "points")
 PREFIX = "detailbench-external-"  # of the folders in which files are exchanged
 LOCK = ".lock"
+MARK = "DETAILBENCH_EXTERNAL"  # the variable by which a program and all that it starts are known
 TAIL = 16384  # bytes that a program wrote to its standard error, of which the last lines are shown
 LINES = 5
 LOOK = 0.02  # seconds between looks at the memory of a program
@@ -154,24 +155,23 @@ class External:
         with _exchange_folder() as folder:
             source, target = folder / f"input.{self.input_format}", folder / f"output.{self.output_format}"
             with run.exchange():
-                before = _group()
                 _write(cloud if self.normals else replace(cloud, normals=None), source)
             places = {"input": source, "output": target, "folder": folder, "seed": run.seed, "threads": run.threads}
             places |= {"seconds": f"{run.seconds:g}", "points": len(cloud), "ratio": 1} | values
             words = [word.format_map(places) for word in _split(self.command, "command")]
             words[0] = self._find(words[0], "command")
             try:
-                self._call(words, run)
+                self._call(words, run, folder.name)
             finally:
                 with run.exchange():
-                    _kill(_group() - before)
+                    _kill(_marked(folder.name))
             with run.exchange():
                 moved = self._in_own_frame(cloud) if self.frame == "unit" else None
                 output = read_output(target, self.task, moved or cloud, f"{target.name} of {Path(words[0]).name}")
                 return self._moved_back(output, cloud) if moved else output
 
-    def _call(self, words: list[str], run: Run) -> None:
-        """Run the program to its end.
+    def _call(self, words: list[str], run: Run, mark: str) -> None:
+        """Run the program to its end, with ``mark`` in its environment.
 
         Raises
         ------
@@ -184,7 +184,7 @@ class External:
         process = subprocess.Popen(
             words,
             cwd=self._folder,
-            env={**os.environ, **threads, **self.env},
+            env={**os.environ, **threads, **self.env, MARK: mark},
             stdin=subprocess.DEVNULL,
             stdout=sys.__stderr__.fileno() if sys.__stderr__ else None,
             stderr=subprocess.PIPE,
@@ -293,16 +293,20 @@ class _Tail:
         return "\n".join(lines[-LINES:])
 
 
-def _group() -> set[int]:
-    """The processes of this one's group, without itself; those that ended do not count."""
+def _marked(mark: str) -> list[int]:
+    """The processes that have a mark in their environment.
+
+    Neither the group nor the parent tells what a program left: other programs may be started in the same group
+    meanwhile, and a process whose parent has ended belongs to another.
+    """
     import psutil
 
-    found, own = set(), os.getpgrp()
+    found = []
     for process in psutil.process_iter():
-        with contextlib.suppress(psutil.Error, ProcessLookupError):
-            if os.getpgid(process.pid) == own and process.status() != psutil.STATUS_ZOMBIE:
-                found.add(process.pid)
-    return found - {os.getpid()}
+        with contextlib.suppress(psutil.Error, OSError):
+            if process.environ().get(MARK) == mark:
+                found.append(process.pid)
+    return found
 
 
 def _tree(pid: int) -> list[int]:
@@ -323,7 +327,7 @@ def _peak_mb(pid: int) -> float:
     return 0.0
 
 
-def _kill(processes: set[int]) -> None:
+def _kill(processes: list[int]) -> None:
     """End what a program has started and left behind: it would work on while the next case is measured."""
     for pid in processes:
         with contextlib.suppress(ProcessLookupError, PermissionError):

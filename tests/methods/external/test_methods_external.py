@@ -6,6 +6,7 @@ import os
 import stat
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -207,6 +208,16 @@ def test_another_version_makes_results_stale():
         return stated_versions(made)["version that method external states"]
 
     assert (key("1.2"), key("1.3")) == ("1.2", "1.3")
+
+
+def test_another_program_of_the_same_process_lives_on(ball, program, tmp_path):
+    """Two at once, of which the one that began first ends first."""
+    long = program(f"import time; open({str(tmp_path / 'begun')!r}, 'w'); time.sleep(1)\n{COPY}", "long.py")
+    wait = f"import os, time\nwhile not os.path.exists({str(tmp_path / 'begun')!r}): time.sleep(0.01)\n{COPY}"
+    commands = [f"{path} {{input}} {{output}}" for path in (program(wait, "short.py"), long)]
+    with ThreadPoolExecutor(2) as pool:
+        outputs = list(pool.map(lambda command: solve(ball, command=command), commands))
+    assert [len(output) for output in outputs] == [300, 300]
 
 
 def test_a_record_starts_nothing(program, tmp_path):
