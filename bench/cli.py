@@ -53,10 +53,21 @@ COMMANDS = {
 EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved,
 130 interrupted (143 by SIGTERM, 129 by SIGHUP)"""
 
-READ_CONFIGS = ("run", "plan", "list", "leaderboard", "report", "site", "train", "apply", "check")
-READ_CONFIGS = ("run", "plan", "list", "leaderboard", "train", "tune", "apply", "check")
-READ_CONFIGS = ("run", "plan", "list", "leaderboard", "worst", "train", "apply", "check")
-READ_CONFIGS = ("run", "plan", "list", "leaderboard", "train", "apply", "check", "inputs")
+# Those that read files of the user's own configs, in which a name may be in two places.
+READ_CONFIGS = [
+    "run",
+    "plan",
+    "list",
+    "leaderboard",
+    "report",
+    "site",
+    "worst",
+    "train",
+    "tune",
+    "apply",
+    "check",
+    "inputs",
+]
 MOST_NAMES = 5  # of which it is said that they are in two places
 MOST_NAME = 500  # letters of a file's name in a message
 
