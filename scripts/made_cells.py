@@ -27,8 +27,8 @@ from bench.cli import main
 from bench.plugins.registry import load_plugins
 from bench.results.checks import read_record
 from bench.results.store import Record, Results
-from bench.sweep.composition import enumerate_jobs
 from bench.sweep.planned import planned_jobs
+from bench.sweep.request import Request
 
 AXES = (
     "method=identity,noise,jet,wlop,bilateral,rimls,apss,statistical_outlier,radius_outlier,empty",
@@ -50,7 +50,7 @@ def write_all(cells: int, folder: Path) -> None:
     cells = sorted(path for path, _ in results._files())
     table, meta = read_record(cells[0])
     rng = np.random.default_rng(0)
-    jobs = enumerate_jobs([*sweep(cells), f"results={folder}"], multirun=True)
+    jobs = Request.of([*sweep(cells), f"results={folder}"], multirun=True).jobs
     with ThreadPoolExecutor(4) as pool:
         for _ in pool.map(lambda job: _write(results, table, meta, *job), _numbered(jobs, rng)):
             pass

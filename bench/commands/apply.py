@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     from ..engine.affinity import available
     from ..engine.forkserver import begin
     from ..engine.targets import names_a_folder
-    from ..sweep.overrides import threads_of
+    from ..sweep.request import Request
 
     plugins = load_plugins(args.plugin)
     files = [word for word in args.words if is_file(word)]
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--simplify {args.simplify}: expected a number of faces, at least 4")
     if not any(word.partition("=")[0] == "threads" for word in overrides):
         overrides.append(f"threads={len(available())}")
-    begin(threads_of(overrides))
+    begin(Request.of([word for word in overrides if word.startswith("threads=")]).threads)
     jobs = jobs_of(overrides, files, plugins, args.simplify, args.colors)
     if not names_a_folder(files[-1]):
         return _one(jobs[0], traceback=bool(args.plugin))
@@ -88,7 +88,8 @@ def run(args: argparse.Namespace) -> int:
 def is_file(word: str) -> bool:
     """Whether a word is the name of a file, though there may be a ``=`` in it, and not a key and its value."""
     from ..geometry.io.files import CLOUD_READERS
-    from ..sweep.overrides import is_key, is_override
+    from ..sweep.overrides import is_key
+    from ..sweep.quoting import is_override
 
     if not is_override(word) or os.path.exists(word):
         return True
@@ -112,14 +113,12 @@ def jobs_of(
     from ..plan.choice import Choice
     from ..plan.limits import Limits
     from ..plan.training import Training
-    from ..sweep.composition import resolved
-    from ..sweep.overrides import check_overrides
+    from ..sweep.overrides import checked
 
     *inputs, output = files
     overrides, normals = _normals_of(overrides)
     overrides = _with_task(overrides, output, inputs)
-    check_overrides(overrides, multirun=False, command="apply")
-    values = resolved(overrides)
+    values = checked(overrides, "apply").values
     check_root(values)
     task, method = (Choice.of(kind, values[kind]) for kind in ("task", "method"))
     if not method.solves(task.name):
@@ -157,19 +156,18 @@ def _with_task(overrides: list[str], output: str, inputs: Sequence[str]) -> list
     """The overrides with a task, and the method checked."""
     from ..plan.choice import Choice
     from ..plugins.presets import resolve
-    from ..sweep.composition import resolved
-    from ..sweep.overrides import check_overrides, chosen
+    from ..sweep.overrides import checked
 
     of_task = [w for w in overrides if w.startswith("task.")]  # may tell which task is meant
     others = [w for w in overrides if w not in of_task]
-    check_overrides(others, multirun=False, command="apply")
+    request = checked(others, "apply")
     if not any(w.startswith("method=") for w in overrides):
         raise UsageError("choose a method: detailbench apply method=NAME INPUT OUTPUT (detailbench list methods)")
-    registry().find("method", resolve("method", chosen("method", overrides)[0]))  # or a message that has its name
+    registry().find("method", resolve("method", request.chosen("method")[0]))  # or a message that has its name
     if any(w.startswith("task=") for w in overrides):
         return overrides
     # With its parameters: a chain solves what its last step solves.
-    method = Choice.of("method", resolved(others)["method"])
+    method = Choice.of("method", request.values["method"])
     return [*overrides, f"task={_task_for(method, output, inputs, of_task)}"]
 
 

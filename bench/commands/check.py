@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Check them all; the exit code says whether one failed."""
     from ..authoring.conformance import check_plugin
-    from ..sweep.overrides import is_override
+    from ..sweep.quoting import is_override
 
     overrides = [word for word in args.what if is_override(word)]
     what = [word for word in args.what if word not in overrides]
@@ -105,8 +105,7 @@ def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[
     """The parameters of a plugin, or of its preset called ``name``, and the limits, as the words have them."""
     from ..authoring.conformance import LIMIT
     from ..plugins.schema import build
-    from ..sweep.composition import resolved
-    from ..sweep.overrides import check_overrides
+    from ..sweep.overrides import checked
 
     limits = [word for word in overrides if word.lstrip("+").startswith("limit.")]
     own = _own(overrides, plugin)
@@ -114,9 +113,7 @@ def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[
         own = [f"metric=[{name}]" if plugin.kind == "metric" else f"{plugin.kind}={name}", *own]
     if not (limits or own):
         return {}, LIMIT
-    words = [*own, *limits]
-    check_overrides(words, multirun=False)
-    values = resolved(words)
+    values = checked([*own, *limits], "check").values
     chosen = values["metric"][plugin.name] if plugin.kind == "metric" and own else values[plugin.kind]
     parameters = chosen if own else {}
     if own:

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fetch one dataset, or list those that can be."""
-    from ..sweep.overrides import is_override
+    from ..sweep.quoting import is_override
 
     load_plugins(args.plugin)
     known = {plugin.name: plugin for plugin in registry().all("dataset") if hasattr(plugin.cls, "fetch")}
@@ -58,12 +58,9 @@ def _how_it_is(plugin: Plugin) -> str:
 def _built(plugin: Plugin, overrides: list[str]) -> Any:
     """The dataset with the parameters that the words give."""
     from ..plugins.schema import build
-    from ..sweep.composition import resolved
-    from ..sweep.overrides import check_overrides
+    from ..sweep.overrides import checked
 
     foreign = [word for word in overrides if not word.startswith("dataset.")]
     if foreign:
         raise UsageError(f"{foreign[0]}: expected parameters of the dataset, dataset.KEY=VALUE")
-    words = [f"dataset={plugin.name}", *overrides]
-    check_overrides(words, multirun=False)
-    return build(plugin, resolved(words)["dataset"])
+    return build(plugin, checked([f"dataset={plugin.name}", *overrides], "fetch").values["dataset"])

@@ -110,10 +110,8 @@ def settings_of(words: list[str], plugins: tuple[str, ...]) -> Any:
     from dataclasses import replace
 
     from ..plan.cell import settings_of as composed
-    from ..sweep.composition import resolved
-    from ..sweep.destination import destination, settled
     from ..sweep.flags import split_words
-    from ..sweep.overrides import check_overrides
+    from ..sweep.overrides import checked
 
     overrides, flags = split_words(words)
     for word in [*flags, *overrides]:
@@ -122,6 +120,4 @@ def settings_of(words: list[str], plugins: tuple[str, ...]) -> Any:
             raise UsageError(
                 f"{word}: expected {', '.join(f'{k}=' for k in KEYS)} or limit.KEY=; the manifest says the rest"
             )
-    overrides = settled(overrides, destination(overrides))
-    check_overrides(overrides, multirun=False)
-    return replace(composed(resolved(overrides)), plugins=plugins)
+    return replace(composed(checked(overrides, "import").values), plugins=plugins)

@@ -69,19 +69,14 @@ def run(args: argparse.Namespace) -> int:
 def cells_of(words: list[str], refused: list[str]) -> list[Any]:
     """The cells of an override list, each with its settings: of those that differ in the method alone the first."""
     from ..plan.cell import Cell
-    from ..sweep.composition import enumerate_jobs
-    from ..sweep.flags import split_words
-    from ..sweep.overrides import by_experiment, check_jobs, check_overrides, without_globs
+    from ..sweep.flags import only_overrides
+    from ..sweep.overrides import check_jobs, checked
     from .plan import cells_of as planned
 
-    overrides, flags = split_words(words)
-    if flags:
-        raise UsageError(f"{flags[0]}: no option of this command")
+    overrides = only_overrides(words, "no option of this command")
     if not any(word.startswith(("method=", "experiment=")) for word in overrides):
         overrides.append("method=identity")  # which solves whatever has a file for its input
-    check_overrides(overrides, multirun=True, command="plan")
-    overrides = without_globs(overrides)
-    jobs = [job for request in by_experiment(overrides) for job in enumerate_jobs(request, True)]
+    jobs = [job for request in checked(overrides, "inputs", multirun=True).parts() for job in request.jobs]
     check_jobs(jobs)
     found: dict[str, tuple[Cell, Any]] = {}
     for cell, settings, _ in planned(jobs, refused):

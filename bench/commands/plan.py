@@ -33,37 +33,21 @@ def run(args: argparse.Namespace) -> int:
     from ..plan.cell import not_planned
     from ..results.earlier import told
     from ..results.store import Results
-    from ..sweep.composition import enumerate_jobs, is_sweep
-    from ..sweep.destination import destination, settled
-    from ..sweep.flags import split_words
+    from ..sweep.flags import only_overrides
     from ..sweep.forecast import Pace, seconds_to_do, summary, workers_of
-    from ..sweep.overrides import (
-        by_experiment,
-        check_jobs,
-        check_overrides,
-        runs_here,
-        threads_of,
-        without_globs,
-        word_of_threads,
-    )
+    from ..sweep.overrides import check_jobs, checked
     from ..sweep.planned import Shelf
 
     plugins = load_plugins(args.plugin)
-    overrides, flags = split_words(args.rest)
-    if flags:
-        raise UsageError(f"{flags[0]}: no option of plan; `detailbench run {' '.join(flags)} ...` shows a config")
-    folder = destination(overrides)
-    overrides = settled(overrides, folder)
-    multirun = args.multirun or is_sweep(overrides)
-    check_overrides(overrides, multirun=multirun, command="plan")
-    overrides = without_globs(overrides)
-    results = Results(folder)
+    overrides = only_overrides(args.rest, "no option of plan; `detailbench run` has it, to show a config")
+    request = checked(overrides, "plan", multirun=args.multirun, sweeps=True)
+    results = Results(request.folder)
     pace = Pace.of(results)
     lines, seconds, refused, stale = [], [], [], []
     planned = finished = unknown = 0
     devices = set()
     trainings: dict[str, str] = {}
-    jobs = [job for request in by_experiment(overrides) for job in enumerate_jobs(request, multirun)]
+    jobs = [job for part in request.parts() for job in part.jobs]
     check_jobs(jobs)
     shelf = Shelf(results)
     for cell, settings, mark in cells_of(jobs, refused):
@@ -75,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         )
         seconds.append(rest)
         stale.append(reasons)
-        devices |= {cell.device} if there < cell.planned and runs_here(overrides) else set()
+        devices |= {cell.device} if there < cell.planned and request.runs_here else set()
         planned, finished = planned + cell.planned, finished + there
         if cell.training and there < cell.planned and (line := line_of_training(results, cell.training)):
             trainings[cell.training.id] = line
@@ -89,13 +73,13 @@ def run(args: argparse.Namespace) -> int:
         print(f"not planned: {line}")
     if not lines:
         raise UsageError("nothing to run: no combination of these words is a cell")
-    workers = workers_of(overrides, threads_of(overrides))
+    workers = workers_of(request, request.threads)
     for line in trainings.values():
         print(line)
     print(f"{counted(len(lines), 'cell')}, {summary(planned, finished, seconds, unknown, workers)}")
     if line := told(stale):
         print(line)
-    if word := word_of_threads(overrides, len(available())):
+    if word := request.warning_of_threads(len(available())):
         print(word)
     if plugins:
         print(f"with the plugins of {', '.join(plugins)}")

@@ -22,6 +22,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,20 +38,11 @@ from ..plugins.registry import load_plugins
 from ..results.earlier import told
 from ..results.store import Results
 from ..sweep import launch as sweep
-from ..sweep.destination import destination, settled
 from ..sweep.flags import split_words
 from ..sweep.outlook import Outlook, look_ahead
-from ..sweep.overrides import (
-    by_experiment,
-    check_jobs,
-    check_overrides,
-    devices_of,
-    runs_here,
-    threads_of,
-    without_globs,
-    word_of_threads,
-)
+from ..sweep.overrides import check, check_jobs, checked
 from ..sweep.progress import Bars, Follow, Lines
+from ..sweep.request import Request, is_hydras
 from ..text import counted
 
 PASSES_ON = True  # Hydra's own flags are passed on
@@ -65,49 +57,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, and say with the exit code whether every case was solved."""
-    from ..sweep.composition import is_sweep
-
     listing()  # kept for this start and the next: the processes below import only what they need
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
     if flags:
-        return show_config(flags, overrides, args.multirun)
-    folder = destination(overrides)
-    overrides = settled(overrides, folder)
-    multirun = args.multirun or is_sweep(overrides)
-    check_overrides(overrides, multirun=multirun)
-    overrides = without_globs(overrides)
-    requests = by_experiment(overrides)
-    sweeps = [jobs_of(request, multirun) for request in requests]
-    results = Results(folder, mends=True)
-    check_devices(requests, sweeps, results)
+        return show_config(flags, Request.of(overrides), args.multirun)
+    whole = checked(overrides, multirun=args.multirun, sweeps=True)
+    requests = whole.parts()
+    for request in requests:
+        check_jobs(request.jobs)
+    results = Results(whole.folder, mends=True)
+    check_devices(requests, results)
     results.prepare()
-    if word := word_of_threads(overrides, len(available())):
+    if word := whole.warning_of_threads(len(available())):
         print(f"warning: {word}", file=sys.stderr)
     codes = []
-    for request, jobs in zip(requests, sweeps, strict=True):
+    for request in requests:
         if len(requests) > 1:
-            print(next(word for word in request if word.startswith("experiment=")), file=sys.stderr)
-        codes.append(_sweep(args, request, jobs, multirun, results, plugins))
+            print(f"experiment={request.experiments[0]}", file=sys.stderr)
+        codes.append(_sweep(args, request, results, plugins))
         if codes[-1] > 128:  # interrupted
             return codes[-1]
     return 1 if 1 in codes else max(codes)
 
 
-def _sweep(
-    args: argparse.Namespace,
-    overrides: list[str],
-    jobs: list[list[str]],
-    multirun: bool,
-    results: Results,
-    plugins: tuple[str, ...],
-) -> int:
+def _sweep(args: argparse.Namespace, request: Request, results: Results, plugins: tuple[str, ...]) -> int:
     """One sweep, or one job, from its launch to its report; the exit code."""
-    from ..sweep.composition import settled_by_job
-
-    if not any(sweep.is_hydras(word) for word in overrides):  # no launcher, no environment of jobs
-        forkserver.begin(threads_of(overrides))
-    ahead = look_ahead(jobs, overrides, results) if len(jobs) > 1 else None
+    jobs = request.jobs
+    if request.launcher == "basic" and not any(map(is_hydras, request.overrides)):  # no environment of jobs
+        forkserver.begin(request.threads)
+    ahead = look_ahead(jobs, request, results) if len(jobs) > 1 else None
     _warn(results)
     if ahead and ahead.text:
         print(ahead.text, file=sys.stderr)
@@ -118,8 +97,7 @@ def _sweep(
     with session.open():
         interrupted = None
         try:
-            words = settled_by_job(overrides) if multirun else overrides
-            code = _launch(session, [*words, *private], jobs, private, multirun, ahead)
+            code = _launch(session, request, private, ahead)
         except KeyboardInterrupt as error:
             code = interrupted = code_of(error)
         finally:
@@ -139,40 +117,32 @@ def _sweep(
             file=sys.stderr,
         )
         if cells:
-            _show_board(args, results, cells, planned, overrides)
+            _show_board(args, results, cells, planned, request)
         return interrupted
-    return _report(args, results, done, cells, planned, code, overrides)
+    return _report(args, results, done, cells, planned, code, request)
 
 
-def show_config(flags: list[str], overrides: list[str], multirun: bool) -> int:
+def show_config(flags: Mapping[str, str], request: Request, multirun: bool) -> int:
     """Let Hydra show what its flags ask for; nothing is run or written."""
     if multirun:
-        raise UsageError(f"{flags[0]} shows the config of one run: leave out -m, and give each key one value")
-    check_overrides(overrides, multirun=False)
-    return sweep.launch([*flags, *overrides], multirun=False)
+        raise UsageError(f"{next(iter(flags))} shows the config of one run: leave out -m, and give each key one value")
+    check(request)
+    return sweep.show(flags, request)
 
 
-def _launch(
-    session: sweep.Session,
-    overrides: list[str],
-    jobs: list[list[str]],
-    private: list[str],
-    multirun: bool,
-    ahead: Outlook | None,
-) -> int:
+def _launch(session: sweep.Session, request: Request, private: list[str], ahead: Outlook | None) -> int:
     """Launch what is not finished; the exit code."""
     forecast, ended = (ahead.forecast, ahead.ended) if ahead else (None, {})
-    places = [place for place in range(len(jobs)) if place not in ended]
+    total = len(request.jobs)
+    places = [place for place in range(total) if place not in ended]
     with contextlib.ExitStack() as stack:
-        total = len(jobs)
         shown = stack.enter_context(Bars(total, forecast)) if sys.stderr.isatty() else Lines(total, forecast)
         shown.ended_before(ended)
         if not places:
             return 0
         stack.enter_context(Follow(session, shown, places))
         sweep.PROGRESS = shown
-        launched = [[*jobs[place], *private] for place in places] if ended else None
-        return sweep.launch_all(session, overrides, len(places), multirun, launched)
+        return sweep.launch_all(session, request, [[*request.jobs[place], *private] for place in places])
 
 
 def _report(
@@ -182,7 +152,7 @@ def _report(
     cells: list[dict[str, Any]],
     planned_cells: int,
     code: int,
-    overrides: list[str],
+    request: Request,
 ) -> int:
     """Notes, the leaderboard of this run (beside a paper's table, or in the conventions named), and the exit code."""
     for line in not_planned(entry["message"] for entry in done if entry["kind"] == "not_solved"):
@@ -202,7 +172,7 @@ def _report(
         return code or 1
     if line := told(entry["stale"] for entry in cells):
         print(f"run again: {line}", file=sys.stderr)
-    _show_board(args, results, cells, planned_cells, overrides)
+    _show_board(args, results, cells, planned_cells, request)
     solved, planned = sum(c["solved"] for c in cells), sum(c["planned"] for c in cells)
     cached, for_outputs = sum(c["cached"] for c in cells), sum(c["for_outputs"] for c in cells)
     again = f" ({for_outputs} of them again, for their outputs)" if for_outputs else ""
@@ -215,21 +185,22 @@ def _report(
 
 
 def _show_board(
-    args: argparse.Namespace, results: Results, cells: list[dict[str, Any]], planned: int, overrides: list[str]
+    args: argparse.Namespace, results: Results, cells: list[dict[str, Any]], planned: int, request: Request
 ) -> None:
     """The leaderboard of the cells that are finished, which says how many of the planned ones are missing."""
     if args.no_leaderboard:
         return
+    from ..ranking.published import has_published
     from .leaderboard import show, what_is_missing
 
     rows = results.rows(of={(c["cell"], c["fingerprint"]) for c in cells})
     _warn(results)
     missing = what_is_missing(len(cells), planned)
-    tables = published_by(overrides)
+    tables = [name for name in request.experiments if has_published(name)]
     with reader_may_leave():
         for experiment in tables:
             show(rows, published=experiment, missing=missing)
-        for convention in [] if tables else conventions_of(overrides) or [None]:
+        for convention in [] if tables else conventions_of(request) or [None]:
             show(rows, convention=convention, missing=missing)
 
 
@@ -239,31 +210,18 @@ def _warn(results: Results) -> None:
         print(f"warning: {results.damaged.pop(0)}", file=sys.stderr)
 
 
-def published_by(overrides: list[str]) -> list[str]:
-    """The experiments among the overrides that repeat a paper's table."""
-    from ..ranking.published import has_published
-
-    named = [word.partition("=")[2] for word in overrides if word.startswith("experiment=")]
-    return [name for name in named if has_published(name)]
-
-
-def conventions_of(overrides: list[str]) -> list[str]:
+def conventions_of(request: Request) -> list[str]:
     """The conventions that the overrides, or the experiment that they name, choose."""
     from omegaconf import OmegaConf
 
-    from ..sweep.composition import compose
-    from ..sweep.overrides import chosen
-
-    named = [name for name in chosen("convention", overrides) if name not in ("None", "null", "")]
-    experiment = [word for word in overrides if word.lstrip("+").startswith("experiment=")]
-    if named or not experiment:
+    named = [name for name in request.chosen("convention") if name not in ("None", "null", "")]
+    if named or request.hydra is None:
         return list(dict.fromkeys(named))
-    # The other words may be swept, or parameters of what is, which cannot be composed; none of them has a say here.
-    name = OmegaConf.select(compose([word for word in experiment if "," not in word]), "convention.name")
+    name = OmegaConf.select(request.hydra, "convention.name")
     return [name] if name else []
 
 
-def check_devices(requests: list[list[str]], sweeps: list[list[list[str]]], results: Results) -> None:
+def check_devices(requests: list[Request], results: Results) -> None:
     """Refuse a device that is not on this machine before anything is run, unless all its cells are finished.
 
     Raises
@@ -273,26 +231,16 @@ def check_devices(requests: list[list[str]], sweeps: list[list[list[str]]], resu
     """
     from .plan import cells_of, look_up
 
-    for overrides, jobs in zip(requests, sweeps, strict=True):
-        if not runs_here(overrides):
+    for request in requests:
+        if not request.runs_here:
             continue
         try:
-            for device in devices_of(overrides):
+            for device in request.devices:
                 check_device(device)
         except UsageError:
-            for cell, settings, _ in cells_of(jobs, []):
+            for cell, settings, _ in cells_of(request.jobs, []):
                 if look_up(results, cell, settings)[0] < cell.planned:
                     check_device(cell.device)
-
-
-def jobs_of(overrides: list[str], multirun: bool) -> list[list[str]]:
-    """Check the overrides; those of every job that they make."""
-    from ..sweep.composition import enumerate_jobs
-
-    check_overrides(overrides, multirun=multirun)
-    jobs = enumerate_jobs(overrides, multirun)
-    check_jobs(jobs)
-    return jobs
 
 
 def _hydra_list(values: tuple[str, ...]) -> str:

@@ -50,7 +50,6 @@ def run(args: argparse.Namespace) -> int:
     """Compose, train in a child process, say what was made."""
     from ..engine.training import Extra, TrainingFailed, forget, state_of, weights_for
     from ..results.store import Results
-    from ..sweep.destination import destination, settled
 
     plugins = load_plugins(args.plugin)
     overrides = list(args.rest)
@@ -61,8 +60,7 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(f"{target}: there is no folder {Path(os.path.expanduser(target)).absolute().parent}")
     if args.examples and not Path(os.path.expanduser(args.examples)).is_file():
         raise UsageError(f"--examples {args.examples}: no such file")
-    folder = destination(overrides)
-    training, settings = job_of(settled(overrides, folder), plugins)
+    training, settings, folder = job_of(overrides, plugins)
     results = Results(folder)
     results.prepare()
     if settings.rerun == "always":
@@ -91,28 +89,27 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, Any]:
-    """The training that the words describe, and the settings; ``training.weights`` is ``trained`` here."""
+def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, Any, str]:
+    """The training that the words describe, the settings, and the folder of results; it is ``trained`` here."""
     from dataclasses import replace
 
     from ..plan.cell import Cell, check_root, settings_of
     from ..plan.training import AUTO, TRAINED
     from ..plugins.presets import resolve
     from ..plugins.registry import registry
-    from ..sweep.composition import resolved
-    from ..sweep.overrides import check_overrides, chosen
+    from ..sweep.overrides import checked
 
-    check_overrides([word for word in overrides if not word.startswith("task.")], multirun=False, command="train")
+    request = checked([word for word in overrides if not word.startswith("task.")], "train")
     if not any(word.startswith("method=") for word in overrides):
         raise UsageError("choose a method: detailbench train method=NAME (detailbench list methods)")
     if not any(word.startswith("task=") for word in overrides):
-        method = registry().find("method", resolve("method", chosen("method", overrides)[0]))
+        method = registry().find("method", resolve("method", request.chosen("method")[0]))
         solves = [task for task in registry().names("task") if method.solves(task)]
         if len(solves) != 1:
             raise UsageError(f"method {method.name} solves {', '.join(solves) or 'no task'}: add task=NAME")
         overrides = [*overrides, f"task={solves[0]}"]
-    check_overrides(overrides, multirun=False, command="train")
-    values = resolved(overrides)
+    request = checked(overrides, "train")
+    values = request.values
     check_root(values)
     weights = values["training"]["weights"]
     if weights not in (AUTO, TRAINED):
@@ -122,7 +119,7 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
     cell = Cell.from_config(values)
     if cell.training is None:
         raise UsageError(f"method {cell.method.name} does not learn: there is nothing to train")
-    return cell.training, replace(settings_of(values), plugins=plugins)
+    return cell.training, replace(settings_of(values), plugins=plugins), request.folder
 
 
 class Shown:

@@ -65,7 +65,6 @@ def run(args: argparse.Namespace) -> int:
     """Search, compare, write the preset."""
     from ..engine.runner import forget_servers
     from ..results.store import Results
-    from ..sweep.destination import destination, settled
     from ..tuning.space import declared_axes, named_axes, split_words
     from ..tuning.study import Bench, Search, imported
     from ..tuning.verdict import check_target
@@ -74,9 +73,8 @@ def run(args: argparse.Namespace) -> int:
     seconds = _checked(args)
     plugins = load_plugins(args.plugin)
     words, named = split_words(args.rest)
-    folder = destination(words)
-    words = settled(_completed(words), folder)
-    configs, settings = _configs(words, plugins)
+    words = _completed(words)
+    configs, settings, folder = _configs(words, plugins)
     method = registry().find("method", configs[0]["method"]["_name_"])
     fixed = _fixed(words, configs[0]["method"])
     axes = named_axes(method, named, fixed) if named else declared_axes(method, fixed)
@@ -134,14 +132,14 @@ def seconds_of(text: str) -> float:
 def _completed(words: Sequence[str]) -> list[str]:
     """The overrides with the method's task, the usual datasets and the train split where they are not given."""
     from ..plugins.presets import resolve
-    from ..sweep.overrides import chosen
+    from ..sweep.request import Request
 
     keys = {word.partition("=")[0].lstrip("+") for word in words}
     if "method" not in keys and "experiment" not in keys:
         raise UsageError("choose a method: detailbench tune method=NAME (detailbench list methods)")
     more = []
     if "experiment" not in keys:
-        names = chosen("method", words)
+        names = Request.of(words).chosen("method")
         if len(names) == 1 and "task" not in keys and resolve("method", names[0]) in registry().names("method"):
             plugin = registry().find("method", resolve("method", names[0]))
             solved = [task for task in registry().names("task") if plugin.solves(task)]
@@ -155,14 +153,14 @@ def _completed(words: Sequence[str]) -> list[str]:
     return [*words, *more, *([] if split else ["split=train"])]
 
 
-def _configs(words: list[str], plugins: tuple[str, ...]) -> tuple[list[dict[str, Any]], Settings]:
-    """The composed values of every cell of a trial, and how cells are run."""
+def _configs(words: list[str], plugins: tuple[str, ...]) -> tuple[list[dict[str, Any]], Settings, str]:
+    """The composed values of every cell of a trial, how cells are run, and the folder of results."""
     from ..plan.cell import Cell, NotSolved, check_root, not_planned, settings_of
-    from ..sweep.composition import enumerate_jobs, resolved
-    from ..sweep.overrides import by_experiment, check_jobs, check_overrides, without_globs
+    from ..sweep.composition import resolved
+    from ..sweep.overrides import check_jobs, checked
 
-    check_overrides(words, multirun=True, command="tune")
-    jobs = [job for one in by_experiment(without_globs(words)) for job in enumerate_jobs(one, multirun=True)]
+    request = checked(words, "tune", multirun=True)
+    jobs = [job for part in request.parts() for job in part.jobs]
     check_jobs(jobs)
     configs, reasons = [], []
     for job in jobs:
@@ -182,7 +180,7 @@ def _configs(words: list[str], plugins: tuple[str, ...]) -> tuple[list[dict[str,
     for key in ("task", "method"):
         if any(values[key] != configs[0][key] for values in configs):
             raise UsageError(f"{key}: a search is about one {key}; give one, with one value for each parameter")
-    return configs, replace(settings_of(configs[0]), plugins=plugins)
+    return configs, replace(settings_of(configs[0]), plugins=plugins), request.folder
 
 
 def _fixed(words: Sequence[str], node: Mapping[str, Any]) -> dict[str, Any]:

@@ -102,8 +102,7 @@ def parts(text: str) -> Iterator[str]:
 def _candidate(word: str, task: str) -> Candidate:
     from ..plugins.presets import resolve
     from ..plugins.registry import registry
-    from ..sweep.composition import resolved
-    from ..sweep.overrides import check_overrides
+    from ..sweep.overrides import checked
 
     name, _, rest = word.partition("[")
     given = list(parts(rest[:-1])) if rest else []
@@ -111,8 +110,7 @@ def _candidate(word: str, task: str) -> Candidate:
         raise UsageError(f"{word}: expected NAME or NAME[key=value,...], as in poisson[depth=6]")
     registry().find("method", resolve("method", name))  # or a message that has its name
     overrides = (f"method={name}", *(f"method.{value}" for value in given))
-    check_overrides([*overrides, f"task={task}"], multirun=False)
-    values = resolved([*overrides, f"task={task}"])
+    values = checked([*overrides, f"task={task}"], "recommend").values
     choice = Choice.of("method", values["method"])
     if not choice.solves(task):
         raise UsageError(f"method {choice.label} does not solve {task}")

@@ -158,83 +158,15 @@ def _no_parameter(*texts: str) -> str:
     return ""
 
 
-def is_sweep(overrides: Sequence[str]) -> bool:
-    """Whether the experiment that the overrides name is a sweep, so that ``-m`` need not be said."""
-    from hydra.types import RunMode
-    from omegaconf import OmegaConf
-
-    config = experiment_config(overrides)
-    return config is not None and OmegaConf.select(config, "hydra.mode") == RunMode.MULTIRUN
-
-
-def experiment_config(overrides: Sequence[str]) -> DictConfig | None:
-    """The config of the experiment that the overrides name, with Hydra's own part; None without one.
-
-    None also for one that cannot be composed: what is wrong with it is said where it is used.
-    """
-    named = tuple(override for override in overrides if override.startswith("experiment="))
-    return _experiment_config(named) if named else None
-
-
 @functools.lru_cache(maxsize=4)
-def _experiment_config(named: tuple[str, ...]) -> DictConfig | None:
+def experiment_config(word: str) -> DictConfig | None:
+    """The config of one ``experiment=NAME``, with Hydra's own part; None where it cannot be composed."""
     from hydra.errors import HydraException
     from hydra.types import RunMode
     from omegaconf.errors import OmegaConfBaseException
 
     with hydra_ready() as loader:
         try:
-            return loader.load_configuration(CONFIG_NAME, list(named), run_mode=RunMode.RUN)
+            return loader.load_configuration(CONFIG_NAME, [word], run_mode=RunMode.RUN)
         except (HydraException, OmegaConfBaseException, ValueError):  # the last for a name that is no text
             return None
-
-
-def settled_by_job(overrides: Sequence[str]) -> list[str]:
-    """The words of a sweep as Hydra can take them: ``method=a,b method.x=1`` as ``method=a,b method.x=choice(1)``.
-
-    Hydra first composes a sweep's config without all that is swept, and so with the default method, which may have no
-    parameter x. As a sweep of one value it is left to the jobs, each with its own method.
-    """
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
-    from ..plugins.registry import KINDS
-
-    parsed = OverridesParser.create().parse_overrides(list(overrides))
-    fixed = {o.key_or_group for o in parsed if not o.is_sweep_override()}
-    swept = {o.key_or_group for o in parsed} - fixed
-    words = []
-    for word, override in zip(overrides, parsed, strict=True):
-        kind, _, parameter = override.key_or_group.partition(".")
-        open_still = kind in swept or ("experiment" in fixed and kind not in fixed)
-        if kind in KINDS and parameter and open_still and not (override.is_sweep_override() or override.is_delete()):
-            key, _, value = word.partition("=")
-            word = f"{key}=choice({value})"
-        words.append(word)
-    return words
-
-
-def enumerate_jobs(overrides: Sequence[str], multirun: bool) -> list[list[str]]:
-    """The overrides of every job that Hydra's basic sweeper would launch, in its order."""
-    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-    from hydra.types import RunMode
-    from omegaconf import OmegaConf
-
-    overrides = settled_by_job(overrides) if multirun else overrides
-    if not any("hydra" in o or "experiment" in o or "glob(" in o for o in overrides):
-        # Nothing but the command line can sweep: the config need not be composed to count the jobs.
-        if not multirun:
-            return [list(overrides)]
-        parsed = OverridesParser.create().parse_overrides(list(overrides))
-        return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
-    with hydra_ready() as loader, in_words(overrides):
-        mode = RunMode.MULTIRUN if multirun else RunMode.RUN
-        master = loader.load_configuration(CONFIG_NAME, list(overrides), run_mode=mode)
-        if not multirun and OmegaConf.select(master, "hydra.mode") != RunMode.MULTIRUN:
-            return [list(overrides)]
-        given = list(master.hydra.overrides.task)
-        swept = OmegaConf.select(master, "hydra.sweeper.params") or {}
-        keys = {o.get_key_element() for o in OverridesParser.create().parse_overrides(given)}
-        arguments = [f"{k}={v}" for k, v in swept.items() if str(k) not in keys] + given
-        parsed = OverridesParser.create(config_loader=loader).parse_overrides(arguments)
-        return [job for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]

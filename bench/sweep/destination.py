@@ -7,54 +7,42 @@ jobs folders of their own, a sweep or an interpolation of other keys, is refused
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
+from .request import Request, parse
+
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
 
 DEFAULT = "results"
 ONE = "expected one folder, results=DIR; all jobs of a run, and several runs, share it"
+SWEPT = "hydra.sweeper.params.results"
 # ${oc.env:NAME} is the same for all jobs; anything else may not be.
 OF_A_JOB = re.compile(r"\$\{(?!\s*oc\.env:)")
 
 
-def destination(overrides: Sequence[str]) -> str:
-    """The results folder that the overrides name, or the experiment among them.
+def settled(request: Request) -> Request:
+    """The request with its one results folder in place of all that it, or its experiment, says of that.
 
     Raises
     ------
     UsageError
-        If they name none, or more than one.
+        If that is none, or more than one.
     """
-    words = [word for word in overrides if _key(word) in ("results", "hydra.sweeper.params.results")]
-    if not words:
-        return _of_experiment(overrides)
-    for word in words:
-        folder = _folder(word)
-    return folder
-
-
-def settled(overrides: Sequence[str], folder: str) -> list[str]:
-    """The overrides with that one folder in place of all that they say of it."""
     from hydra.core.override_parser.types import Quote, QuotedString
 
-    others = [word for word in overrides if _key(word) != "results"]
-    return [*others, f"results={QuotedString(folder, Quote.single).with_quotes()}"]
+    said = [override for override in request.overrides if override.key_or_group in ("results", SWEPT)]
+    folder = [_folder(override) for override in said][-1] if said else _of_experiment(request)
+    others = tuple(override for override in request.overrides if override.key_or_group != "results")
+    word = f"results={QuotedString(folder, Quote.single).with_quotes()}"
+    return replace(request, overrides=(*others, parse(word)), folder=folder)
 
 
-def _key(word: str) -> str:
-    return word.partition("=")[0].strip().lstrip("+~")
-
-
-def _folder(word: str) -> str:
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-    from hydra.errors import OverrideParseException
-
-    try:
-        (override,) = OverridesParser.create().parse_overrides([word])
-    except OverrideParseException as error:
-        raise UsageError(f"{word}: {ONE}; unusual letters need quotes, \"results='DIR'\"") from error
-    if _key(word) != "results" or override.is_delete() or override.is_sweep_override():
+def _folder(override: Override) -> str:
+    word = override.input_line
+    if override.key_or_group == SWEPT or override.is_delete() or override.is_sweep_override():
         raise UsageError(f"{word}: {ONE}")
     value = override.value()
     if isinstance(value, str):
@@ -64,16 +52,14 @@ def _folder(word: str) -> str:
     return _resolved(word.partition("=")[2], word)  # results=2026 is a folder, too
 
 
-def _of_experiment(overrides: Sequence[str]) -> str:
+def _of_experiment(request: Request) -> str:
     from omegaconf import OmegaConf
 
-    from .composition import experiment_config
-
-    config = experiment_config(overrides)
+    config = request.experiment
     if config is None:
         return DEFAULT
     swept: Any = OmegaConf.select(config, "hydra.sweeper.params") or {}
-    where = f"{', '.join(word for word in overrides if word.startswith('experiment='))}: results"
+    where = f"{', '.join(override.input_line for override in request.about('experiment'))}: results"
     if DEFAULT in swept:
         raise UsageError(f"{where}={swept['results']}: {ONE}")
     folder = str(OmegaConf.to_container(config, resolve=False)["results"])

@@ -32,8 +32,8 @@ VALUES: dict[str, tuple[str, ...] | None] = {
 }
 
 
-def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The overrides among the words of a command line, and the flags that Hydra knows, with their values.
+def split_words(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """The overrides among the words of a command line, and the flags that Hydra knows, each with its value.
 
     Names of files among the overrides are quoted where Hydra needs it.
 
@@ -45,7 +45,8 @@ def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
     """
     from .quoting import quoted_files
 
-    overrides, flags = [], {}
+    overrides: list[str] = []
+    flags: dict[str, str] = {}
     rest = list(words)
     while rest:
         word = rest.pop(0)
@@ -63,7 +64,21 @@ def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
         _check_value(flag, flags[flag])
     if flags and sum(flag in SHOW for flag in flags) != 1:
         raise UsageError(f"{' '.join(flags)}: expected one of {', '.join(SHOW)}, and with --cfg --resolve or --package")
-    return quoted_files(overrides), [part for flag, value in flags.items() for part in (flag, value) if part]
+    return quoted_files(overrides), flags
+
+
+def only_overrides(words: Sequence[str], instead: str) -> list[str]:
+    """The overrides of a command that has no flags of Hydra; ``instead`` is what a message says of one.
+
+    Raises
+    ------
+    UsageError
+        For a flag.
+    """
+    overrides, flags = split_words(words)
+    for flag in flags:
+        raise UsageError(f"{flag}: {instead}")
+    return overrides
 
 
 def _without_plus(word: str) -> str:

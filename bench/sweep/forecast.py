@@ -16,6 +16,7 @@ from ..text import counted, duration
 if TYPE_CHECKING:
     from ..plan.cell import Cell
     from ..results.store import Results
+    from .request import Request
 
 
 @dataclass(frozen=True)
@@ -110,14 +111,15 @@ class Forecast:
         return max(sum(rest) / self.workers, max(rest, default=0.0))
 
 
-def workers_of(overrides: Sequence[str], threads: int = 1) -> int:
-    """How many cells the launcher that the overrides choose runs at a time, as far as there are processors for them."""
-    words = {key.lstrip("+"): value for key, _, value in (word.partition("=") for word in overrides)}
-    if words.get("hydra/launcher") != "joblib":
+def workers_of(request: Request, threads: int = 1) -> int:
+    """How many cells the launcher of a request runs at a time, as far as there are processors for them."""
+    if request.launcher != "joblib":
         return 1
-    count = words.get("hydra.launcher.n_jobs", "-1")
+    from omegaconf import OmegaConf
+
+    count = OmegaConf.select(request.hydra, "hydra.launcher.n_jobs")
     processors = len(available())
-    asked = int(count) if count.lstrip("-").isdecimal() else -1
+    asked = count if isinstance(count, int) and count else -1
     asked = asked if asked > 0 else processors + 1 + asked  # as joblib counts: -1 for all
     return max(1, min(asked, processors // max(threads, 1)))
 

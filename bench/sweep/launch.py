@@ -26,9 +26,12 @@ from ..plan.keys import GROUPS
 from ..plugins import config_files
 from ..plugins.registry import load_plugins
 from ..safe_path import isolate_imports, safe_children
+from .composition import CONFIG_NAME, hydra_message, hydra_ready, in_words
+from .request import Request, is_hydras
 from .session import Session
 
 if TYPE_CHECKING:
+    from hydra.plugins.launcher import Launcher
     from omegaconf import DictConfig
 
     from .progress import Progress
@@ -164,7 +167,7 @@ def representatives(batch: Sequence[Sequence[str]]) -> list[Sequence[str]]:
 def _kind_of_number(override: str) -> str:
     """``seed=<int>`` for ``seed=7``: of a key of the run, one number is composed like another of its type."""
     key, _, value = override.partition("=")
-    if is_hydras(key) or _head(key) in GROUPS:
+    if key.lstrip("+~").startswith("hydra") or _head(key) in GROUPS:
         return override
     kind = next((kind for kind, form in NUMBERS.items() if form.fullmatch(value)), None)
     return f"{key}=<{kind}>" if kind else override
@@ -182,52 +185,14 @@ NUMBERS = {
 }
 
 
-def is_hydras(override: str) -> bool:
-    """Whether an override is about Hydra itself: its launcher, say."""
-    return override.lstrip("+~").startswith("hydra")
-
-
 @contextlib.contextmanager
-def _few_compositions(mode_is_known: bool, jobs: Sequence[Sequence[str]] | None) -> Iterator[None]:
-    """Let Hydra compose less often, and launch these jobs alone where they are given.
-
-    It composes every job of a sweep once before the first starts, which takes minutes for thousands, and all but the
-    swept words only to see whether ``hydra.mode`` says that this is a sweep, which the front door has found out. A job
-    that is the only one says itself what is wrong with it.
-    """
-    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-    from hydra._internal.hydra import Hydra
-    from hydra.plugins.sweeper import Sweeper
-
-    validate, get_mode, split = Sweeper.validate_batch_is_legal, Hydra.get_mode, BasicSweeper.split_arguments
-    Sweeper.validate_batch_is_legal = lambda self, batch: validate(
-        self, representatives(batch) if len(batch) > 1 else ()
-    )
-    if mode_is_known:
-        Hydra.get_mode = lambda self, config_name, overrides: None
-    if jobs is not None:
-        BasicSweeper.split_arguments = staticmethod(lambda overrides, most=None: _batches(jobs, most))
-    try:
-        yield
-    finally:
-        Sweeper.validate_batch_is_legal, Hydra.get_mode = validate, get_mode
-        BasicSweeper.split_arguments = staticmethod(split)
-
-
-def _batches(jobs: Sequence[Sequence[str]], most: int | None) -> list[list[list[str]]]:
-    """The jobs as Hydra's sweeper hands them to a launcher: at most ``most`` at a time, all without it."""
-    size = len(jobs) if most is None or most == -1 else most
-    return [[list(job) for job in jobs[begin : begin + size]] for begin in range(0, len(jobs), max(size, 1))]
-
-
-@contextlib.contextmanager
-def _deaf_to_interrupts(overrides: Sequence[str]) -> Iterator[None]:
+def _deaf_to_interrupts(request: Request) -> Iterator[None]:
     """Let the processes that submitit starts on this machine leave Ctrl-C to the front door, whose end they see.
 
     They are in its process group, and each would print a traceback of its own.
     """
     is_main = threading.current_thread() is threading.main_thread()
-    if not is_main or not any("launcher=submitit_local" in word for word in overrides):
+    if not is_main or request.launcher != "submitit_local":
         yield
         return
     try:
@@ -259,47 +224,34 @@ class WorkerDied(DetailbenchError):
 WORKER_DIED = ("BrokenExecutor", "UncompletedJobError", "RayError")
 
 
-def launch(overrides: list[str], multirun: bool, jobs: Sequence[Sequence[str]] | None = None) -> int:
-    """Let Hydra run the jobs; 0, or the exit code that a job ended the sweep with.
+def launch(request: Request, jobs: Sequence[Sequence[str]]) -> int:
+    """Let a launcher of Hydra run jobs; 0, or the exit code that a job ended them with.
 
     Parameters
     ----------
-    overrides : of the command
-    multirun : whether it is a sweep
-    jobs : of a sweep, the overrides of the jobs that are launched; all without it
+    request : which has the launcher, with its parameters
+    jobs : the overrides of each job
 
     Raises
     ------
     UsageError
         With what Hydra said, when it cannot compose a config or find a launcher.
     StoreError
-        When Hydra's own file cannot be written.
+        When the launcher's own files cannot be written.
     WorkerDied
         When a process of the launcher was killed.
     """
-    import hydra
-    from hydra.errors import HydraException
-    from omegaconf.errors import OmegaConfBaseException
-
-    from .composition import CONFIG_MODULE, CONFIG_NAME, VERSION_BASE, hydra_message, register_base
-
-    register_base()
-    argv, full = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
-    sys.argv = ["detailbench", *(["--multirun"] if multirun else []), *overrides]
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # otherwise Hydra prints a traceback of its own and ends the process
     try:
-        with (
-            safe_children(),
-            _deaf_to_interrupts(overrides),
-            _few_compositions(not any(is_hydras(word) for word in overrides), jobs),
-        ):
-            hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=CONFIG_NAME, version_base=VERSION_BASE)(job)()
+        with safe_children(), _deaf_to_interrupts(request), _launcher(request, jobs) as (launcher, batches):
+            first = 0
+            for batch in batches:
+                for ended in launcher.launch(batch, initial_job_idx=first):
+                    _ = ended.return_value  # raises what the job raised
+                first += len(batch)
     except SystemExit as error:
         if error.code == signal.SIGTERM:  # a launcher (ray) that makes SIGTERM its own
             raise Terminated(signal.SIGTERM) from error
         return error.code if isinstance(error.code, int) else 1
-    except (HydraException, OmegaConfBaseException) as error:
-        raise UsageError(hydra_message(error)) from error
     except OSError as error:
         if error.filename is None:  # no file: semaphores, processes, descriptors
             raise UsageError(
@@ -316,19 +268,44 @@ def launch(overrides: list[str], multirun: bool, jobs: Sequence[Sequence[str]] |
         if ray := sys.modules.get("ray"):
             ray.shutdown()  # a cluster that has lost its raylet starts nothing more; the next launch starts another
         raise WorkerDied(f"a process of the launcher was killed ({type(error).__name__})") from error
-    finally:
-        sys.argv = argv
-        os.environ.pop("HYDRA_FULL_ERROR") if full is None else os.environ.update(HYDRA_FULL_ERROR=full)
     return 0
 
 
-def launch_all(
-    session: Session,
-    overrides: list[str],
-    total: int,
-    multirun: bool,
-    jobs: Sequence[Sequence[str]] | None = None,
-) -> int:
+@contextlib.contextmanager
+def _launcher(request: Request, jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Launcher, list[list[list[str]]]]]:
+    """Hydra's launcher, and the jobs in the batches in which it is to have them.
+
+    Hydra's own sweeper would compose every job once before the first starts, which takes minutes for thousands; here
+    some are composed that stand for all. A job that is the only one says itself what is wrong with it.
+    """
+    from hydra._internal.callbacks import Callbacks
+    from hydra.core.plugins import Plugins
+    from hydra.errors import HydraException
+    from hydra.types import HydraContext, RunMode
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    own = [override.input_line for override in request.overrides if is_hydras(override)]
+    with hydra_ready() as loader:
+        with in_words([*own, *jobs[0]]):
+            config = loader.load_configuration(CONFIG_NAME, [*own, *jobs[0]], run_mode=RunMode.MULTIRUN)
+            for words in representatives(jobs) if len(jobs) > 1 else ():
+                loader.load_sweep_config(config, list(words))
+            callbacks = Callbacks(config)
+            launcher = Plugins.instance().instantiate_launcher(
+                hydra_context=HydraContext(config_loader=loader, callbacks=callbacks), task_function=job, config=config
+            )
+        callbacks.on_multirun_start(config=config, config_name=CONFIG_NAME)
+        most = OmegaConf.select(config, "hydra.sweeper.max_batch_size")
+        size = most if most and most > 0 else len(jobs)
+        try:
+            yield launcher, [[list(words) for words in jobs[at : at + size]] for at in range(0, len(jobs), size)]
+        except (HydraException, OmegaConfBaseException) as error:
+            raise UsageError(hydra_message(error)) from error
+        callbacks.on_multirun_end(config=config, config_name=CONFIG_NAME)
+
+
+def launch_all(session: Session, request: Request, jobs: Sequence[Sequence[str]]) -> int:
     """:func:`launch`, and once more for what a killed process of a launcher left undone: finished jobs end at once.
 
     Returns
@@ -336,18 +313,39 @@ def launch_all(
     int
         As :func:`launch`; 3 where a process was killed again, and some jobs are still undone.
     """
-    counts = not any(word.lstrip("+").startswith("hydra/sweeper") for word in overrides)  # as many jobs as were planned
     for again in (False, True):
         try:
-            code, what = launch(overrides, multirun, jobs), "the launcher ended early"
+            code, what = launch(request, jobs), "the launcher ended early"
         except WorkerDied as error:
             code, what = 0, str(error)
-        undone = total - sum("job" in entry for _, entry in session.entries())
-        if code or not counts or undone <= 0:
+        undone = len(jobs) - sum("job" in entry for _, entry in session.entries())
+        if code or undone <= 0:
             return code
-        rest = f"{what}: {undone} of {total} cells are not finished"
+        rest = f"{what}: {undone} of {len(jobs)} cells are not finished"
         if again:
             print(f"error: {rest}; the same command goes on from there", file=sys.stderr)
         else:
             print(f"warning: {rest}, and are launched once more", file=sys.stderr)
     return 3
+
+
+def show(flags: Mapping[str, str], request: Request) -> int:
+    """Let Hydra print what its flags ask for, of the one config that the request makes; the exit code."""
+    from argparse import Namespace
+
+    from hydra._internal.utils import get_args_parser
+    from hydra.core.global_hydra import GlobalHydra
+
+    words = request.words
+    with hydra_ready(), in_words(words):
+        hydra = GlobalHydra.instance().hydra
+        try:
+            if "--cfg" in flags:
+                hydra.show_cfg(CONFIG_NAME, words, flags["--cfg"], flags.get("--package"), "--resolve" in flags)
+            elif "--info" in flags:
+                hydra.show_info(flags["--info"], CONFIG_NAME, words)
+            else:
+                hydra.hydra_help(None, get_args_parser(), Namespace(overrides=words))
+        except SystemExit as error:  # a package that the config has not
+            return error.code if isinstance(error.code, int) else 1
+    return 0

@@ -21,6 +21,7 @@ from ..results.store import Results
 from .composition import resolved
 from .forecast import Forecast, Pace, seconds_to_do, summary, workers_of
 from .planned import Planned, Shelf, entry_of, planned_jobs
+from .request import Request, parse
 
 LOOKED_UP = 100  # jobs of a large sweep that stand for all
 
@@ -41,7 +42,7 @@ class Outlook:
     ended: Mapping[int, dict[str, Any]] = field(default_factory=dict)
 
 
-def look_ahead(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results: Results) -> Outlook | None:
+def look_ahead(jobs: Sequence[Sequence[str]], request: Request, results: Results) -> Outlook | None:
     """What the jobs of a sweep have to do; None where they differ in what cannot be looked up.
 
     Every job is looked up where their configs can be put together from parts. Otherwise, of a large sweep some jobs,
@@ -50,21 +51,19 @@ def look_ahead(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results:
     Parameters
     ----------
     jobs : the overrides of each job
-    overrides : those of the sweep, which name its launcher
+    request : that of the sweep, which names its launcher
     results : where finished cases are
     """
     try:
         plan = planned_jobs(jobs)
         if plan is not None:
-            return _outlook(plan, jobs, overrides, results)
+            return _outlook(plan, jobs, request, results)
     except UsageError:
         return None  # what is wrong is said where the job is run
-    return _likely(jobs, overrides, results)
+    return _likely(jobs, request, results)
 
 
-def _outlook(
-    plan: Iterator[Planned], jobs: Sequence[Sequence[str]], overrides: Sequence[str], results: Results
-) -> Outlook:
+def _outlook(plan: Iterator[Planned], jobs: Sequence[Sequence[str]], request: Request, results: Results) -> Outlook:
     """The outlook of a sweep whose cells are all known."""
     shelf, pace = Shelf(results), Pace.of(results)
     seconds: list[float | None] = []
@@ -84,12 +83,12 @@ def _outlook(
         seconds.append(rest)
         planned, finished, threads = planned + one.cell.planned, finished + done, max(threads, one.cell.threads)
         unknown += one.cell.planned - done if rest is None else 0
-    workers = workers_of(overrides, threads)
+    workers = workers_of(request, threads)
     text = summary(planned, finished, seconds, unknown, workers) if any(seconds) else ""
     return Outlook(Forecast(seconds, [_kind(job) for job in jobs], workers), text, ended)
 
 
-def _likely(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results: Results) -> Outlook | None:
+def _likely(jobs: Sequence[Sequence[str]], request: Request, results: Results) -> Outlook | None:
     """The outlook of a sweep of which some jobs are looked at."""
     chosen = range(0, len(jobs), -(-len(jobs) // LOOKED_UP) or 1)
     try:
@@ -103,7 +102,7 @@ def _likely(jobs: Sequence[Sequence[str]], overrides: Sequence[str], results: Re
     every = _spread(seconds, kinds)
     planned = {job: entry[0].planned if entry else 0 for job, entry in cells.items()}
     unknown = sum(planned[job] - done[job] for job in chosen if seconds[job] is None)
-    workers = workers_of(overrides, max((entry[0].threads for entry in cells.values() if entry), default=1))
+    workers = workers_of(request, max((entry[0].threads for entry in cells.values() if entry), default=1))
     cases, finished, unknown = (
         n * len(jobs) // len(chosen) for n in (sum(planned.values()), sum(done.values()), unknown)
     )
@@ -166,12 +165,7 @@ def likely_cells(jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Cell, Settings
 
 
 def _parsed(job: Sequence[str]) -> list[tuple[str, Any]]:
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
-    parsed = OverridesParser.create().parse_overrides(
-        [word for word in job if not word.lstrip("+~").startswith("hydra")]
-    )
-    return [(override.key_or_group, override.value()) for override in parsed]
+    return [(override.key_or_group, override.value()) for override in map(parse, job)]
 
 
 def _change(values: dict[str, Any], key: str, value: Any) -> None:

@@ -154,8 +154,6 @@ class _Assembly:
     def _split(job: Sequence[str]) -> tuple[Words, dict[str, Words]]:
         outer, inner = [], {}
         for word in job:
-            if word.lstrip("+~").startswith("hydra"):
-                continue  # of no config of a job
             if head := _head(word):
                 inner[head] = (*inner.get(head, ()), word)
             else:

@@ -28,6 +28,12 @@ def quoted(word: str) -> str:
     return f"{key}={QuotedString(value, Quote.single).with_quotes()}"
 
 
+def is_override(word: str) -> bool:
+    """Whether a word of a command line is a key and its value, not the name of a file."""
+    key, equals, _ = word.partition("=")
+    return bool(equals) and key.lstrip("+").replace(".", "_").replace("@", "_").replace("/", "_").isidentifier()
+
+
 def hint(word: str) -> str:
     """What to do where a value may be a name that needs quotes: ``quote it: "dataset.path='scan (2)'"``."""
     return f'if the value is a name, quote it, for the shell too: "{quoted(word)}"'

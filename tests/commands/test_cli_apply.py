@@ -18,7 +18,8 @@ from bench.engine import application
 from bench.engine.channel import Channel
 from bench.errors import UsageError
 from bench.geometry.io.files import save
-from bench.sweep.overrides import check_overrides
+from bench.sweep.overrides import check
+from bench.sweep.request import Request
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -151,10 +152,10 @@ def test_names_of_files_with_a_sign_of_equality(here, word, is_file):
 def test_a_bare_key_says_whose_parameter_it_is():
     for word, said in (("ratio=4", r"Did you mean task\.ratio\?"), ("depth=9", r"Did you mean method\.depth\?")):
         with pytest.raises(UsageError, match=f"there is no key '{word.partition('=')[0]}'. {said}"):
-            check_overrides(["method=poisson", word], multirun=False)
+            check(Request.of(["method=poisson", word]))
     for command, said in (("apply", "takes one value for each key"), ("plan", "add -m: detailbench plan -m")):
         with pytest.raises(UsageError, match=said):
-            check_overrides(["method=poisson", "method.depth=8,9"], multirun=False, command=command)
+            check(Request.of(["method=poisson", "method.depth=8,9"], command))
 
 
 # -- the lines that are printed ----------------------------------------------------------------------------------------

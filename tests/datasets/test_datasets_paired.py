@@ -19,7 +19,8 @@ from bench.plan.choice import Choice, NotSolved
 from bench.plugins.registry import registry
 from bench.results.provenance import fingerprint, ingredients
 from bench.sweep.composition import resolved
-from bench.sweep.overrides import check_overrides
+from bench.sweep.overrides import check
+from bench.sweep.request import Request
 from bench.tasks.denoise import Denoise
 from bench.tasks.upsample import Upsample
 
@@ -348,8 +349,8 @@ def test_a_simulated_sensor_is_refused(folder):
         with pytest.raises(NotSolved, match=r"dataset paired brings scans.*dataset=files"):
             cell(folder, *words)
     with pytest.raises(UsageError, match=r"sensor=samples: dataset paired brings its own scans: leave the sensor out"):
-        check_overrides(["dataset=paired", "sensor=samples"], multirun=False)
-    check_overrides(["dataset=paired,bumps", "sensor=samples"], multirun=True)
+        check(Request.of(["dataset=paired", "sensor=samples"]))
+    check(Request.of(["dataset=paired,bumps", "sensor=samples"], multirun=True))
     with pytest.raises(NotSolved, match="dataset bumps has none. Datasets that have: .*paired"):
         Cell.from_config(resolved(["sensor=scan", "task=denoise", "method=identity"]))
 

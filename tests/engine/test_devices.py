@@ -224,13 +224,13 @@ def test_a_gpu_that_is_not_there_stops_a_sweep_before_anything_is_written(shell,
 
 
 def test_what_a_launcher_runs_elsewhere_is_checked_there():
-    from bench.sweep.overrides import devices_of, runs_here
+    from bench.sweep.request import Request
 
     for launcher, here in {"basic": True, "joblib": True, "submitit_local": True, "submitit_slurm": False}.items():
-        assert runs_here(["method=jet", f"hydra/launcher={launcher}"]) == here
-    assert runs_here(["method=jet"])
-    assert devices_of(["method=jet", "device=cpu,cuda:1", "seed=1,2"]) == ["cpu", "cuda:1"]
-    assert devices_of(["method=jet"]) == []
+        assert Request.of(["method=jet", f"hydra/launcher={launcher}"]).runs_here == here
+    assert Request.of(["method=jet"]).runs_here
+    assert Request.of(["method=jet", "device=cpu,cuda:1", "seed=1,2"]).devices == ["cpu", "cuda:1"]
+    assert Request.of(["method=jet"]).devices == []
 
 
 def test_plan_why_and_run_agree_on_rows_of_a_gpu_that_was_not_there(shell, plugin_file, monkeypatch):

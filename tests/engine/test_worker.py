@@ -13,7 +13,7 @@ from bench.engine import forkserver
 from bench.engine.meter import Meter
 from bench.engine.worker import failure, plain
 from bench.errors import BadInput, InvalidOutput, MissingLibrary
-from bench.sweep.overrides import threads_of
+from bench.sweep.request import Request
 
 MB = 2**20
 
@@ -160,7 +160,7 @@ def test_a_torch_generator_follows_the_seed():
     + [((f"threads={word}",), 1) for word in ("0", "-2", "many", "", "range(1,3)")],
 )
 def test_the_threads_that_words_ask_for_first(words, threads):
-    assert threads_of(words) == threads
+    assert Request.of(words).threads == threads
 
 
 def test_a_server_that_was_begun_is_had_once_and_for_its_threads_only(monkeypatch):

@@ -8,7 +8,8 @@ from bench.plugins import presets
 from bench.plugins.registry import registry
 from bench.plugins.schema import build, parameters
 from bench.sweep.composition import compose
-from bench.sweep.overrides import check_overrides
+from bench.sweep.overrides import check
+from bench.sweep.request import Request
 
 SENSORS = presets.presets("sensor")
 
@@ -52,12 +53,12 @@ def test_the_defaults_keep_the_plugins_name():
 @pytest.mark.parametrize(("word", "hint"), [("nosiy", "noisy"), ("scaned", "scanned"), ("sampels", "samples")])
 def test_a_wrong_name_gets_the_nearest_plugin_or_preset(word, hint):
     with pytest.raises(UsageError, match=f"no sensor is called '{word}'.*'{hint}'"):
-        check_overrides([f"sensor={word}"], multirun=False)
+        check(Request.of([f"sensor={word}"]))
 
 
 def test_a_wrong_parameter_of_a_preset_gets_the_nearest_of_its_plugin():
     with pytest.raises(UsageError, match="has no parameter 'veiws'.*'sensor.views'"):
-        check_overrides(["sensor=scanned", "sensor.veiws=3"], multirun=False)
+        check(Request.of(["sensor=scanned", "sensor.veiws=3"]))
 
 
 def test_a_chain_is_named_by_its_steps():

@@ -15,7 +15,8 @@ from bench.plugins.fields import _comments_of_fields, field_help
 from bench.plugins.registry import Registry, missing_library, register, registry, snake_case
 from bench.plugins.schema import _config_node, build, config_class, defaults, parameters, variant
 from bench.sweep.composition import compose
-from bench.sweep.overrides import check_overrides
+from bench.sweep.overrides import check
+from bench.sweep.request import Request
 
 
 def write(folder: Path, name: str, text: str) -> Path:
@@ -271,7 +272,7 @@ def deep_cell(*overrides):
     from omegaconf import OmegaConf
 
     words = ["task=denoise", "method=deep_types", *overrides]
-    check_overrides(words, multirun=False)
+    check(Request.of(words))
     return Cell.from_config(OmegaConf.to_container(compose(words), resolve=True))
 
 
@@ -327,11 +328,11 @@ def test_what_does_not_fit_deep_within_is_refused_with_place_and_nearest_value(v
 
 def test_a_sweep_is_refused_before_it_starts_for_one_value_of_a_wrong_type():
     with pytest.raises(UsageError, match=r"method\.kinds\[0\]=naer: .*Did you mean 'near'"):
-        check_overrides(["method=deep_types", "method.kinds=[far],[naer]"], multirun=True)
+        check(Request.of(["method=deep_types", "method.kinds=[far],[naer]"], multirun=True))
     with pytest.raises(UsageError, match=r"metric\.fscore\.t=x: expected a number"):
-        check_overrides(["metric=[fscore]", "metric.fscore.t=x"], multirun=False)
-    check_overrides(["method=deep_types", "method.pair=[1,a],[2,b]"], multirun=True)
-    check_overrides(["method=all_types", "method.whole=${seed}"], multirun=True)
+        check(Request.of(["metric=[fscore]", "metric.fscore.t=x"]))
+    check(Request.of(["method=deep_types", "method.pair=[1,a],[2,b]"], multirun=True))
+    check(Request.of(["method=all_types", "method.whole=${seed}"], multirun=True))
 
 
 def test_a_number_on_the_command_line_is_a_text_where_one_is_expected():
@@ -339,7 +340,7 @@ def test_a_number_on_the_command_line_is_a_text_where_one_is_expected():
     from omegaconf import OmegaConf
 
     words = ["task=denoise", "method=all_types", "method.text=7", "method.path=2024"]
-    check_overrides(words, multirun=False)
+    check(Request.of(words))
     made = Cell.from_config(OmegaConf.to_container(compose(words))).method.build()
     assert (made.text, made.path) == ("7", Path("2024"))
     with pytest.raises(UsageError, match=r"method\.text=7: expected a text"):

@@ -20,7 +20,8 @@ from bench.ranking.conventions import convention_names, load_convention
 from bench.ranking.leaderboard import COLUMNS
 from bench.ranking.report import FORMATS, render
 from bench.sweep.composition import compose
-from bench.sweep.overrides import check_overrides
+from bench.sweep.overrides import check
+from bench.sweep.request import Request
 
 NAMES = (
     "cages",
@@ -286,7 +287,7 @@ def test_results_without_the_scores_say_what_to_do():
 def cell(*words):
     from omegaconf import OmegaConf
 
-    check_overrides(words, multirun=False)
+    check(Request.of(words))
     values = OmegaConf.to_container(compose(["task=denoise", "method=identity", *words]), resolve=True)
     check_root(values)
     return Cell.from_config(values)

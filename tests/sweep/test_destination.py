@@ -1,12 +1,12 @@
 """The one folder that results go to, however it is said."""
 
 import pytest
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from bench.errors import UsageError
-from bench.sweep import composition as config
-from bench.sweep.destination import destination, settled
+from bench.sweep import request as requests
+from bench.sweep.destination import settled
+from bench.sweep.request import Request
 
 PLACE = "it's a/b,c"
 
@@ -29,10 +29,10 @@ PLACE = "it's a/b,c"
 def test_one_folder(words, folder, monkeypatch):
     """It is handed on in place of what was said, whatever letters are in it."""
     monkeypatch.setenv("PLACE", PLACE)
-    assert destination(words) == folder
-    *others, handed_on = settled(words, folder)
-    assert others == [word for word in words if "results" not in word]
-    (override,) = OverridesParser.create().parse_overrides([handed_on])
+    request = settled(Request.of(words))
+    assert request.folder == folder
+    assert request.words[:-1] == [word for word in words if "results" not in word]
+    override = request.overrides[-1]
     assert override.key_or_group == "results" and override.value() == folder and not override.is_sweep_override()
 
 
@@ -61,7 +61,7 @@ def test_one_folder(words, folder, monkeypatch):
 def test_what_is_not_one_folder_is_refused_with_its_word(word, monkeypatch):
     monkeypatch.setenv("PLACE", PLACE)
     with pytest.raises(UsageError) as refused:
-        destination(["seed=0,1", word])
+        settled(Request.of(["seed=0,1", word], multirun=True))
     assert word in str(refused.value) and "\n" not in str(refused.value)
 
 
@@ -74,10 +74,10 @@ def test_what_is_not_one_folder_is_refused_with_its_word(word, monkeypatch):
     ],
 )
 def test_an_experiment_may_name_the_folder(says, folder, monkeypatch):
-    monkeypatch.setattr(config, "_experiment_config", lambda named: OmegaConf.create({"seed": 0, **says}))
-    assert destination(["experiment=e", "results=other"]) == "other"
+    monkeypatch.setattr(requests, "experiment_config", lambda named: OmegaConf.create({"seed": 0, **says}))
+    assert settled(Request.of(["experiment=e", "results=other"])).folder == "other"
     if folder:
-        assert destination(["experiment=e"]) == folder
+        assert settled(Request.of(["experiment=e"])).folder == folder
     else:
         with pytest.raises(UsageError, match="experiment=e: results=.*expected one folder"):
-            destination(["experiment=e"])
+            settled(Request.of(["experiment=e"]))

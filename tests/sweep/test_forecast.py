@@ -11,10 +11,11 @@ from toy_cells import config, node
 from bench import register
 from bench.plan.cell import Cell
 from bench.results.store import Results
-from bench.sweep.composition import compose, enumerate_jobs
+from bench.sweep.composition import compose
 from bench.sweep.forecast import Forecast, Pace, seconds_to_do, summary, workers_of
 from bench.sweep.outlook import likely_cells, look_ahead
 from bench.sweep.progress import Follow, Lines
+from bench.sweep.request import Request
 from bench.sweep.session import Session
 from bench.text import duration
 
@@ -103,7 +104,7 @@ def test_jobs_that_nobody_timed_take_what_their_kind_has_taken():
 )
 def test_how_many_cells_are_run_at_a_time(monkeypatch, words, threads, processors, workers):
     monkeypatch.setattr("bench.sweep.forecast.available", lambda: list(range(processors)))
-    assert workers_of(words.split(), threads) == workers
+    assert workers_of(Request.of(words.split()), threads) == workers
 
 
 def test_times_and_summaries_in_words():
@@ -133,7 +134,7 @@ def test_the_cells_are_those_that_composing_each_job_gives(words):
 
     from bench.plan.cell import NotSolved
 
-    jobs = enumerate_jobs(words, multirun=True)[:8]
+    jobs = Request.of(words, multirun=True).jobs[:8]
     for job, found in zip(jobs, likely_cells(jobs), strict=True):
         values = OmegaConf.to_container(compose(job), resolve=True)
         if found is None:
@@ -145,14 +146,14 @@ def test_the_cells_are_those_that_composing_each_job_gives(words):
 
 def test_sweeps_that_cannot_be_looked_up_are_not(tmp_path):
     jobs = [["profile=quick"], ["profile=study"]]
-    assert look_ahead(jobs, [], Results(tmp_path)) is None
-    assert look_ahead([["method=nobody"]], [], Results(tmp_path)) is None
+    assert look_ahead(jobs, Request(()), Results(tmp_path)) is None
+    assert look_ahead([["method=nobody"]], Request(()), Results(tmp_path)) is None
 
 
 def test_some_jobs_of_a_large_sweep_stand_for_all(tmp_path):
     jobs = [["task=denoise", "method=identity", f"seed={seed}", "cases=2"] for seed in range(350)]
     begin = time.perf_counter()
-    ahead = look_ahead(jobs, [], Results(tmp_path))
+    ahead = look_ahead(jobs, Request(()), Results(tmp_path))
     assert time.perf_counter() - begin < 20
     assert ahead is not None and ahead.text == ""  # nothing was timed
     ahead.forecast.ended(0, 2.0)

@@ -11,14 +11,15 @@ from bench.errors import UsageError
 from bench.installing import line_of_extra
 from bench.plan.cell import not_planned
 from bench.plugins.registry import registry
-from bench.sweep.composition import compose, enumerate_jobs
+from bench.sweep.composition import compose
 from bench.sweep.flags import split_words
-from bench.sweep.overrides import check_jobs, check_overrides, without_globs
+from bench.sweep.overrides import check, check_jobs
+from bench.sweep.request import Request
 
 
-def refused(words, **options):
+def refused(words):
     with pytest.raises(UsageError) as error:
-        check_overrides(words, multirun=True, **options)
+        check(Request.of(words, multirun=True))
     return str(error.value)
 
 
@@ -35,14 +36,14 @@ def test_a_parameter_that_only_some_have_is_refused_with_the_two_commands_that_d
     message = refused(words)
     assert f"first {first}, then {second}" in message and "same results=DIR" in message
     for half in (first.split(), second.split()):
-        check_overrides(half, multirun=True)
+        check(Request.of(half, multirun=True))
 
 
 def test_the_same_where_an_experiment_chooses_the_methods():
-    jobs = enumerate_jobs(["experiment=demo", "method.depth=7"], True)
+    jobs = Request.of(["experiment=demo", "method.depth=7"], multirun=True).jobs
     with pytest.raises(UsageError, match="ball_pivoting has no parameter 'depth' .poisson has.*method=poisson method"):
         check_jobs(jobs)
-    check_jobs(enumerate_jobs(["experiment=demo", "sensor.noise=0.1"], True))
+    check_jobs(Request.of(["experiment=demo", "sensor.noise=0.1"], multirun=True).jobs)
 
 
 def test_a_parameter_of_a_plugin_that_a_file_chooses_is_refused_in_our_words(tmp_path, monkeypatch):
@@ -80,7 +81,7 @@ def test_a_key_that_does_not_exist_is_not_compared_with_private_ones():
 @pytest.mark.parametrize(("command", "hint"), [("plan", "detailbench plan -m"), ("apply", "one value for each key")])
 def test_a_sweep_is_refused_in_the_words_of_the_command(command, hint):
     with pytest.raises(UsageError, match=hint):
-        check_overrides(["seed=1,2"], multirun=False, command=command)
+        check(Request.of(["seed=1,2"], command))
 
 
 @pytest.mark.parametrize("flag", ["--config-path", "-cn", "--shell-completion", "-sc"])
@@ -94,10 +95,10 @@ def test_a_group_may_have_a_plus():
 
 
 def test_a_glob_of_datasets_leaves_out_what_wants_a_path():
-    (word,) = without_globs(["dataset=glob(*)"])
+    (word,) = Request.of(["dataset=glob(*)"]).without_globs().words
     names = word.removeprefix("dataset=").split(",")
     assert "files" not in names and {"bumps", "cad", "detailed"} <= set(names)
-    assert without_globs(["method=glob(poiss*)", "seed=1"]) == ["method=poisson,poisson_9", "seed=1"]
+    assert Request.of(["method=glob(poiss*)", "seed=1"]).without_globs().words == ["method=poisson,poisson_9", "seed=1"]
 
 
 def test_all_methods_that_do_not_fit_are_in_one_line():

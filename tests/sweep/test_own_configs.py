@@ -14,8 +14,9 @@ from bench.plugins import config_files, presets
 from bench.plugins.listing import listing
 from bench.ranking.conventions import load_convention
 from bench.ranking.published import load_published
-from bench.sweep.composition import compose, enumerate_jobs, is_sweep, resolved
-from bench.sweep.overrides import check_overrides
+from bench.sweep.composition import compose, resolved
+from bench.sweep.overrides import check
+from bench.sweep.request import Request
 
 MINE = """# @package _global_
 # My own comparison.
@@ -65,9 +66,9 @@ def own(tmp_path, monkeypatch):
 
 
 def test_an_experiment_of_ones_own_is_a_sweep_over_presets_of_ones_own(own):
-    check_overrides(["experiment=mine"], multirun=True)
-    assert is_sweep(["experiment=mine"])
-    cells = [Cell.from_config(resolved(job)) for job in enumerate_jobs(["experiment=mine"], True)]
+    check(Request.of(["experiment=mine"], multirun=True))
+    assert Request.of(["experiment=mine"]).is_sweep
+    cells = [Cell.from_config(resolved(job)) for job in Request.of(["experiment=mine"], multirun=True).jobs]
     assert [(cell.method.name, cell.method.parameters["depth"]) for cell in cells] == [("poisson", 10), ("poisson", 8)]
     assert {cell.sensor.label for cell in cells} == {"rough[noise=0.03]"}
     assert {cell.cases for cell in cells} == {2} and [m.name for m in cells[0].metrics] == ["hausdorff", "p2f_mean"]
@@ -89,9 +90,9 @@ def test_each_group_is_composed(own, group):
 def test_a_folder_that_is_named_is_found_from_anywhere(own, tmp_path, monkeypatch):
     monkeypatch.chdir(Path(tmp_path, "..").resolve())
     with pytest.raises(UsageError, match="no experiment is called 'mine'"):
-        check_overrides(["experiment=mine"], multirun=True)
+        check(Request.of(["experiment=mine"], multirun=True))
     config_files.use([str(own)])
-    check_overrides(["experiment=mine"], multirun=True)
+    check(Request.of(["experiment=mine"], multirun=True))
     assert load_convention("ours").columns[0].title == "P2F"
 
 

@@ -18,9 +18,10 @@ from bench.plugins.registry import KINDS
 from bench.results.files import META_KEY
 from bench.results.provenance import fingerprint, ingredients
 from bench.results.store import Results
-from bench.sweep.composition import enumerate_jobs, resolved
+from bench.sweep.composition import resolved
 from bench.sweep.parts import may_depend, values_of
 from bench.sweep.planned import Shelf, planned_jobs
+from bench.sweep.request import Request
 
 CONF = Path(__file__).parents[2] / "conf"
 NOTHING = str(Path(__file__).parents[1] / "benchmarks" / "nothing.py")
@@ -36,7 +37,7 @@ CORPUS = [
 
 @pytest.mark.parametrize("words", CORPUS, ids=" ".join)
 def test_each_config_is_the_one_that_hydra_composes(words):
-    jobs = enumerate_jobs(words, multirun=True)
+    jobs = Request.of(words, multirun=True).jobs
     found = values_of(jobs)
     assert found is not None
     for job, values in zip(jobs, found, strict=True):
@@ -47,7 +48,7 @@ def test_each_config_is_the_one_that_hydra_composes(words):
 
 def test_cells_of_many_jobs_are_those_of_each():
     words = ["task=denoise,reconstruct", "method=jet,wlop", "sensor=clean,noisy", "seed=0,1", "cases=2"]
-    jobs = enumerate_jobs(words, multirun=True)
+    jobs = Request.of(words, multirun=True).jobs
     plan = list(planned_jobs(jobs))
     assert len(plan) == 16
     for job, one in list(zip(jobs, plan, strict=True))[::3]:

@@ -7,7 +7,8 @@ import pytest
 from bench import UsageError
 from bench.sweep.composition import resolved
 from bench.sweep.flags import split_words
-from bench.sweep.overrides import check_overrides
+from bench.sweep.overrides import check
+from bench.sweep.request import Request
 
 NAMES = ["a=b.ply", "a b.ply", "scan (2)", "a[1].ply", "a,b.ply", "ä ö.ply", "it's.ply", "{x}.ply", "a#b.ply", "$x.ply"]
 
@@ -17,7 +18,7 @@ def test_a_file_s_name_arrives_as_it_is(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     (tmp_path / name).touch()
     overrides, _ = split_words(["dataset=files", f"dataset.path={name}"])
-    check_overrides(overrides, multirun=False)
+    check(Request.of(overrides))
     assert resolved(overrides)["dataset"]["path"] == name
 
 
@@ -47,5 +48,5 @@ def test_where_there_is_no_such_file_the_message_shows_the_quotes(tmp_path, monk
     monkeypatch.chdir(tmp_path)
     value = "scan (2)"
     with pytest.raises(UsageError) as error:
-        check_overrides(split_words(["dataset=files", f"dataset.path={value}"])[0], multirun=False)
+        check(Request.of(split_words(["dataset=files", f"dataset.path={value}"])[0]))
     assert f"\"dataset.path='{value}'\"" in str(error.value)

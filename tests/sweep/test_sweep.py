@@ -3,14 +3,15 @@
 import signal
 import sys
 import types
+from contextlib import nullcontext
 from itertools import product
 
 import pytest
 from conftest import TOYS
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from bench.sweep.composition import enumerate_jobs, settled_by_job
 from bench.sweep.launch import NUMBERS, _deaf_to_interrupts, launch_all, representatives
+from bench.sweep.request import Request
 from bench.sweep.session import Session
 
 
@@ -83,30 +84,32 @@ def test_one_job_stands_for_itself():
 
 
 @pytest.mark.parametrize(
-    ("words", "handed_on"),
+    ("words", "fixed"),
     [
-        ("method=a,b method.x=1", "method=a,b method.x=choice(1)"),
-        ("method=a,b method.x=1,2 dataset.y=[3,4]", "method=a,b method.x=1,2 dataset.y=[3,4]"),
+        ("method=a,b method.x=1", ""),
+        ("method=a,b method.x=1,2 dataset.y=[3,4]", "dataset.y=[3,4]"),
         ("method=a method.x=1", "method=a method.x=1"),
-        ("experiment=e method.x=[1,2] sensor.y=3", "experiment=e method.x=choice([1,2]) sensor.y=choice(3)"),
+        ("experiment=e method.x=[1,2] sensor.y=3", "experiment=e"),
         ("experiment=e method=a method.x=1 limit.seconds=5", "experiment=e method=a method.x=1 limit.seconds=5"),
-        ("method=a,b ~method.x +method.y=1", "method=a,b ~method.x +method.y=choice(1)"),
+        ("method=a,b ~method.x seed=1,2 cases=3", "cases=3"),
     ],
 )
-def test_a_parameter_of_plugins_that_are_swept_is_left_to_the_jobs(words, handed_on):
-    """Hydra composes a sweep's config without what is swept first, and so with the default plugin's parameters."""
-    assert settled_by_job(words.split()) == handed_on.split()
+def test_what_is_the_same_for_all_jobs_has_no_parameter_of_plugins_that_are_swept(words, fixed):
+    """Hydra composes a sweep's config without what is swept, and so with the default plugin's parameters."""
+    request = Request.of(words.split(), multirun=True)
+    assert [override.input_line for override in request.fixed()] == fixed.split()
 
 
 def test_one_value_for_an_experiment_s_methods():
     """Of what the experiment sweeps, and of what it does not."""
     for word, count in ("method.alpha=0.1", 1), ("method.traces=2", 5):
-        jobs = enumerate_jobs(["experiment=table_4_3", word], multirun=True)
+        jobs = Request.of(["experiment=table_4_3", word], multirun=True).jobs
         assert len(jobs) == count and all(word in job for job in jobs)
 
 
 def test_several_experiments_are_one_command_after_the_other():
-    from bench.sweep.overrides import by_experiment
+    def by_experiment(words):
+        return [part.words for part in Request.of(words, multirun=True).parts()]
 
     words = ["method=jet,rimls", "experiment=demo,first_table", "seed=0,1"]
     demo = ["method=jet,rimls", "experiment=demo", "seed=0,1"]
@@ -136,11 +139,11 @@ def test_processes_of_submitit_leave_ctrl_c_to_the_front_door(monkeypatch):
     monkeypatch.setitem(sys.modules, "submitit", types.ModuleType("submitit"))
     monkeypatch.setitem(sys.modules, "submitit.local", types.SimpleNamespace(local=local))
     ours = signal.getsignal(signal.SIGINT)
-    with _deaf_to_interrupts(["hydra/launcher=submitit_local"]):
+    with _deaf_to_interrupts(Request.of(["hydra/launcher=submitit_local"])):
         assert local.start_controller() == signal.SIG_IGN
         assert signal.getsignal(signal.SIGINT) == ours
     assert local.start_controller() == ours
-    with _deaf_to_interrupts(["hydra/launcher=joblib"]):
+    with _deaf_to_interrupts(Request.of(["hydra/launcher=joblib"])):
         assert local.start_controller() == ours
 
 
@@ -181,15 +184,17 @@ def test_cells_that_a_launcher_with_a_killed_process_left_are_launched_once_more
     left = iter([["1"], ["2", "3"] if kills == 1 else ["2"]])  # jobs that are finished in each launch
     ends = iter([error("gone")] * kills + [None])
 
-    def run():
-        for name in next(left):
-            session.leave(name, job=int(name))
-        if end := next(ends):
-            raise end
+    class Launcher:
+        def launch(self, batch, initial_job_idx):
+            for name in next(left):
+                session.leave(name, job=int(name))
+            if end := next(ends):
+                raise end
+            return []
 
-    monkeypatch.setattr("hydra.main", lambda **_: lambda job: run)
+    monkeypatch.setattr("bench.sweep.launch._launcher", lambda *_: nullcontext((Launcher(), [[[]]])))
     monkeypatch.setitem(sys.modules, "ray", types.SimpleNamespace(shutdown=lambda: shut.append(True)))
-    assert launch_all(session, ["seed=1,2,3"], total=3, multirun=True) == (0 if kills == 1 else 3)
+    assert launch_all(session, Request(()), [[], [], []]) == (0 if kills == 1 else 3)
     said = capsys.readouterr().err.splitlines()
     assert said[0].startswith("warning: ") and f"({error.__name__}): 2 of 3 cells" in said[0]
     assert said[1:] == ([] if kills == 1 else [said[-1]])
