@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     for line in not_planned(refused):
         print(f"not planned: {line}", file=sys.stderr)
     if not cells:
-        raise UsageError("nothing to write: no combination of these words is a cell")
+        raise UsageError("nothing to write: no combination of these overrides is a cell")
     for cell, settings in cells:
         cases = export(cell, folder, settings.limit, plugins)
         values = cell.to_json()

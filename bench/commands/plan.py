@@ -2,7 +2,7 @@
 
   detailbench plan -m method=poisson,rimls dataset=bumps,cad seed=0,1,2 results=DIR
 
-takes the words of `detailbench run` and runs nothing. Times are estimated from finished cells in the same folder, and
+takes the overrides of `detailbench run` and runs nothing. Times are estimated from finished cells in the same folder, and
 where nothing like a cell was timed, from its method's parameter `seconds`.
 """
 
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     for line in not_planned(refused):
         print(f"not planned: {line}")
     if not lines:
-        raise UsageError("nothing to run: no combination of these words is a cell")
+        raise UsageError("nothing to run: no combination of these overrides is a cell")
     workers = workers_of(request, request.threads)
     for line in trainings.values():
         print(line)

@@ -176,7 +176,7 @@ def _configs(words: list[str], plugins: tuple[str, ...]) -> tuple[list[dict[str,
     for line in not_planned(reasons):
         print(f"not planned: {line}", file=sys.stderr)
     if not configs:
-        raise UsageError("nothing to run: no combination of these words is a cell")
+        raise UsageError("nothing to run: no combination of these overrides is a cell")
     for key in ("task", "method"):
         if any(values[key] != configs[0][key] for values in configs):
             raise UsageError(f"{key}: a search is about one {key}; give one, with one value for each parameter")

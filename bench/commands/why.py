@@ -100,7 +100,7 @@ def _print_without_plugins(stored: Stored) -> None:
 def verdict(stored: Stored, differences: list[str]) -> str:
     """Whether the record is current, and what a run with the same words would do."""
     if differences:
-        return "not current: `detailbench run` with these words would run it again"
+        return "not current: `detailbench run` with these overrides would run it again"
     from ..engine.runner import finished_rows
     from ..plan.cell import Cell
 

@@ -106,10 +106,13 @@ class Task:
             return generic_words(medians)
         varies = medians.get("density_variation", math.nan)
         return (
-            f"input, median of the cases: {medians['points']:,.0f} points; {medians['rms_inliers']:.2g} from the "
-            f"surface (root mean square) but for {medians['outliers']:.1%} outliers, which are beyond 0.05"
-            + (f"; {medians['coverage']:.1%} of it covered" if "coverage" in medians else "")
-            + (f"; density varies by {varies:.0%}." if "coverage" in medians else ".")
+            f"input, median of the cases: {medians['points']:,.0f} points; RMS error {medians['rms_inliers']:.2g}; "
+            f"outliers (> 0.05) {medians['outliers']:.1%}"
+            + (
+                f"; coverage {medians['coverage']:.1%}; density varies by {varies:.0%}."
+                if "coverage" in medians
+                else "."
+            )
         )
 
     def expected(self, input: Mapping[str, Any]) -> int:
