@@ -41,7 +41,7 @@ _EXPORTS = {
     "build_parts": "plugins.parts",
     "generator": "seeds",
     "notice": "notices",
-    "snake_case": "plugins.registry",
+    "snake_case": "plugins.declared",
     "Plugin": "plugins.registry",
     "Step": "contract.sensors",
     "build_steps": "contract.sensors",
@@ -89,8 +89,9 @@ if TYPE_CHECKING:
     from .errors import BadInput, InvalidOutput, MissingData, MissingLibrary, UsageError
     from .geometry.cloud import Frame, PointCloud
     from .notices import notice
+    from .plugins.declared import snake_case
     from .plugins.parts import build_parts
-    from .plugins.registry import Plugin, register, snake_case
+    from .plugins.registry import Plugin, register
     from .seeds import generator
 
 

@@ -47,8 +47,8 @@ def write_all(cells: int, folder: Path) -> None:
     """Write a record of every cell of the sweep."""
     main(["run", *REST, "method=identity", "dataset=bumps", f"results={folder}", "--no-leaderboard"])
     results = Results(folder)
-    cells = sorted(path for path, _ in results._files())
-    table, meta = read_record(cells[0])
+    (path, *_) = sorted(path for path, _ in results._files())
+    table, meta = read_record(path)
     rng = np.random.default_rng(0)
     jobs = Request.of([*sweep(cells), f"results={folder}"], multirun=True).jobs
     with ThreadPoolExecutor(4) as pool:

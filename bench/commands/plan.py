@@ -2,8 +2,8 @@
 
   detailbench plan -m method=poisson,rimls dataset=bumps,cad seed=0,1,2 results=DIR
 
-takes the overrides of `detailbench run` and runs nothing. Times are estimated from finished cells in the same folder, and
-where nothing like a cell was timed, from its method's parameter `seconds`.
+takes the overrides of `detailbench run` and runs nothing. Times are estimated from finished cells in the same folder,
+and where nothing like a cell was timed, from its method's parameter `seconds`.
 """
 
 from __future__ import annotations

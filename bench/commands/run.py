@@ -33,7 +33,6 @@ from ..engine.devices import check_device
 from ..errors import UsageError, code_of
 from ..plan.cell import not_planned
 from ..plugins import config_files
-from ..plugins.listing import listing
 from ..plugins.registry import load_plugins
 from ..results.earlier import told
 from ..results.store import Results
@@ -57,7 +56,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, and say with the exit code whether every case was solved."""
-    listing()  # kept for this start and the next: the processes below import only what they need
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
     if flags:

@@ -1,7 +1,7 @@
 """The listing that is kept from one start to the next, with a stamp of all sources that it comes from.
 
-Importing every plugin module takes longer than anything else that a start does. While the stamp (path, size and time
-of change of each source) holds, a listing imports no plugin at all, and a run only those that it needs.
+To show the parameters of all plugins, all are imported, which takes seconds on a busy machine. While the stamp (path,
+size and time of change of each source) holds, `detailbench list` imports none.
 """
 
 from __future__ import annotations
@@ -20,20 +20,6 @@ from typing import Any
 
 from ..own_folder import cache_folder
 from .config_files import ENTRY_POINTS, installed_folders
-
-
-def kept_modules() -> dict[str, dict[str, tuple[str, str]]] | None:
-    """The module and origin of each plugin by kind and name, from the listing that was kept.
-
-    None where there is none, where a source has changed since, or where a plugin was broken: then all are imported.
-    """
-    found = kept_listing(stamp())
-    if found is None or any(not broken["file"].endswith(".yaml") for broken in found["broken"]):
-        return None
-    return {
-        kind: {facts["name"]: (facts["module"], facts["origin"]) for facts in plugins}
-        for kind, plugins in found["plugins"].items()
-    }
 
 
 def kept_listing(stamp: str | None = None) -> dict[str, Any] | None:

@@ -81,7 +81,6 @@ def _made(files: Sequence[str]) -> dict[str, Any]:
     from .registry import KINDS, load_plugins, registry
     from .schema import check_configs
 
-    registry(discover=False).discover()  # all of them: what was kept is stale
     load_plugins(files, warn=False)
     found = registry()
     check_configs()

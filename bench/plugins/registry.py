@@ -25,17 +25,17 @@ import importlib.metadata
 import importlib.util
 import inspect
 import os
-import pkgutil
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from ..errors import DetailbenchError, MissingLibrary, PluginError, UsageError, did_you_mean
-from .kept import ENTRY_POINTS, kept_modules
+from .config_files import ENTRY_POINTS
+from .declared import declared, registers, snake_case
 
 KINDS = ("task", "dataset", "sensor", "method", "metric")
 DIRECTIONS = ("lower", "higher", "reference")
@@ -51,12 +51,6 @@ INSTALL_LINES = {
 }
 
 T = TypeVar("T", bound=type)
-
-
-def snake_case(name: str) -> str:
-    """``BallPivoting`` -> ``ball_pivoting``; ``ChamferL2Sum`` -> ``chamfer_l2_sum``."""
-    name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name)
-    return name.lower()
 
 
 def install_line(library: str) -> str:
@@ -149,8 +143,8 @@ class Broken:
 class Registry:
     """All plugins by kind and name, and those that could not be loaded.
 
-    Where a listing has been kept (:mod:`kept`), the names are known from it, and a module is imported when
-    one of its plugins is asked for.
+    Names are read from the text of the modules (:mod:`bench.plugins.declared`), and a module is imported when one of
+    its plugins is asked for, or where its text does not tell what it registers.
     """
 
     def __init__(self) -> None:
@@ -221,28 +215,28 @@ class Registry:
 
     # -- loading ---------------------------------------------------------------------------------------------------
 
-    def discover(self, *, known: Mapping[str, Mapping[str, tuple[str, str]]] | None = None) -> None:
-        """Load every entry point of the group, once; or take note of what is ``known`` to be in them.
-
-        Parameters
-        ----------
-        known : mapping, optional
-            For each kind, the module and the origin of each name. None of the modules is imported.
-        """
+    def discover(self) -> None:
+        """Take note of the plugins of every entry point of the group, once."""
         if self._discovered:
             return
         self._discovered = True
-        if known is not None:
-            self._known = {kind: dict(known[kind]) for kind in KINDS}
-            return
         for entry in sorted(importlib.metadata.entry_points(group=ENTRY_POINTS), key=lambda e: (not _ours(e), e.name)):
             origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.name
-            for module in self._plugin_modules(entry.module, origin):
-                self._guarded(origin, module, lambda module=module: importlib.import_module(module))
+            for module, file in self._plugin_modules(entry.module, origin):
+                plugins = declared(file) if file else None
+                for kind, name in plugins or ():
+                    if kind not in KINDS or name in self.names(kind):  # the import of both says what is wrong
+                        self._load_known(kind, name)
+                        plugins = None
+                        break
+                if plugins is None:
+                    self._guarded(origin, module, lambda module=module: importlib.import_module(module))
+                for kind, name in plugins or ():
+                    self._known[kind][name] = (module, origin)
 
     def _load_known(self, kind: str, name: str) -> None:
-        """Import the module of a name that is known from a listing."""
-        if name not in self._known[kind]:
+        """Import the module of a name that is known from its text."""
+        if name not in self._known.get(kind, ()):
             return
         module, origin = self._known[kind].pop(name)
         outer = self._origin  # this may happen while another module is being imported
@@ -297,8 +291,8 @@ class Registry:
                 if plugin.cls.__module__ == module and plugin.origin == "imported":
                     plugins[name] = replace(plugin, origin=origin)
 
-    def _plugin_modules(self, name: str, origin: str) -> Iterable[str]:
-        """The module, or, of a package, its modules that register something."""
+    def _plugin_modules(self, name: str, origin: str) -> Iterable[tuple[str, Path | None]]:
+        """The module, or, of a package, its modules that register something, each with its file."""
         try:
             spec = importlib.util.find_spec(name)
         except (Exception, SystemExit) as error:  # the parent package's own import may do anything
@@ -308,28 +302,23 @@ class Registry:
             self.broken.append(Broken(f"{origin} ({name})", None, f"there is no module {name!r}"))
             return
         if not spec.submodule_search_locations:
-            yield name
+            yield name, Path(spec.origin) if spec.origin else None
             return
-        if spec.origin and _registers(Path(spec.origin)):
-            yield name
-        for info in pkgutil.iter_modules(spec.submodule_search_locations, name + "."):
-            file = getattr(info.module_finder.find_spec(info.name), "origin", None)
-            if info.ispkg:
-                yield from self._plugin_modules(info.name, origin)
-            elif file and _registers(Path(file)):
-                yield info.name
+        for folder in spec.submodule_search_locations:
+            yield from _modules_below(Path(folder), name)
+
+
+def _modules_below(folder: Path, package: str) -> Iterator[tuple[str, Path]]:
+    """The modules of a package that register something, and of the packages in it."""
+    for path in sorted(folder.iterdir() if folder.is_dir() else ()):
+        if path.suffix == ".py" and registers(path):
+            yield package if path.stem == "__init__" else f"{package}.{path.stem}", path
+        elif (path / "__init__.py").is_file():
+            yield from _modules_below(path, f"{package}.{path.name}")
 
 
 def _ours(entry: importlib.metadata.EntryPoint) -> bool:
     return bool(entry.dist) and entry.dist.name == "detailbench"
-
-
-def _registers(file: Path) -> bool:
-    """Whether a module's source mentions ``register``."""
-    try:
-        return b"register(" in file.read_bytes()
-    except OSError:
-        return True  # let the import say what is wrong
 
 
 def plugin_module_name(path: Path) -> str:
@@ -383,9 +372,9 @@ _REGISTRY = Registry()
 
 
 def registry(*, discover: bool = True) -> Registry:
-    """The registry of this process, with every installed plugin loaded, or known from a listing that was kept."""
-    if discover and not _REGISTRY._discovered:
-        _REGISTRY.discover(known=kept_modules())
+    """The registry of this process, in which every installed plugin is known."""
+    if discover:
+        _REGISTRY.discover()
     return _REGISTRY
 
 

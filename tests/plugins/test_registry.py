@@ -387,7 +387,7 @@ def test_discovery_finds_packages_and_skips_what_does_not_register(tmp_path, mon
     (package / "building_block.py").write_text("raise AssertionError('must not be imported')")
     monkeypatch.syspath_prepend(str(tmp_path))
     found = Registry()
-    assert sorted(found._plugin_modules("some_plugins", "test")) == [
+    assert sorted(name for name, _ in found._plugin_modules("some_plugins", "test")) == [
         "some_plugins.bad",
         "some_plugins.good",
         "some_plugins.inner.deep",
