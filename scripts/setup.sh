@@ -25,6 +25,7 @@ stop() {
 state() { # all that a finished environment depends on; its scripts hold its path
     pwd
     cat pyproject.toml constraints.txt scripts/setup.sh
+    grep "^__version__" bench/__init__.py # the metadata of the installed package repeats it
 }
 
 version() { "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null; }

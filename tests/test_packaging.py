@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import re
 import shutil
@@ -18,6 +19,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 import bench
+from bench.results.provenance import machine
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -44,8 +46,18 @@ def test_every_folder_with_modules_or_yaml_is_a_package():
                 assert (file.parent / "__init__.py").is_file(), f"{file.parent} lacks its __init__.py"
 
 
-def test_the_version_is_said_once_and_the_same():
-    assert PROJECT["project"]["version"] == bench.__version__
+def test_the_version_is_in_one_place():
+    assert "version" not in PROJECT["project"] and PROJECT["project"]["dynamic"] == ["version"]
+    assert PROJECT["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "bench.__version__"}
+    assert str(Version(bench.__version__)) == bench.__version__
+    assert importlib.metadata.version("detailbench") == bench.__version__, "the installed metadata are old: make setup"
+    said = re.compile(rf"""version\w*["']?\s*[:=]+\s*["']?{re.escape(bench.__version__)}\b""")
+    found = [file.relative_to(ROOT) for file in our_text_files() if said.search(file.read_text())]
+    assert set(found) <= {Path("bench/__init__.py"), Path("CITATION.cff")}  # the latter has a test of its own
+
+
+def test_records_of_results_have_that_version():
+    assert machine()["detailbench"] == bench.__version__
 
 
 def declared(*extras: str) -> list[Requirement]:
