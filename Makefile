@@ -49,6 +49,20 @@ wheel: setup ## dist/detailbench-*.whl
 	$(BIN)/python -m build --wheel --no-isolation --outdir dist
 	rm -rf build
 
+# --- documentation and releases ---------------------------------------------------------------------------------------
+
+SPHINX := $(BIN)/python -m sphinx -b html -c docs -d build/doctrees -W --keep-going -q . build/site
+
+.PHONY: docs
+
+docs: setup ## the documentation as a site that opens from the disk: build/site/index.html
+	@$(BIN)/python -c "import furo, myst_parser, sphinx" 2>/dev/null || $(BIN)/python -m pip install -q -c constraints.txt --no-build-isolation -e ".[docs]"
+	rm -rf build/site
+	$(SPHINX)
+	@echo "build/site/index.html"
+
+# ----------------------------------------------------------------------------------------------------------------------
+
 clean: ## remove caches and what was built, but neither results nor .venv
 	rm -rf build dist *.egg-info .pytest_cache .ruff_cache .benchmarks .hypothesis
 	find $(PYTHON_CODE) -name __pycache__ -type d -prune -exec rm -rf {} +
