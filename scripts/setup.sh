@@ -2,15 +2,17 @@
 # Makes .venv from nothing: system libraries, a virtual environment, the packages that constraints.txt pins, and this
 # package in editable mode. Called by make; returns at once when nothing has changed since it last finished.
 #
-# usage: [PYTHON=python3.12] scripts/setup.sh [--tests]
+# usage: [PYTHON=python3.12] [VENV=.venvs/3.12] scripts/setup.sh [--tests]
 #
+# VENV: another folder than .venv, for a second version of Python beside it (make test-3.12).
 # --tests: also the programs that only tests start: a browser, for pages, and LaTeX, for tables.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 extras=gpl,learned,joblib,tune,render,scenes,dev
-unfinished=.venv/.installing # there while a set-up is under way: what was interrupted is made anew
-finished=.venv/.installed    # what the last complete set-up was made from
+venv=${VENV:-.venv}
+unfinished=$venv/.installing # there while a set-up is under way: what was interrupted is made anew
+finished=$venv/.installed    # what the last complete set-up was made from
 
 export PIP_DISABLE_PIP_VERSION_CHECK=1
 
@@ -33,7 +35,7 @@ version() { "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/n
 suitable() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null; }
 
 wanted_version() { # the environment runs, with the interpreter asked for if one was
-    suitable .venv/bin/python && { [ -z "${PYTHON:-}" ] || [ "$(version .venv/bin/python)" = "$(version "$PYTHON")" ]; }
+    suitable "$venv"/bin/python && { [ -z "${PYTHON:-}" ] || [ "$(version "$venv/bin/python")" = "$(version "$PYTHON")" ]; }
 }
 
 moved() { [ -e "$finished" ] && [ "$(head -n 1 "$finished")" != "$PWD" ]; }
@@ -116,7 +118,7 @@ test_programs() {
 
 # --- the environment -----------------------------------------------------------------------------------------------
 
-pip() { .venv/bin/python -m pip install ${quiet:+"$quiet"} "$@"; }
+pip() { "$venv"/bin/python -m pip install ${quiet:+"$quiet"} "$@"; }
 
 torch() { # from wheels at hand, otherwise from PyTorch's own index: the one on PyPI brings gigabytes of CUDA on Linux
     local version
@@ -127,12 +129,12 @@ torch() { # from wheels at hand, otherwise from PyTorch's own index: the one on 
     fi
     pip --no-deps "torch==$version+cpu" >/dev/null 2>&1 ||
         pip --no-deps "torch==$version+cpu" --index-url https://download.pytorch.org/whl/cpu ||
-        stop "the CPU build of torch $version could not be installed (for Python $(version .venv/bin/python));" \
+        stop "the CPU build of torch $version could not be installed (for Python $(version "$venv/bin/python"));" \
             "    it is looked for in pip's find-links and at https://download.pytorch.org/whl/cpu"
 }
 
 check() {
-    .venv/bin/python - <<'PYTHON_END'
+    "$venv"/bin/python - <<'PYTHON_END'
 import sys
 
 import bench.cli
@@ -145,7 +147,7 @@ PYTHON_END
 
 [ "${1:-}" != --tests ] || test_programs
 if complete; then
-    [ -z "$(missing_packages .venv/bin/python)" ] || system_packages .venv/bin/python
+    [ -z "$(missing_packages "$venv"/bin/python)" ] || system_packages "$venv"/bin/python
     exit 0
 fi
 
@@ -153,20 +155,20 @@ python=$(find_python)
 system_packages "$python"
 
 if [ -e "$unfinished" ] || moved || ! wanted_version; then anew=yes; else anew=; fi
-mkdir -p .venv
+mkdir -p "$venv"
 state >"$unfinished"
 rm -f "$finished"
 if [ -n "$anew" ]; then # the mark stays: this may be interrupted too
-    find .venv -mindepth 1 -maxdepth 1 ! -path "$unfinished" -exec rm -rf {} +
+    find "$venv" -mindepth 1 -maxdepth 1 ! -path "$unfinished" -exec rm -rf {} +
 fi
 
 quiet=-q
 if [ -t 1 ]; then quiet=; fi
-say "packages go into .venv ($("$python" -V)), which takes 3 GB; the first time this downloads about 1 GB"
+say "packages go into $venv ($("$python" -V)), which takes 3 GB; the first time this downloads about 1 GB"
 if ! "$python" -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then
     say "CGAL has no build for Python 3.13: the methods that need it will be skipped. Python 3.12 has all of them"
 fi
-[ -x .venv/bin/pip ] || "$python" -m venv .venv
+[ -x "$venv"/bin/pip ] || "$python" -m venv "$venv"
 # What builds this package is pinned too, so it is built in the environment itself and not in one that pip makes up.
 pip -c constraints.txt setuptools wheel
 torch
