@@ -6,7 +6,10 @@ export PYTHON
 # Every start of the command line imports all plugins; where this is set, each start compiles them anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-BIN := .venv/bin
+VENV := .venv
+export VENV
+BIN := $(VENV)/bin
+comma := ,
 PYTEST := PYTHONPATH=scripts $(BIN)/python -m pytest -p no_skips
 PYTHON_CODE := bench methods datasets metrics conf tests scripts
 
@@ -17,7 +20,7 @@ WITHOUT_CGAL = $(shell $(BIN)/python -c "import CGAL" 2>/dev/null || echo method
 .PHONY: help setup demo real test test_setup bench lint wheel clean distclean
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z][a-z0-9. -]*:.*## / { sub(/ .*/, "", $$1); printf "make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## .venv with the pinned packages and this package (editable); system libraries where apt may install them
 	@scripts/setup.sh
@@ -49,17 +52,34 @@ wheel: setup ## dist/detailbench-*.whl
 	$(BIN)/python -m build --wheel --no-isolation --outdir dist
 	rm -rf build
 
-# --- documentation and releases ---------------------------------------------------------------------------------------
+# --- documentation, releases, other versions of Python ----------------------------------------------------------------
 
-SPHINX := $(BIN)/python -m sphinx -b html -c docs -d build/doctrees -W --keep-going -q . build/site
+# What an extra of pyproject.toml lacks: $(call extra,NAME,IMPORTS)
+extra = @$(BIN)/python -c "import $(2)" 2>/dev/null || $(BIN)/python -m pip install -q -c constraints.txt --no-build-isolation -e ".[$(1)]"
 
-.PHONY: docs
+.PHONY: docs changes release-notes hooks test-3.11 test-3.12 test-3.13
 
 docs: setup ## the documentation as a site that opens from the disk: build/site/index.html
-	@$(BIN)/python -c "import furo, myst_parser, sphinx" 2>/dev/null || $(BIN)/python -m pip install -q -c constraints.txt --no-build-isolation -e ".[docs]"
+	$(call extra,docs,furo$(comma) myst_parser$(comma) sphinx)
 	rm -rf build/site
-	$(SPHINX)
+	$(BIN)/python -m sphinx -b html -c docs -d build/doctrees -W --keep-going -q . build/site
 	@echo "build/site/index.html"
+
+changes: setup ## the notes of the next release, from changes/*.md; nothing is written
+	$(call extra,release,towncrier$(comma) pre_commit)
+	@$(BIN)/towncrier build --draft
+
+release-notes: setup ## move changes/*.md into CHANGELOG.md, below the version of bench/__init__.py
+	$(call extra,release,towncrier$(comma) pre_commit)
+	$(BIN)/towncrier build
+
+hooks: setup ## check style, files and links before each commit (.pre-commit-config.yaml)
+	$(call extra,release,towncrier$(comma) pre_commit)
+	$(BIN)/pre-commit install
+
+# Each in an environment of its own; .venv stays as it is.
+test-3.11 test-3.12 test-3.13: ## all tests with Python 3.11, in .venvs/3.11; so are test-3.12, test-3.13
+	@python=$$(scripts/find_python.sh $(@:test-%=%)) && $(MAKE) test VENV=.venvs/$(@:test-%=%) PYTHON="$$python"
 
 # ----------------------------------------------------------------------------------------------------------------------
 
@@ -67,5 +87,5 @@ clean: ## remove caches and what was built, but neither results nor .venv
 	rm -rf build dist *.egg-info .pytest_cache .ruff_cache .benchmarks .hypothesis
 	find $(PYTHON_CODE) -name __pycache__ -type d -prune -exec rm -rf {} +
 
-distclean: clean ## clean, and remove .venv
-	rm -rf .venv
+distclean: clean ## clean, and remove .venv and .venvs
+	rm -rf .venv .venvs
