@@ -4,17 +4,20 @@
   detailbench figure DIR -o figure.pdf --case 0,1 --names poisson=Poisson,mine=Ours --metric p2f_mean --width page
   detailbench figure DIR -o figure.png --case menger --limit 0.01 --zoom 0.2,-0.5,0.3,0.15 --camera 30,20
   detailbench figure DIR -o column.pdf --method apss,rimls --width column --no-insets --mesh-edges
+  detailbench figure DIR --recompute                          where a run kept no outputs
 
-Shows the outputs that a run with outputs=all (or first) kept, coloured by the distance of each vertex to the reference,
-in radii of the reference, with one scale for all; what failed is a sentence in its tile. All tiles of a row have the
-same camera. Insets show the place where the methods differ most. Text in PDF and SVG is text; tiles are pictures of 300
-dots per inch. Order: as the options name datasets, sensors, cases and methods.
+Shows the outputs that a run with outputs=all (or first) kept, or that --recompute makes again, coloured by the
+distance of each vertex to the reference, in radii of the reference, with one scale for all; what failed is a sentence
+in its tile. All tiles of a row have the same camera. Insets show the place where the methods differ most. Text in PDF
+and SVG is text; tiles are pictures of 300 dots per inch. Order: as the options name datasets, sensors, cases and
+methods. --recompute has the seed, parameters and limits of the records, and touches no results.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import tempfile
 from pathlib import Path
 
 from ..cli import add_plugin_argument
@@ -38,6 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--surfaces", action="store_true", help="of clouds: the screened Poisson surface that they give"
     )
     parser.add_argument("--size", type=int, metavar="PIXELS", help="across a tile (default: 300 per inch of the width)")
+    parser.add_argument(
+        "--recompute", action="store_true", help="run cases again whose outputs no run kept; results stay as they are"
+    )
+    parser.add_argument("--allow-program", action="store_true", help="with --recompute: start programs of records")
     add_plugin_argument(parser)
 
 
@@ -64,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
     from ..pictures.zoom import zoom_of
     from ..results.files import write_atomically
     from ..results.store import Results
+    from .figure_again import recomputed
     from .leaderboard import read_rows
 
     kind, width = kind_of(args.output), width_of(args.width or "page")
@@ -92,7 +100,11 @@ def run(args: argparse.Namespace) -> int:
         edges=args.mesh_edges,
         surfaces=args.surfaces,
     )
-    sheet = draw(rows, opened, options, Layout(width=width, size=args.size))
+    with tempfile.TemporaryDirectory(prefix="detailbench-") as temporary:
+        if args.recompute:
+            how = {"plugins": args.plugin, "allow_program": args.allow_program}
+            rows, opened = recomputed(rows, opened, Path(temporary), **how)
+        sheet = draw(rows, opened, options, Layout(width=width, size=args.size))
     write_atomically(Path(args.output).expanduser(), sheet.save(kind))
     print("\n".join(said(sheet, args.output)))
     return 0

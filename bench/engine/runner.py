@@ -69,6 +69,7 @@ def run_cell(
     settings: Settings,
     reporter: Reporter | None = None,
     alive: Callable[[], None] = lambda: None,
+    known: Mapping[int, Mapping[str, Any]] = {},
 ) -> Outcome:
     """Run what is missing of a cell and store it.
 
@@ -77,6 +78,7 @@ def run_cell(
     cell, settings : what and how
     reporter : where progress goes
     alive : called while waiting; raises to stop
+    known : rows of a record elsewhere by the index of their case, which are not run again
 
     Raises
     ------
@@ -91,6 +93,7 @@ def run_cell(
         stands = standing(results, cell, parts)
         mark = stands.mark
         rows, stored = standing_rows(results, cell, stands, settings)
+        rows = {index: {**row, "cell": cell.id, "fingerprint": mark} for index, row in known.items()} | rows
         if settings.rerun == "always":
             results.forget_partial(cell.id, mark)
         if stored and all(rows.get(row["case_index"]) is row for row in stored.rows):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     Geometry = Trimesh | PointCloud
 
 UNIT = "radii of the reference"
-KEEP = "run it again with outputs=all, which keeps outputs"
+KEEP = "run it again with outputs=all, or draw it with `detailbench figure --recompute`"
 PLACE = ["task", "dataset", "sensor", "split", "seed", "case"]
 
 

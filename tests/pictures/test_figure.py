@@ -249,7 +249,10 @@ def test_the_command_writes_the_figure_and_says_what_is_on_it(kept, tmp_path, ca
 def test_without_kept_outputs_the_figure_says_what_keeps_them(tmp_path, capsys):
     results, _ = stored(tmp_path / "results", methods=("poisson",), cases=1, keeps=False)
     assert main(["figure", str(results.folder), "-o", str(tmp_path / "f.png"), "--size", "40"]) == 0
-    assert "poisson: no output is kept; run it again with outputs=all" in capsys.readouterr().out
+    assert (
+        "poisson: no output is kept; run it again with outputs=all, or draw it with `detailbench figure --recompute`"
+        in capsys.readouterr().out
+    )
 
 
 @pytest.mark.parametrize(
