@@ -162,12 +162,40 @@ def test_tables_are_saved_as_csv(visit, small_page, small_data):
 @pytest.mark.parametrize("view", ["cost", "traces", "duels", "slices"])
 def test_charts_are_saved_as_pictures_that_stand_alone(visit, small_page, view, tmp_path):
     page = visit(small_page, f"#view={view}")
-    text = saved(page, "SVG")
+    text = saved(page, "SVG", "main figure >> nth=-1")
     assert "var(" not in text
     alone = tmp_path / "chart.svg"
     alone.write_text(text, encoding="utf-8")
     shown = visit_alone(page, alone)
     assert shown["text"] >= 4 and shown["colors"] >= 2
+
+
+def test_the_matrix_of_wins_is_saved_as_a_picture_of_its_table(visit, small_page, tmp_path):
+    page = visit(small_page, "#view=duels")
+    before = page.locator("main svg").count()
+    text = saved(page, "SVG", "main figure >> nth=0")
+    assert "var(" not in text and "color-mix" not in text and page.locator("main svg").count() == before
+    alone = tmp_path / "wins.svg"
+    alone.write_text(text, encoding="utf-8")
+    names = texts(page, "table.matrix tbody th")
+    rows = page.locator("table.matrix td.win").evaluate_all(
+        "tds => tds.map(td => [...td.children].map(e => e.innerText))"
+    )
+    colors = page.locator("table.matrix td.win").evaluate_all(
+        "tds => tds.map(td => getComputedStyle(td).backgroundColor)"
+    )
+    other = page.context.new_page()
+    other.goto(f"file://{alone}")
+    found = other.locator("text").evaluate_all("all => all.map((e) => e.textContent)")
+    assert found[0].endswith("row better than column")
+    assert sorted(found[1:]) == sorted([*names, *names, *(part for row in rows for part in row)])
+    boxes = other.locator("text").evaluate_all(
+        "all => all.map((e) => { const b = e.getBoundingClientRect(); return b.right; })"
+    )
+    assert max(boxes) <= other.evaluate("document.documentElement.getBoundingClientRect().right")
+    fills = other.locator("rect").evaluate_all("all => all.map((e) => e.style.fill + e.style.fillOpacity)")
+    assert len(fills) == len(names) ** 2 and len(set(fills)) == len(set(colors)) + 1  # and the diagonal
+    other.close()
 
 
 def visit_alone(page, path):

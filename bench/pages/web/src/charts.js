@@ -132,6 +132,34 @@ export function ranksDiagram(methods, critical, width) {
   return svg;
 }
 
+// The matrix of how often the method of a row is better than that of a column, as the page's table has it: `cells[i][j]`
+// is null or {text, interval, sure, color, weight}, with the share of the colour in `weight`.
+export function winsDiagram(title, labels, cells) {
+  const long = 7 * Math.max(...labels.map((label) => label.length)) + 14;
+  const [wide, high] = [64, 36];
+  const slope = Math.PI / 5; // of the names above the columns
+  const top = Math.ceil(long * Math.sin(slope)) + 10;
+  const width = Math.max(long + wide * labels.length + Math.ceil(long * Math.cos(slope)) - wide / 2 + 6, 7 * title.length + 16);
+  const height = top + high * labels.length + 28;
+  const svg = s("svg", { viewBox: `0 0 ${width} ${height}`, width, height, "font-size": FONT });
+  const text = (x, y, content, more = {}) => s("text", { x, y, "text-anchor": "middle", "dominant-baseline": "middle", ...more }, content);
+  svg.append(text(8, height - 12, title, { "text-anchor": "start" }));
+  labels.forEach((label, i) => {
+    const [x, y] = [long + wide * i, top + high * i];
+    svg.append(text(long - 8, y + high / 2, label, { "text-anchor": "end" }),
+      text(0, 0, label, { "text-anchor": "start", transform: `translate(${x + wide / 2} ${top - 8}) rotate(${(-180 * slope) / Math.PI})` }));
+    cells[i].forEach((cell, j) => {
+      const left = long + wide * j;
+      const box = { x: left, y, width: wide, height: high };
+      svg.append(s("rect", { ...box, fill: i === j ? "var(--shade)" : cell?.color ?? "none", "fill-opacity": i === j || !cell ? 1 : cell.weight, stroke: "var(--line)" }));
+      if (i === j) return;
+      svg.append(text(left + wide / 2, y + (cell?.interval ? 12 : high / 2), cell?.text ?? "-", { "font-weight": cell?.sure ? "bold" : "normal" }));
+      if (cell?.interval) svg.append(text(left + wide / 2, y + 26, cell.interval, { "font-size": FONT - 2 }));
+    });
+  });
+  return svg;
+}
+
 export function widthOf() {
   return Math.max(340, Math.min(WIDEST, document.documentElement.clientWidth - (innerWidth < 640 ? 24 : 48)));
 }

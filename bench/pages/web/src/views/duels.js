@@ -1,33 +1,56 @@
 // Each two methods against each other: how often one is better, and Demšar's diagram of average ranks.
-import { ranksDiagram, widthOf } from "../charts.js";
-import { csv, figure, fileName, h, save } from "../dom.js";
+import { ranksDiagram, widthOf, winsDiagram } from "../charts.js";
+import { csv, figure, fileName, h, save, svgText } from "../dom.js";
 import { arrow, percent } from "../format.js";
+
+// What the matrix says of each two methods: null where they are the same, or share no shape.
+function cellsOf(duels, labels) {
+  return labels.map((label, i) => labels.map((other, j) => {
+    const [rate, low, high] = [duels.wins[i][j], duels.low[i][j], duels.high[i][j]];
+    if (i === j || rate === null) return null;
+    const known = low !== null && high !== null;
+    return {
+      text: percent(rate), interval: known && `${percent(low)}-${percent(high)}`, sure: known && (low > 0.5 || high < 0.5),
+      color: `var(${rate > 0.5 ? "--m0" : "--m1"})`, weight: 0.7 * Math.abs(2 * rate - 1),
+      words: `${label} is better than ${other} on ${percent(rate)} % of ${duels.shapes[i][j]} shapes${known ? `, interval ${percent(low)} to ${percent(high)} %` : ""}`,
+    };
+  }));
+}
 
 function matrix(page, group, metric) {
   const { duels } = metric;
   const labels = duels.labels.map((i) => metric.labels[i]);
-  const head = h("tr", {}, h("th", { scope: "col" }, "better ↓ than →"), labels.map((label) => h("th", { scope: "col", class: "tilted" }, label)));
-  const body = labels.map((label, i) => h("tr", {}, h("th", { scope: "row" }, label), labels.map((other, j) => {
+  const cells = cellsOf(duels, labels);
+  const head = h("tr", {}, h("th", { scope: "col" }, "better ↓ than →"), labels.map((label) => h("th", { scope: "col" }, label)));
+  const body = labels.map((label, i) => h("tr", {}, h("th", { scope: "row" }, label), cells[i].map((cell, j) => {
     if (i === j) return h("td", { class: "same" });
-    const [rate, low, high] = [duels.wins[i][j], duels.low[i][j], duels.high[i][j]];
-    if (rate === null) return h("td", { class: "win" }, "-");
-    const known = low !== null && high !== null;
-    const sure = known && (low > 0.5 || high < 0.5);
-    const text = `${label} is better than ${other} on ${percent(rate)} % of ${duels.shapes[i][j]} shapes${known ? `, interval ${percent(low)} to ${percent(high)} %` : ""}`;
-    const weight = Math.round(70 * Math.abs(2 * rate - 1));
-    return h("td", { class: "win", title: text, style: `background: color-mix(in srgb, var(${rate > 0.5 ? "--m0" : "--m1"}) ${weight}%, var(--paper))` },
-      h(sure ? "strong" : "span", {}, percent(rate)), known && h("small", {}, `${percent(low)}-${percent(high)}`));
+    if (!cell) return h("td", { class: "win" }, "-");
+    return h("td", { class: "win", title: cell.words, style: `background: color-mix(in srgb, ${cell.color} ${Math.round(100 * cell.weight)}%, var(--paper))` },
+      h(cell.sure ? "strong" : "span", {}, cell.text), cell.interval && h("small", {}, cell.interval));
   })));
   const title = `How often one is better, in % of shapes, by ${metric.name} ${arrow(metric.better)}`;
-  return h("figure", {}, h("figcaption", {}, h("span", { class: "title" }, title), h("span", { class: "buttons" }, h("button", {
-    type: "button",
-    onclick: () => save(`${fileName(`${group.title}_${metric.name}_wins`)}.csv`, "text/csv", csv(["method", "other", "rate", "ci_low", "ci_high", "shapes"],
-      labels.flatMap((a, i) => labels.flatMap((b, j) => (i === j ? [] : [[a, b, duels.wins[i][j], duels.low[i][j], duels.high[i][j], duels.shapes[i][j]]]))))),
-  }, "CSV"))),
-  h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": title }, h("table", { class: "matrix" }, h("thead", {}, head), h("tbody", {}, body))),
-  h("p", { class: "note" }, "The share of shapes on which the method of the line is better than that of the column (the probability of improvement; ties "
-    + `count half, sensors and seeds of a shape are averaged), with its ${Math.round(100 * page.data.level)} % interval over shapes below. Bold: the interval leaves out 50 %. `
-    + "A failure counts as the worst score."));
+  const name = fileName(`${group.title}_${metric.name}_wins`);
+  const buttons = h("span", { class: "buttons" },
+    h("button", { type: "button", onclick: () => save(`${name}.svg`, "image/svg+xml", svgOf(winsDiagram(`${title}: row better than column`, labels, cells), whole)) }, "SVG"),
+    h("button", {
+      type: "button",
+      onclick: () => save(`${name}.csv`, "text/csv", csv(["method", "other", "rate", "ci_low", "ci_high", "shapes"],
+        labels.flatMap((a, i) => labels.flatMap((b, j) => (i === j ? [] : [[a, b, duels.wins[i][j], duels.low[i][j], duels.high[i][j], duels.shapes[i][j]]]))))),
+    }, "CSV"));
+  const whole = h("figure", {}, h("figcaption", {}, h("span", { class: "title" }, title), buttons),
+    h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": title }, h("table", { class: "matrix" }, h("thead", {}, head), h("tbody", {}, body))),
+    h("p", { class: "note" }, "The share of shapes on which the method of the line is better than that of the column (the probability of improvement; ties "
+      + `count half, sensors and seeds of a shape are averaged), with its ${Math.round(100 * page.data.level)} % interval over shapes below. Bold: the interval leaves out 50 %. `
+      + "A failure counts as the worst score."));
+  return whole;
+}
+
+// The text of a picture that the page does not show: it is in the figure for as long as its styles are looked up.
+function svgOf(svg, within) {
+  within.append(svg);
+  const text = svgText(svg);
+  svg.remove();
+  return text;
 }
 
 export function duels(page, { group, metric }) {
