@@ -12,8 +12,6 @@ from typing import Any
 
 from .encoding import script_json
 
-BUILT = ("page.js", "page.css", "LICENCES.txt")
-
 
 @cache
 def built(name: str) -> str:
@@ -21,12 +19,16 @@ def built(name: str) -> str:
     return (resources.files(__package__) / "built" / name).read_text(encoding="utf-8")
 
 
-def policy(script: str) -> str:
-    """The page's own rule for browsers: this script and no other, no address but the page's own data."""
+def policy(script: str, *, may_load: bool = False) -> str:
+    """The page's own rule for browsers: this script and no other, no address but the page's own data.
+
+    With ``may_load`` the scripts that this one adds to the page run too; those that the text of the page brings do not.
+    """
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    loads = " 'strict-dynamic'" if may_load else ""
     return (
-        f"default-src 'none'; script-src 'sha256-{digest}' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; "
-        "img-src data: blob:; worker-src blob:; connect-src data: blob:"
+        f"default-src 'none'; script-src 'sha256-{digest}'{loads} 'wasm-unsafe-eval'; style-src 'unsafe-inline'; "
+        "img-src data: blob:; worker-src blob:; connect-src data: blob:; base-uri 'none'; form-action 'none'"
     )
 
 
@@ -58,7 +60,7 @@ def one_file(data: Mapping[str, Any], geometry: Mapping[str, bytes] | None = Non
 NO_SCRIPT = "<noscript>This page shows its tables by a script, which this browser does not run.</noscript>\n"
 
 
-def head(title: str, rule: str = "") -> str:
+def head(title: str, rule: str) -> str:
     """The beginning of a page, up to its styles."""
     meta = f'<meta http-equiv="Content-Security-Policy" content="{html.escape(rule)}">\n' if rule else ""
     return (

@@ -4,7 +4,7 @@
 
     FOLDER/index.html                    everything
     FOLDER/task|dataset|method/NAME.html what concerns one of them
-    FOLDER/assets/                       the script, the style and the licences, once
+    FOLDER/assets/                       the script and the licences, once
     FOLDER/data/*.js, geometry/*.js      what the pages show, as scripts, for pages from the disk may read nothing else
     FOLDER/site.json                     the files that were written, so that the next time stale ones go
 
@@ -13,7 +13,6 @@ All tables come from one computation over all rows: a method's page has its rank
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
@@ -22,11 +21,16 @@ from typing import Any
 from ..errors import UsageError
 from ..results.files import write_atomically
 from ..results.kept_outputs import file_name
-from .assemble import BUILT, NO_SCRIPT, built, encoded, head
+from .assemble import NO_SCRIPT, built, encoded, head, policy
 from .encoding import script_json
 
 MANIFEST = "site.json"
 KINDS = ("task", "dataset", "method")
+ASSETS = ("page.js", "LICENCES.txt")
+LOADER = (
+    "for (const source of ADDRESSES) document.body.append("
+    "Object.assign(document.createElement('script'), { src: source, async: false }));"
+)
 Data = dict[str, Any]
 
 
@@ -47,7 +51,7 @@ def site(data: Mapping[str, Any], geometry: Mapping[str, bytes]) -> dict[str, st
     """
     pages = list(_pages(data))
     links = [{"kind": kind, "name": name, "href": path} for kind, name, path, _ in pages]
-    files = {f"assets/{name}": built(name) for name in BUILT}
+    files = {f"assets/{name}": built(name) for name in ASSETS}
     for kind, name, path, content in pages:
         up = "../" * path.count("/")
         stored = f"data/{'index' if kind == 'index' else path.removesuffix('.html').replace('/', '-')}.js"
@@ -67,10 +71,15 @@ def site(data: Mapping[str, Any], geometry: Mapping[str, bytes]) -> dict[str, st
 
 
 def _html(title: str, up: str, stored: str) -> str:
-    address = html.escape(f"{up}{stored}", quote=True)
+    """A page: its only script loads the others, so that its rule can name the digest of that one.
+
+    A rule with addresses would not do: browsers do not agree on what they mean for pages from the disk.
+    """
+    addresses = script_json([f"{up}{stored}", f"{up}assets/page.js"])
+    script = LOADER.replace("ADDRESSES", addresses)
     return (
-        f'{head(title)}<link rel="stylesheet" href="{up}assets/page.css">\n</head>\n<body>\n{NO_SCRIPT}'
-        f'<script src="{address}"></script>\n<script src="{up}assets/page.js"></script>\n</body>\n</html>\n'
+        f"{head(title, policy(script, may_load=True))}<style>{built('page.css')}</style>\n</head>\n<body>\n{NO_SCRIPT}"
+        f"<script>{script}</script>\n</body>\n</html>\n"
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import re
 
@@ -68,6 +70,35 @@ def test_pages_open_from_the_disk_and_lead_to_each_other(visit, folder):
     page.wait_for_selector("h1:has-text('cad')")
     page.get_by_role("link", name="All results").click()
     page.wait_for_selector("strong:has-text('All results')")
+
+
+@pytest.mark.parametrize("foreign", ["<script>evil = 1</script>", "<script src='evil.js'></script>",
+                                     "<img src='x' onerror='evil = 1'>", "<base href='elsewhere/'>"])  # fmt: skip
+def test_the_rule_of_a_page_lets_no_foreign_script_run(browser, files, folder, foreign):
+    """Foreign text in the page itself, which the program never writes there: nothing of it is obeyed."""
+    (folder / "evil.js").write_text("evil = 1")
+    path = folder / "foreign.html"
+    path.write_text(files["index.html"].replace("<body>", f"<body>{foreign}"))
+    context = browser.new_context()
+    try:
+        page, refused = context.new_page(), []
+        page.on("console", lambda message: refused.append(message.text))
+        page.goto(f"file://{path}")
+        page.wait_for_selector("main tbody tr")
+        assert page.evaluate("typeof evil") == "undefined"
+        assert any("Content Security Policy" in text for text in refused)
+    finally:
+        context.close()
+
+
+def test_each_page_has_the_digest_of_its_script_in_its_rule(files):
+    for name, text in files.items():
+        if name.endswith(".html"):
+            (script,) = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+            digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+            (rule,) = re.findall(r'Content-Security-Policy" content="(.*?)"', text)
+            assert f"script-src &#x27;sha256-{digest}&#x27; &#x27;strict-dynamic&#x27;" in rule
+            assert text.count("<script") == 1
 
 
 def test_a_new_site_takes_stale_pages_away_and_nothing_else(files, tmp_path):
