@@ -18,6 +18,7 @@ from ..notices import notice
 from ..pictures.errors import common_limit, distances, weights
 from ..pictures.labels import folder_of, labels
 from ..pictures.shapes import CaseShapes, Item, case_shapes, places
+from .contact_sheet import contact_sheet
 from .packing import pack, quantised
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ BYTES_OF_FACE, BYTES_OF_POINT = 4.2, 8.0  # about what a packed shape takes; mea
 SPARE = 0.97  # of the budget, where a first packing missed it
 ABOVE = 1.25  # times the cap that is expected: of the first simplification
 TRIES = 5
+OF_IMAGES = 0.25  # of the budget, for the images that are inputs
 
 
 @dataclass(eq=False)
@@ -43,6 +45,7 @@ class _Panel:
     shape: Trimesh | PointCloud | None = None
     errors: np.ndarray | None = None  # (n,) shares of the limit
     full: int = 0  # faces or points of the full shape
+    picture: bytes = b""  # where it shows images: a file of them
 
     @property
     def is_mesh(self) -> bool:
@@ -80,18 +83,22 @@ def scenes(
     scenes : list of dict
         ``id``, ``title``, ``unit``, ``limit`` (the distance at the end of the colour scale, 0 where nothing differs
         from the reference), ``task``, ``dataset``, ``sensor``, ``split``, ``seed``, ``case``, and ``panels``: dicts
-        with ``name``, ``role`` (``input``, ``output`` or ``reference``), ``kind`` (``mesh``, ``cloud`` or None),
-        ``geometry`` (an ID, or None where there is nothing to show but the note) and ``note``. Empty where no output
-        is kept.
+        with ``name``, ``role`` (``input``, ``output`` or ``reference``), ``kind`` (``mesh``, ``cloud``, ``images`` or
+        None), ``geometry`` (an ID, or None where there is nothing to show but the note) and ``note``. Empty where no
+        output is kept.
     geometry : dict of str to bytes
-        The packed shapes (:mod:`bench.pages.packing`) by ID. Equal shapes are there once.
+        The packed shapes (:mod:`bench.pages.packing`) by ID, and the images of inputs as files. Equal ones are there
+        once.
     """
     folders = list(results) if isinstance(results, Sequence) else [results]
     found = _fitting(_cases(folders, rows), budget_bytes)
     named = [field for field in ("task", "split", "seed") if len({getattr(place, field) for place, _ in found}) > 1]
     most = _first_cap([part for _, part in found], budget_bytes)
-    made = [_scene(place, case_shapes(folders, place, part), most, named) for place, part in found]
-    packed = _packed([panel for _, panels in made for panel in panels], budget_bytes)
+    room = OF_IMAGES * budget_bytes / max(1, len(found))
+    made = [_scene(place, case_shapes(folders, place, part), most, named, room) for place, part in found]
+    every = [panel for _, panels in made for panel in panels]
+    pictures = {id(panel): _Packed(panel.picture, 0) for panel in every if panel.picture}
+    packed = pictures | _packed(every, budget_bytes - sum(len(one.data) for one in pictures.values()))
     shown, geometry = [], {}
     for scene, panels in made:
         data = [packed.get(id(panel)) for panel in panels]
@@ -147,8 +154,13 @@ def _fitting(cases: list[tuple[Place, pd.DataFrame]], budget: int) -> list[tuple
 # -- what is in a case -------------------------------------------------------------------------------------------------
 
 
-def _scene(place: Place, shapes: CaseShapes, most: int, named: Sequence[str]) -> tuple[dict[str, Any], list[_Panel]]:
-    """What a scene says of its case, with the ``named`` fields in its title, and panels with at most so many faces."""
+def _scene(
+    place: Place, shapes: CaseShapes, most: int, named: Sequence[str], room: float
+) -> tuple[dict[str, Any], list[_Panel]]:
+    """What a scene says of its case, with the ``named`` fields in its title, and panels with at most so many faces.
+
+    Images that are inputs take at most ``room`` bytes.
+    """
     panels = [_Panel(item) for item in shapes.items]
     reference = shapes.reference.shape
     measured: dict[int, np.ndarray] = {}
@@ -163,8 +175,8 @@ def _scene(place: Place, shapes: CaseShapes, most: int, named: Sequence[str]) ->
             if number in measured and limit > 0:
                 panel.errors = np.minimum(measured[number] / limit, 1)
             panels[number] = _smaller(panel, most)
-        else:
-            panel.item = _words(panel.item)
+        elif panel.item.shape is not None:
+            panels[number] = _of_images(panel.item, room / len(shapes.inputs))
         panels[number].item = _without_shape(panels[number].item)  # the full one is not needed any more
     said = place._asdict()
     more = [f"seed {place.seed}" if field == "seed" else getattr(place, field) for field in named]
@@ -184,11 +196,12 @@ def _is_compared(item: Item) -> bool:
     )
 
 
-def _words(item: Item) -> Item:
-    """What stands in a panel without a shape."""
-    if item.note or item.shape is None:
-        return item
-    return Item(item.name, item.role, None, f"{len(item.shape.images)} pictures, which this view does not show")
+def _of_images(item: Item, room: float) -> _Panel:
+    """A panel of images that are an input, in at most ``room`` bytes."""
+    sheet = contact_sheet(item.shape, room)
+    said = f"{len(item.shape)} images, for which the page has no room" if sheet is None else sheet.note
+    note = "; ".join(filter(None, [item.note, said]))
+    return _Panel(Item(item.name, item.role, None, note, item.row), picture=b"" if sheet is None else sheet.data)
 
 
 def _without_shape(item: Item) -> Item:
@@ -294,7 +307,7 @@ def _panel(panel: _Panel, packed: _Packed | None) -> dict[str, Any]:
     return {
         "name": panel.item.name,
         "role": panel.item.role,
-        "kind": None if packed is None else "mesh" if panel.is_mesh else "cloud",
+        "kind": None if packed is None else "images" if panel.picture else "mesh" if panel.is_mesh else "cloud",
         "geometry": None if packed is None else _name(packed.data),
         "note": "; ".join(notes),
     }

@@ -130,6 +130,32 @@ def state(page):
     return page.evaluate("viewer.getState()")
 
 
+def test_images_are_shown_as_a_picture_that_no_camera_turns(visit, tmp_path, packed):
+    file = io.BytesIO()
+    Image.new("RGB", (90, 60), (200, 40, 40)).save(file, "WEBP", quality=90)
+    stored = "".join(
+        f'<script type="text/plain" id="geometry-{name}">{base64.b64encode(data).decode()}</script>'
+        for name, data in {"p1": file.getvalue(), "b2": pack(packed["b2"]), "p0": b"no picture"}.items()
+    )
+    panels = [panel("views", "input", "images", "p1", "9 of 48 images"), panel("mine", "output", "mesh", "b2"),
+              panel("broken", "input", "images", "p0", "9 of 48 images")]  # fmt: skip
+    scene = json.dumps(SCENE | {"panels": panels, "limit": 0})
+    path = tmp_path / "view.html"
+    path.write_text(PAGE % (stored, built("page.js"), scene), encoding="utf-8")
+    page = visit(path)
+    page.evaluate("viewer.ready")
+    pictures = seen(page)
+    red = (np.abs(pictures[0] - (200, 40, 40)).max(axis=2) < 12).mean()
+    assert 0.5 < red < 0.72  # two thirds of a square, less the margin
+    assert page.locator(".dbv-panel").nth(0).inner_text().split("\n") == ["views input", "9 of 48 images"]
+    assert "cannot be shown" in page.locator(".dbv-panel").nth(2).inner_text()
+    before = seen(page)
+    drag(page, 0, 40, 10)
+    assert state(page) == {} and np.array_equal(seen(page, 1), before[1])
+    drag(page, 1, 40, 10)
+    assert not np.array_equal(seen(page, 1), before[1]) and np.array_equal(seen(page, 0), before[0])
+
+
 @pytest.mark.parametrize("size, scheme", [(SIZES[0], "light"), (SIZES[1], "dark")])
 def test_every_panel_shows_its_shape_and_foreign_text_stays_text(opened, size, scheme):
     page = opened(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)

@@ -4,7 +4,7 @@
 //   viewer.getState(); viewer.setState(state); viewer.dispose(); await viewer.ready;
 //
 // scene: {id, title, unit, limit, panels: [{name, role, kind, geometry, note}]}; geometry is an ID (store.js) or null where
-// there is nothing to show but the note. state: a short object (state.js) that JSON holds, null for the default.
+// there is nothing to show but the note. Of the kind "images" it is a picture, which no camera turns. state: a short object (state.js) that JSON holds, null for the default.
 // onState is called with it after each change, at most some times a second.
 
 import { HOME, zoomed } from "./camera.js";
@@ -14,7 +14,7 @@ import { listen } from "./gestures.js";
 import { vertexAt } from "./pick.js";
 import { colorBar, words } from "./scale.js";
 import { AXES, STYLES, shortState, wholeState } from "./state.js";
-import { keepOnly, shapeOf } from "./store.js";
+import { keepOnly, pictureOf, shapeOf } from "./store.js";
 import { addStyle } from "./style.js";
 
 const NARROWEST = 230; // CSS pixels of a panel
@@ -26,6 +26,8 @@ const LOST = "The graphics system took this view away. It comes back by itself; 
 const HELP =
   "Drag to rotate, with Shift or the right button to move. Click a panel, then use the wheel to zoom; or the keys: " +
   "arrows rotate, + and - zoom, R resets. Point at a surface to read its distance.";
+
+const isShape = (panel) => Boolean(panel.geometry) && panel.kind !== "images";
 
 export function mount(element, scene, state = null, onState = () => {}) {
   return new Viewer(element, scene, state, onState);
@@ -74,7 +76,7 @@ class Viewer {
 
   build() {
     const { scene, panels } = this;
-    const hasErrors = scene.limit > 0 && panels.some((panel) => panel.geometry && panel.role !== "reference");
+    const hasErrors = scene.limit > 0 && panels.some((panel) => isShape(panel) && panel.role !== "reference");
     this.canvas = make("canvas", { class: "dbv-canvas", "aria-hidden": "true" });
     this.views = panels.map((panel, k) => this.buildView(panel, k));
     this.figures = panels.map((panel, k) => this.buildPanel(panel, this.views[k]));
@@ -94,7 +96,7 @@ class Viewer {
     const say = make("div", { class: "dbv-say" });
     this.messages[k] = say;
     const label = `${panel.name}: ${panel.kind ?? "shape"}, ${panel.role}`;
-    const empty = !panel.geometry;
+    const empty = !isShape(panel);
     const view = make(
       "div",
       { class: "dbv-view", tabindex: empty ? null : "0", role: "img", "aria-label": label, "data-empty": empty, "aria-keyshortcuts": "ArrowLeft ArrowRight ArrowUp ArrowDown + - R" },
@@ -208,6 +210,7 @@ class Viewer {
     if (!panel.geometry) return this.say(k, panel.note || "There is nothing to show.");
     this.say(k, "Loading …");
     try {
+      if (panel.kind === "images") return await this.showPicture(panel, k);
       const shape = await shapeOf(panel.geometry);
       if (this.disposed) return;
       this.shapes[k] = shape;
@@ -216,6 +219,14 @@ class Viewer {
     } catch (error) {
       this.say(k, `This shape cannot be shown. ${error.message}`);
     }
+  }
+
+  async showPicture(panel, k) {
+    const picture = make("img", { class: "dbv-picture", alt: `${panel.name}: ${panel.note}`, src: await pictureOf(panel.geometry) });
+    await picture.decode();
+    if (this.disposed) return;
+    this.say(k, "");
+    this.views[k].append(picture);
   }
 
   say(k, text) {
@@ -245,7 +256,7 @@ class Viewer {
     const lost = (event) => {
       event.preventDefault();
       this.drawing = null;
-      if (!this.disposed) this.panels.forEach((panel, k) => panel.geometry && this.say(k, LOST));
+      if (!this.disposed) this.panels.forEach((panel, k) => isShape(panel) && this.say(k, LOST));
     };
     const restored = () => {
       this.drawing = new Drawing(this.canvas);

@@ -21,6 +21,11 @@ export function shapeOf(id) {
   return shapes.get(id);
 }
 
+/** The address of a picture that lies where shapes do. */
+export async function pictureOf(id) {
+  return `data:image/webp;base64,${await text(id)}`;
+}
+
 /** Drop all unpacked shapes but those that are named. */
 export function keepOnly(ids) {
   for (const id of shapes.keys()) if (!ids.has(id)) shapes.delete(id);

@@ -41,6 +41,7 @@ const TEXT = `
 .dbv-view:focus { outline: 2px solid #0072b2; outline-offset: 1px; touch-action: none; }
 .dbv-view:active { cursor: grabbing; }
 .dbv-view[data-empty] { cursor: default; }
+.dbv-picture { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: contain; padding: 0.3rem; }
 .dbv-say { position: absolute; inset: 0; display: flex; align-items: center; justify-content: center; padding: 1rem; text-align: center; overflow: auto;
   overflow-wrap: anywhere; }
 .dbv-say:empty { display: none; }
