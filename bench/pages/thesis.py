@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from .encoding import number
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ..ranking.conventions import Column, Convention
+    from ..ranking.naming import Naming
     from ..ranking.published import Published
 
 NEAR = 0.1  # a relative difference to the paper's number that counts as the same
@@ -81,6 +83,7 @@ def _tables(
     """One entry for each column of the paper's convention that the rows have."""
     from ..ranking.conventions import load_convention
     from ..ranking.leaderboard import leaderboard
+    from ..ranking.naming import naming
     from ..ranking.selection import metrics_of
 
     known = metrics_of(rows)
@@ -91,10 +94,19 @@ def _tables(
     profiles = _profiles(rows, cells)
     found = []
     for column in paper.columns:
-        lines = _lines(board[board["metric"] == column.title], table, column, profiles)
+        mine = board[board["metric"] == column.title]
+        names = naming(zip(mine["method"], mine["variant"], strict=True))  # as in the tables
+        lines = _lines(mine, table, column, profiles, names)
         if any(line["ours"] is not None for line in lines):
-            found.append(_entry(name, table, paper, column, lines))
+            entry = _entry(name, table, _noted(paper, column, known), column, lines)
+            found.append(entry | {"notes": [*entry["notes"], *names.notes]})
     return found
+
+
+def _noted(paper: Convention, column: Column, known: Collection[str]) -> Convention:
+    """The convention with this column alone and those that the results lack, which its notes name."""
+    columns = tuple(one for one in paper.columns if one is column or one.score not in known)
+    return replace(paper, columns=columns)
 
 
 def _entry(
@@ -112,11 +124,10 @@ def _entry(
 
 
 def _lines(
-    board: pd.DataFrame, table: Published, column: Column, profiles: Mapping[tuple[str, str], str]
+    board: pd.DataFrame, table: Published, column: Column, profiles: Mapping[tuple[str, str], str], names: Naming
 ) -> list[dict[str, Any]]:
     """Ours that the paper has a number for, and the paper's that are not among ours."""
     from ..ranking.published import all_parameters
-    from ..ranking.report.labels import label
 
     found = []
     for line in board.to_dict("records"):
@@ -124,7 +135,9 @@ def _lines(
         theirs = table.line(column.title, method, variant, line["sensor"])
         if theirs is not None:
             value, profile = float(theirs.values[column.title]), profiles.get((method, variant), "")
-            found.append(_line(label(method, variant), line, value, column.digits, _why(line, profile, theirs.why)))
+            found.append(
+                _line(names.labels[method, variant], line, value, column.digits, _why(line, profile, theirs.why))
+            )
     ours = [(line["method"], all_parameters(line["method"], line["variant"])) for line in board.to_dict("records")]
     for other in table.lines:
         if column.title in other.values and not any(

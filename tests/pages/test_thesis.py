@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pandas as pd
 import pytest
 from boards import row, rows
 
 from bench.errors import UsageError
 from bench.pages.thesis import comparisons
+from bench.ranking.conventions import load_convention
 from bench.ranking.published import load_published
 
 PUBLISHED = {line.method: line for line in load_published("table_4_1").lines if line.method in ("fourier", "hash_sdf")}
@@ -69,6 +71,25 @@ def test_the_experiment_says_why_a_number_differs():
     theirs = next(line for line in load_published("table_4_1").lines if line.name == "SIREN-7 (30)")
     found = [line for key, line in lines(frame).items() if key[0] == "table_4_1" and line["ours"] is not None]
     assert found and all(theirs.why in line["why"] for line in found if line["status"] != "reproduces")
+
+
+def test_methods_are_called_as_in_the_tables_and_what_all_share_is_a_note():
+    short = made().assign(variant="seconds=3")
+    plain = made(method="hash_sdf").assign(variant="seconds=3")
+    plain["cell"] = "h" + plain["cell"]
+    (found,) = comparisons(pd.concat([short, plain], ignore_index=True), ["table_4_1"], {}, level=0.95)
+    assert {line["label"] for line in found["lines"] if line["ours"] is not None} <= {"fourier", "hash_sdf"}
+    assert "All methods: seconds=3." in found["notes"]
+
+
+def test_only_what_results_lack_is_missing_in_the_notes():
+    frame = made()
+    extra = load_convention("idf").columns[-1].score
+    alone = [note for one in comparisons(frame, ["table_4_1"], {}, level=0.95) for note in one["notes"]]
+    assert any("have no" in note and extra in note for note in alone)
+    frame[f"score.{extra}"] = 1.0
+    both = [note for one in comparisons(frame, ["table_4_1"], {}, level=0.95) for note in one["notes"]]
+    assert not any(f"({extra})" in note for note in both if "have no" in note)
 
 
 def test_an_experiment_without_a_table_is_refused():
