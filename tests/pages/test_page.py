@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
+import re
 
 import pytest
 from made_results import HOSTILE, METHODS
 from PIL import ImageColor
+
+from bench.pages.assemble import one_file
 
 ALL_VIEWS = ("board", "cost", "traces", "cases", "duels", "slices", "failures", "about")
 
@@ -196,6 +200,32 @@ def test_the_matrix_of_wins_is_saved_as_a_picture_of_its_table(visit, small_page
     fills = other.locator("rect").evaluate_all("all => all.map((e) => e.style.fill + e.style.fillOpacity)")
     assert len(fills) == len(names) ** 2 and len(set(fills)) == len(set(colors)) + 1  # and the diagonal
     other.close()
+
+
+def test_curves_are_called_as_in_the_tables_and_begin_with_what_ranks(visit, small_data, tmp_path):
+    data = copy.deepcopy(small_data)
+    columns = data["cases"]["columns"]
+    values = {
+        key: [columns[key]["values"][code] for code in columns[key]["codes"]] for key in ("method", "dataset", "sensor")
+    }
+    rows = list(zip(values["method"], values["dataset"], values["sensor"], strict=True))
+    place = rows[0][1:]
+    scores = {"boundary_edges": [9.0, 3.0], "surface_distance_mean": [0.2, 0.1], "chamfer_l1_mean": [0.4, 0.2]}
+    data["traces"] = [
+        {"row": rows.index((name, *place)), "seconds": [1.0, end], "scores": scores}
+        for name, end in (("apss", 2.0), ("poisson", 3.0))
+    ]
+    for one in (one for group in data["groups"] for one in group["contenders"] if one["method"] == "apss"):
+        one["label"] = "a preset"
+    path = tmp_path / "page.html"
+    path.write_text(one_file(data), encoding="utf-8")
+    page = visit(path, "#view=traces")
+    assert texts(page, "#choose-metric option") == ["surface_distance_mean", "chamfer_l1_mean", "boundary_edges"]
+    assert page.locator("figcaption .title").inner_text() == "surface_distance_mean ↓ over time"
+    labels = page.locator("main figure svg text", has_text=re.compile("^(a preset|poisson)$"))
+    assert sorted(labels.all_text_contents()) == ["a preset", "poisson"]
+    right = page.locator("main figure .scroll").evaluate("e => e.getBoundingClientRect().right")
+    assert all(label.bounding_box()["x"] + label.bounding_box()["width"] <= right for label in labels.all())
 
 
 def visit_alone(page, path):

@@ -26,6 +26,15 @@ function placed(points, width) {
   });
 }
 
+// A plot with the labels of these points, where they cover least.
+function labelled(base, marks, points) {
+  const first = Plot.plot({ ...base, marks });
+  const [sx, sy] = [first.scale("x"), first.scale("y")];
+  const labels = placed(points.map((p) => ({ ...p, x: sx.apply(p.x), y: sy.apply(p.y), at: p })), base.width);
+  return Plot.plot({ ...base, marks: [...marks, ...labels.map(({ at, place: [anchor, dx, dy], label }) =>
+    Plot.text([at], { x: "x", y: "y", text: () => label, textAnchor: anchor, dx, dy, fill: "var(--ink)", stroke: "var(--paper)", strokeWidth: 3 }))] });
+}
+
 const log = (values) => values.every((v) => v > 0) && Math.max(...values) / Math.min(...values) > 8;
 const axis = { labelArrow: "none", labelOffset: 38 };
 
@@ -48,11 +57,7 @@ export function scatter(points, { x, y, width, higher }) {
     Plot.ruleX(points.filter((p) => typeof p.low === "number"), { x: "x", y1: "low", y2: "high", stroke: (p) => p.style.color, strokeWidth: 1.5, strokeOpacity: 0.55 }),
     Plot.dot(points, { x: "x", y: "y", stroke: (p) => p.style.color, fill: (p) => (p.front ? p.style.color : "var(--paper)"), symbol: (p) => p.style.symbol, r: 5, strokeWidth: 2 }),
   ];
-  const first = Plot.plot({ ...base, marks });
-  const [sx, sy] = [first.scale("x"), first.scale("y")];
-  const labels = placed(points.map((p) => ({ ...p, x: sx.apply(p.x), y: sy.apply(p.y), at: p })), width);
-  return Plot.plot({ ...base, marks: [...marks, ...labels.map(({ at, place: [anchor, dx, dy], label }) =>
-    Plot.text([at], { x: "x", y: "y", text: () => label, textAnchor: anchor, dx, dy, fill: "var(--ink)", stroke: "var(--paper)", strokeWidth: 3 }))] });
+  return labelled(base, marks, points);
 }
 
 // Curves over time; series: [{label, points: [[x, y]], style}].
@@ -60,19 +65,19 @@ export function curves(series, { x, y, width }) {
   const points = series.flatMap((one) => one.points.map(([a, b]) => ({ x: a, y: b, label: one.label })));
   const logX = log(points.map((p) => p.x));
   const logY = log(points.map((p) => p.y));
-  const ends = series.map((one) => ({ label: one.label, x: one.points.at(-1)[0], y: one.points.at(-1)[1], style: one.style }));
-  return Plot.plot({
-    width, height: Math.min(460, Math.max(320, 0.48 * width)), marginLeft: 62, marginBottom: 46, marginTop: 30, marginRight: Math.min(150, width / 4),
+  const ends = series.filter((one) => !one.faint).map((one) => ({ label: one.label, x: one.points.at(-1)[0], y: one.points.at(-1)[1], style: one.style }));
+  const base = {
+    width, height: Math.min(460, Math.max(320, 0.48 * width)), marginLeft: 62, marginBottom: 46, marginTop: 30, marginRight: 24,
     style: { fontSize: `${FONT}px`, background: "none" },
     x: { type: logX ? "log" : "linear", label: x, grid: true, ...axis, ...(logX ? { ticks: 6, tickFormat: "~g" } : {}) },
     y: { type: logY ? "log" : "linear", label: y, grid: true, labelArrow: "none", ...(logY ? { ticks: 6, tickFormat: "~g" } : {}) },
     color: { type: "identity" }, symbol: { type: "identity" },
-    marks: [
-      ...series.map((one) => Plot.line(one.points, { curve: "step-after", stroke: one.style.color, strokeWidth: one.faint ? 0.8 : 2, strokeOpacity: one.faint ? 0.5 : 1, strokeDasharray: one.style.dash || undefined })),
-      Plot.dot(ends.filter((_, i) => !series[i].faint), { x: "x", y: "y", stroke: (p) => p.style.color, symbol: (p) => p.style.symbol, r: 4, fill: "var(--paper)", strokeWidth: 2 }),
-      Plot.text(ends.filter((_, i) => !series[i].faint), { x: "x", y: "y", text: "label", dx: 9, textAnchor: "start", fill: "var(--ink)", stroke: "var(--paper)", strokeWidth: 3 }),
-    ],
-  });
+  };
+  const marks = [
+    ...series.map((one) => Plot.line(one.points, { curve: "step-after", stroke: one.style.color, strokeWidth: one.faint ? 0.8 : 2, strokeOpacity: one.faint ? 0.5 : 1, strokeDasharray: one.style.dash || undefined })),
+    Plot.dot(ends, { x: "x", y: "y", stroke: (p) => p.style.color, symbol: (p) => p.style.symbol, r: 4, fill: "var(--paper)", strokeWidth: 2 }),
+  ];
+  return labelled(base, marks, ends);
 }
 
 // Means with intervals of all methods in each slice; cells: [{slice, label, mean, low, high, style}].

@@ -2,7 +2,7 @@
 import { dataTable } from "../table.js";
 import { emphasis, plainLabel } from "../data.js";
 import { h, notes, s } from "../dom.js";
-import { arrow, megabytes, seconds } from "../format.js";
+import { arrow, counted, megabytes, seconds } from "../format.js";
 
 // The mean and its interval on a line that all methods share.
 function whisker(metric, i, range) {
@@ -77,7 +77,7 @@ export function board(page, choice) {
   }))) : null;
   return [
     h("h2", {}, group.title),
-    h("p", { class: "lead" }, `${group.shapes} shapes, ${group.cells} cells. Ranked by ${metric.name} ${arrow(metric.better)}.`),
+    h("p", { class: "lead" }, `${counted(group.shapes, "shape")}, ${counted(group.cells, "cell")}. Ranked by ${metric.name} ${arrow(metric.better)}.`),
     dataTable(lines(group, metric), columns, {
       caption: `${group.title}, by ${metric.name}`, name: `${group.title}_${metric.name}`, state: page.state,
       onState: page.change, foot: floors, mark: (row) => Boolean(page.data.focus) && row.method === page.data.focus,
