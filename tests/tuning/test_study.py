@@ -126,7 +126,7 @@ def test_a_budget_ends_the_search(monkeypatch):
 def tune(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     usual = ["--plugin", MOVER, "task=denoise", "method=mover", "metric=p2f_mean", "results=r"]
-    usual += ["dataset=bumps", "sensor.count=300", "cases=2"]
+    usual += ["dataset=globes", "sensor.count=300", "cases=2"]
 
     def run(*words):
         code = cli.main(["tune", *usual, *words])
@@ -157,7 +157,7 @@ def test_the_command_writes_a_preset_that_is_used_and_marked(tune, monkeypatch, 
     shutil.copytree("conf", "elsewhere/conf")
     monkeypatch.chdir("elsewhere")
     words = ["--plugin", MOVER, "task=denoise", "metric=p2f_mean", "results=t", "cases=1", "sensor.count=300"]
-    assert cli.main(["run", "-m", *words, "method=mover,mover_tuned", "dataset=bumps"]) == 0
+    assert cli.main(["run", "-m", *words, "method=mover,mover_tuned", "dataset=globes"]) == 0
     shown = capsys.readouterr().out
     assert len(re.findall(r"^mover_tuned ¶", shown, re.MULTILINE)) == 1 and "¶ tuned: a search on train shapes" in shown
     assert cli.main(["leaderboard", "t", "--plugin", MOVER, "--format", "csv"]) == 0
