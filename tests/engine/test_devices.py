@@ -212,6 +212,22 @@ def test_a_lock_reaches_no_file_through_a_link_and_is_shared_with_nobody_else(tm
         assert mine != others or len(affinity.available()) == 1
 
 
+def test_cells_at_once_hold_different_processors_as_long_as_there_are_enough(tmp_path, monkeypatch):
+    monkeypatch.setattr(affinity.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(affinity, "available", lambda: [0, 2, 5, 7, 8])
+    with affinity.claim(2) as first:
+        assert first == [0, 2]
+        with affinity.claim(1) as second:
+            assert second == [5]
+            with affinity.claim(3) as third, affinity.claim(2) as fourth:
+                assert third == [7, 8, 0]  # two are free, and one is shared
+                assert fourth == [0, 2]  # none is free
+        with affinity.claim(1) as again:
+            assert again == [5]  # what has ended holds none
+    with affinity.claim(9) as every:
+        assert every == [0, 2, 5, 7, 8]
+
+
 # -- commands ----------------------------------------------------------------------------------------------------------
 
 

@@ -185,6 +185,26 @@ def test_a_remembered_sensor_senses_each_shape_once_for_each_seed(memo):
     assert (sensor.sense(shape, first).points != sensor.sense(shape, second).points).any()
 
 
+class Spawning(Sensor):
+    """Draws from a child of its generator, which what was spawned before decides, and the state does not."""
+
+    def sense(self, shape, rng):
+        return super().sense(shape, rng.spawn(1)[0])
+
+
+def test_generators_of_one_state_that_spawn_different_children_share_no_cloud(memo):
+    shape, plain = next(Dataset().shapes("test")), Spawning()
+    fresh, used = generator(0), generator(0)
+    used.spawn(1)
+    assert str(fresh.bit_generator.state) == str(used.bit_generator.state)
+    sensor = RememberedSensor(plain, memo)
+    first, second = sensor.sense(shape, fresh), sensor.sense(shape, used)
+    assert plain.used == 2 and (first.points != second.points).all()
+    expected = generator(0)
+    for cloud in first, second:
+        assert (cloud.points == Spawning().sense(shape, expected).points).all()
+
+
 class Rig:
     def __init__(self, given=None):
         self.given, self.used = given or toy_views(), 0
