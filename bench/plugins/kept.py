@@ -37,9 +37,9 @@ def keep(stamp: str, listing: dict[str, Any]) -> None:
 
 
 def _path(name: str) -> Path | None:
-    """One file for each environment, in a folder of this user's own: the modules that it names are imported."""
+    """One file for each environment and checkout, in a folder of this user's own: the modules it names are imported."""
     folder = cache_folder()
-    return folder and folder / f"{name}-{_digest([sys.prefix])}.json"
+    return folder and folder / f"{name}-{_digest([sys.prefix, str(Path(__file__).parent)])}.json"
 
 
 def kept_json(name: str) -> Any:

@@ -40,6 +40,18 @@ def test_a_file_is_not_opened_through_a_link_nor_cut(tmp_path):
     assert own.read_regular(tmp_path / "link") == b"all of it"
 
 
+def test_checkouts_that_share_an_environment_keep_a_listing_each(tmp_path, monkeypatch):
+    """With one for both, each would make it anew after every start of the other."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    kept.keep("here", {"plugins": {}, "broken": []})
+    monkeypatch.setattr(kept, "__file__", "/elsewhere/bench/plugins/kept.py")
+    kept.keep("there", {"plugins": {}, "broken": []})
+    assert kept.kept_listing("there") and not kept.kept_listing("here")
+    monkeypatch.undo()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert kept.kept_listing("here")
+
+
 def test_locks_and_listings_in_a_folder_of_somebody_else_are_not_used(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
