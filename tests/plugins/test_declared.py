@@ -15,9 +15,10 @@ SOLVES = "    def denoise(self, cloud):\n        return cloud\n"
 
 
 def test_every_shipped_plugin_is_read_as_it_is_imported():
-    for kind in KINDS:
-        for plugin in registry().all(kind):
-            assert (kind, plugin.name) in declared(plugin.file), plugin.file
+    shipped = [plugin for kind in KINDS for plugin in registry().all(kind) if plugin.origin.startswith("detailbench")]
+    assert len(shipped) > 150
+    for plugin in shipped:
+        assert (plugin.kind, plugin.name) in declared(plugin.file), plugin.file
 
 
 @pytest.mark.parametrize(
