@@ -13,6 +13,7 @@ can be sent as it is. A link to it restores the view. Outputs that the results k
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,13 +21,14 @@ from typing import TYPE_CHECKING, Any
 from ..cli import add_plugin_argument
 from ..errors import UsageError
 from ..plugins.registry import load_plugins
-from ..text import counted
+from ..text import below, counted, shown_streams
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     import pandas as pd
 
+    from ..pages.shapes import Track
     from ..results.store import Results
 
 MEGABYTES = 8.0
@@ -128,7 +130,33 @@ def _shapes(folders: Sequence[Results], rows: pd.DataFrame, megabytes: float) ->
         return [], {}
     outputs = int(rows["output"].fillna("").astype(bool).sum())
     print(f"packing the shapes of {counted(outputs, 'output')}; --shapes 0 leaves them out", file=sys.stderr)
-    return scenes(folders, rows, int(megabytes * 1e6 * 3 / 4))  # base64 makes four letters of three bytes
+    with progress_bar() as track:
+        return scenes(folders, rows, int(megabytes * 1e6 * 3 / 4), track)  # base64 makes four letters of three bytes
+
+
+@contextlib.contextmanager
+def progress_bar() -> Iterator[Track]:
+    """A bar on a terminal, and nothing elsewhere."""
+    from ..pages.shapes import untracked
+
+    if not sys.stderr.isatty():
+        yield untracked
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), MofNCompleteColumn()
+    console = Console(file=below(sys.stderr), emoji=False)
+    with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as progress, shown_streams():
+
+        def track(items: Sequence[Any], text: str) -> Iterator[Any]:
+            task = progress.add_task(text, total=len(items))
+            for item in items:
+                yield item
+                progress.advance(task)
+            progress.remove_task(task)
+
+        yield track
 
 
 def described(data: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -62,8 +62,20 @@ class _Panel:
         return self.size, BYTES_OF_FACE if self.is_mesh else BYTES_OF_POINT
 
 
+class Track(Protocol):
+    """Where progress is shown."""
+
+    def __call__(self, items: Sequence[Any], text: str) -> Iterable[Any]:
+        """The same items one by one, while what is done with them is called ``text``."""
+
+
+def untracked(items: Sequence[Any], text: str) -> Iterable[Any]:
+    """No progress."""
+    return items
+
+
 def scenes(
-    results: Results | Sequence[Results], rows: pd.DataFrame, budget_bytes: int
+    results: Results | Sequence[Results], rows: pd.DataFrame, budget_bytes: int, track: Track = untracked
 ) -> tuple[list[dict[str, Any]], dict[str, bytes]]:
     """The cases of some rows that have kept outputs, as scenes for the viewer of the page.
 
@@ -77,6 +89,8 @@ def scenes(
         As :meth:`bench.results.store.Results.rows` gives them.
     budget_bytes : int
         All packed shapes together take no more. In base64 they are a third larger.
+    track : Track
+        Where progress is shown.
 
     Returns
     -------
@@ -95,10 +109,13 @@ def scenes(
     named = [field for field in ("task", "split", "seed") if len({getattr(place, field) for place, _ in found}) > 1]
     most = _first_cap([part for _, part in found], budget_bytes)
     room = OF_IMAGES * budget_bytes / max(1, len(found))
-    made = [_scene(place, case_shapes(folders, place, part), most, named, room) for place, part in found]
+    made = [
+        _scene(place, case_shapes(folders, place, part), most, named, room)
+        for place, part in track(found, "reading and simplifying")
+    ]
     every = [panel for _, panels in made for panel in panels]
     pictures = {id(panel): _Packed(panel.picture, 0) for panel in every if panel.picture}
-    packed = pictures | _packed(every, budget_bytes - sum(len(one.data) for one in pictures.values()))
+    packed = pictures | _packed(every, budget_bytes - sum(len(one.data) for one in pictures.values()), track)
     shown, geometry = [], {}
     for scene, panels in made:
         data = [packed.get(id(panel)) for panel in panels]
@@ -237,7 +254,7 @@ class _Packed:
     size: int  # faces or points
 
 
-def _packed(panels: Iterable[_Panel], budget: int) -> dict[int, _Packed]:
+def _packed(panels: Iterable[_Panel], budget: int, track: Track) -> dict[int, _Packed]:
     """The containers of all panels with a shape by the panel's ``id``: together, each counted once, within the budget.
 
     Shapes with many faces lose some, down to a number that is the same for all. Where even the fewest faces are too
@@ -247,7 +264,7 @@ def _packed(panels: Iterable[_Panel], budget: int) -> dict[int, _Packed]:
     cap = _cap([panel.amount for panel in panels], budget)
     packed: dict[int, _Packed] = {}
     for _ in range(TRIES):
-        for panel in panels:
+        for panel in track(panels, "packing"):
             before = packed.get(id(panel))
             if before is None or before.size > cap:
                 small = _smaller(panel, max(cap, FEWEST))

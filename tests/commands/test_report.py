@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
+import sys
 
 import pytest
+
+from bench.commands.report import progress_bar
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +50,22 @@ def test_filters_and_a_title(there):
     assert ran.returncode == 0, ran.stderr
     data = data_of(there.work / "deep/er/page.html")
     assert data["title"] == "One & <only>" and data["about"]["methods"] == 1
+
+
+def test_a_bar_shows_the_progress_on_a_terminal_and_nothing_elsewhere(monkeypatch):
+    class Stream(io.StringIO):
+        def __init__(self, is_terminal):
+            super().__init__()
+            self.is_terminal = is_terminal
+
+        def isatty(self):
+            return self.is_terminal
+
+    for is_terminal in (True, False):
+        monkeypatch.setattr(sys, "stderr", stream := Stream(is_terminal))
+        with progress_bar() as track:
+            assert list(track([1, 2, 3], "packing")) == [1, 2, 3]
+        assert ("packing" in stream.getvalue()) == is_terminal
 
 
 def test_a_site_and_its_second_time(there):

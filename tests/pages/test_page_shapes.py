@@ -107,6 +107,20 @@ def test_the_same_results_give_the_same_bytes(results, made):
     assert scenes([results], results.rows(), 1_000_000) == made
 
 
+def test_progress_is_reported_case_by_case_and_shape_by_shape(results, made):
+    seen = []
+
+    def track(items, text):
+        for number, item in enumerate(items):
+            yield item
+            seen.append((text, number + 1, len(items)))
+
+    assert scenes(results, results.rows(), 1_000_000, track) == made
+    assert seen[:2] == [("reading and simplifying", 1, 2), ("reading and simplifying", 2, 2)]
+    shapes = [p for one in made[0] for p in one["panels"] if p["geometry"]]
+    assert seen[2 : 2 + len(shapes)] == [("packing", n + 1, len(shapes)) for n in range(len(shapes))]
+
+
 def test_nothing_is_shown_where_no_output_is_kept(tmp_path):
     load_plugins(())
     results, _ = stored(tmp_path, ("poisson",), dataset="cad", keeps=False)
