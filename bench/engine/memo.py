@@ -24,7 +24,7 @@ import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,15 +59,18 @@ class Memo:
     key : str
         What everything in this corner depends on.
     limit_gb : float
+    writes : bool
+        Whether what is made is remembered; otherwise what is there is read, and nothing is added.
     """
 
     folder: Path | None = None
     key: str = ""
     limit_gb: float = 2.0
+    writes: bool = True
 
     def at(self, *parts: Any) -> Memo:
         """The corner below this one for what also depends on ``parts`` (JSON values)."""
-        return Memo(self.folder, digest([self.key, *parts]), self.limit_gb)
+        return replace(self, key=digest([self.key, *parts]))
 
     def arrays(self, name: str, make: Callable[[], Arrays]) -> Arrays:
         """The arrays of that name: those that are remembered, otherwise those that ``make`` returns."""
@@ -79,7 +82,8 @@ class Memo:
         if known is not None:
             return known
         made = make()
-        self._write(path, entry, made)
+        if self.writes:
+            self._write(path, entry, made)
         return made
 
     def _write(self, path: Path, entry: str, arrays: Arrays) -> None:

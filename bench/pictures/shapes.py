@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
     from ..contract.case import Case
+    from ..plan.cell import Cell
     from ..results.store import Record, Results
 
     Geometry = Trimesh | PointCloud
@@ -139,7 +140,6 @@ def case_of(results: Results, row: Mapping[str, Any]) -> Case:
         If its plugins are not loaded, its data are not here, or its dataset has no such case today.
     """
     from ..errors import UsageError
-    from ..plan.cell import NO_SENSOR
     from ..results.checks import lacks
     from ..results.recorded import Stored
 
@@ -151,14 +151,34 @@ def case_of(results: Results, row: Mapping[str, Any]) -> Case:
     if stored.missing:
         raise UsageError(f"{', '.join(stored.missing)} is not loaded; name its file with --plugin FILE")
     cell = stored.cell
-    sensor = None if cell.sensor == NO_SENSOR else cell.sensor.build()
-    recipes = cell.task.build().recipes(
-        cell.dataset.build(), sensor, split=cell.split, count=cell.cases, seed=cell.seed
-    )
+    dataset, sensor = _remembered(cell, results)
+    recipes = cell.task.build().recipes(dataset, sensor, split=cell.split, count=cell.cases, seed=cell.seed)
     for recipe in recipes:
         if recipe.id == row["case"]:
             return recipe.build()
     raise UsageError(f"dataset {cell.dataset.label} has no case {row['case']} today")
+
+
+def _remembered(cell: Cell, results: Results) -> tuple[Any, Any]:
+    """The dataset and the sensor of a cell, which take what a run of today's sources left in the cache of the folder.
+
+    Meshes and scans cost more than all else that a picture needs. Nothing is added to the cache.
+    """
+    from ..contract.sensors import gives_scans, noun_of
+    from ..engine.memo import Memo, RememberedDataset, RememberedSensor
+    from ..plan.cell import NO_SENSOR
+    from ..results.provenance import memory_keys
+
+    keys = memory_keys(cell)
+    memo = Memo(results.folder / ".cache", keys["dataset"], writes=False)
+    dataset = RememberedDataset(cell.dataset.build(), memo)
+    if cell.sensor == NO_SENSOR:
+        return dataset, None
+    sensor = cell.sensor.build()
+    noun = noun_of(cell.sensor.plugin, sensor)
+    if noun is None or gives_scans(cell.sensor.plugin, sensor):  # as in a run: these are files already
+        return dataset, sensor
+    return dataset, RememberedSensor(sensor, memo.at("sensor", keys["sensor"]), noun)
 
 
 def _first_case(found: Sequence[tuple[str, Mapping[str, Any], Results | None]]) -> tuple[Case | None, str]:

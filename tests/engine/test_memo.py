@@ -2,6 +2,7 @@
 
 import os
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,6 +82,14 @@ def test_a_damaged_entry_is_made_again(memo, damage):
 def test_a_memory_that_cannot_be_written_is_no_error(tmp_path):
     (tmp_path / "cache").write_text("a file where the folder should be")
     assert (Memo(tmp_path / "cache", "k").arrays("a", counted()[0])["x"] == 1).all()
+
+
+def test_a_reader_takes_what_is_there_and_adds_nothing(memo):
+    reader = replace(memo, writes=False)
+    reader.at("x").arrays("a", counted()[0])
+    assert not list(memo.folder.glob("*/*"))
+    memo.at("x").arrays("a", counted()[0])
+    reader.at("x").arrays("a", lambda: pytest.fail("was remembered"))
 
 
 def test_a_nearly_full_disk_is_left_to_the_results(memo, monkeypatch):

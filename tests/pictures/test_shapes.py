@@ -10,13 +10,15 @@ from pictured import PUSHED, cell_of, is_close, meta_of, stored
 from records import record, row
 
 from bench import PointCloud
+from bench.engine.memo import Memo, RememberedDataset, RememberedSensor
 from bench.geometry.io.files import save
 from bench.pictures.errors import distances
 from bench.pictures.labels import labels
-from bench.pictures.shapes import case_shapes, has_faces, places
+from bench.pictures.shapes import case_of, case_shapes, has_faces, places
 from bench.plugins.presets import presets
 from bench.plugins.registry import registry
 from bench.plugins.schema import build, parameters
+from bench.results.provenance import memory_keys
 from bench.results.store import Record, Results
 
 
@@ -44,6 +46,23 @@ def test_inputs_outputs_and_references_are_those_of_the_run(kept):
             if item.shape is not None:
                 far = distances(item.shape, shapes.reference.shape)
                 assert np.median(far) == pytest.approx(PUSHED[item.name], rel=0.1)
+
+
+def test_what_a_run_left_in_its_cache_is_taken_and_nothing_is_added(tmp_path, monkeypatch):
+    results, made = stored(tmp_path, methods=("poisson",), cases=1)
+    row, cell = results.rows().iloc[0].to_dict(), cell_of("poisson", cases=1)
+    case_of(results, row)
+    assert not (tmp_path / ".cache").exists()
+    keys, plugin = memory_keys(cell), cell.sensor.plugin
+    memo = Memo(tmp_path / ".cache", keys["dataset"])
+    sensor = RememberedSensor(cell.sensor.build(), memo.at("sensor", keys["sensor"]), PointCloud)
+    dataset = RememberedDataset(cell.dataset.build(), memo)
+    (recipe,) = cell.task.build().recipes(dataset, sensor, split="test", count=1, seed=0)
+    recipe.build()
+    monkeypatch.setattr(plugin.cls, "sense", lambda *_: pytest.fail("the scan was made again"))
+    case = case_of(results, row)
+    assert np.array_equal(case.input["cloud"].points, made[0].input["cloud"].points)
+    assert np.array_equal(case.reference.mesh.vertices, made[0].reference.mesh.vertices)
 
 
 def test_what_failed_is_a_sentence(kept):
