@@ -43,7 +43,7 @@ def agreement(views: Views, share: float, reach: int) -> Callable[[np.ndarray], 
     directions = golden_spiral(CANDIDATES)
     table = shades(directions, views.light_directions, views.light_colors, ambient)
     known = (views.light_directions, views.light_colors, ambient, directions, table)
-    arrays = [np.array(array) for array in known]  # writeable: as the loops were compiled for
+    arrays = [np.array(array, order="C") for array in known]  # and writeable: as the loops were compiled for
     return lambda pixels: one_normal(pixels, images, *arrays, float(share), views.width, int(reach))
 
 
@@ -148,7 +148,9 @@ def _improve(normal, least, views, seen, lights, colors, ambient, shade):
 
     Views that are off by ``STRAY`` have no part, and lights that are behind have no slopes.
     """
-    square, side = np.eye(3) * 1e-6, np.zeros(3)
+    square, side, slope = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
+    for a in range(3):  # loops: expressions of arrays take many times as long to compile
+        square[a, a] = 1e-6
     for s in range(len(views)):
         v = views[s]
         _shade(normal, lights[v], colors[v], ambient[v], shade)
@@ -157,11 +159,15 @@ def _improve(normal, least, views, seen, lights, colors, ambient, shade):
         for c in range(3):
             if shade[c] >= 1.0:
                 continue
-            slope = np.zeros(3)
+            for a in range(3):
+                slope[a] = 0.0
             for k in range(lights.shape[1]):
                 if normal[0] * lights[v, k, 0] + normal[1] * lights[v, k, 1] + normal[2] * lights[v, k, 2] > 0:
-                    slope += lights[v, k] * colors[v, k, c]
-            slope -= normal * (slope[0] * normal[0] + slope[1] * normal[1] + slope[2] * normal[2])
+                    for a in range(3):
+                        slope[a] += lights[v, k, a] * colors[v, k, c]
+            along = slope[0] * normal[0] + slope[1] * normal[1] + slope[2] * normal[2]
+            for a in range(3):
+                slope[a] -= normal[a] * along
             for a in range(3):
                 side[a] += slope[a] * (seen[s, c] - shade[c])
                 for b in range(3):
@@ -173,17 +179,22 @@ def _improve(normal, least, views, seen, lights, colors, ambient, shade):
     for a in range(3):
         step[a] = (side[0] * yz[a] + side[1] * zx[a] + side[2] * xy[a]) / volume
     for _ in range(4):
-        trial[:] = normal + step
-        trial /= math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
+        for a in range(3):
+            trial[a] = normal[a] + step[a]
+        length = math.sqrt(trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2)
+        for a in range(3):
+            trial[a] /= length
         total = 0.0
         for s in range(len(views)):
             v = views[s]
             _shade(trial, lights[v], colors[v], ambient[v], shade)
             total += min(_square(shade, seen[s]), STRAY * STRAY)
         if total < least:
-            normal[:] = trial
+            for a in range(3):
+                normal[a] = trial[a]
             return total
-        step *= 0.5
+        for a in range(3):
+            step[a] *= 0.5
     return least
 
 

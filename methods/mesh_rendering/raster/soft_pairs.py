@@ -109,7 +109,7 @@ def pairs_back(screen, faces, width, sigma, face, pixel, edge, place, score, dep
     last = -1
     corners, area = np.zeros((3, 3)), 0.0
     for p in range(len(face)):
-        f = face[p]
+        f = np.int64(face[p])  # as that of near_pairs: what it is handed to is compiled once
         if f != last:
             last = f
             corners, area = _corners(screen, faces, f)
