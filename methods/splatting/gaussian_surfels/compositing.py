@@ -42,79 +42,110 @@ def _meet(row, x, y, column, line):
     return blurred, row[DEPTH], 0.0, 0.0, True
 
 
-@njit(parallel=True, cache=True)
-def composite(table, features, starts, members, lens, size):
+def composite(
+    table: np.ndarray, features: np.ndarray, starts: np.ndarray, members: np.ndarray, lens: tuple, size: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The maps (h, w, MAPS), the light (h, w) that passes, and the end (h, w) of the members that each pixel drew."""
     width, height = size
-    fx, fy, skew, cx, cy = lens
     maps, light = np.zeros((height, width, MAPS)), np.ones((height, width))
     last = np.zeros((height, width), np.int64)
-    across = (width + TILE - 1) // TILE
-    for tile in prange(len(starts) - 1):
-        top, left = tile // across * TILE, tile % across * TILE
-        for i in range(top, min(top + TILE, height)):
-            y = (i + 0.5 - cy) / fy
-            for j in range(left, min(left + TILE, width)):
-                x = (j + 0.5 - cx - skew * y) / fx
-                passing = 1.0
-                last[i, j] = starts[tile]
-                for member in range(starts[tile], starts[tile + 1]):
-                    k = members[member]
-                    square, depth, _, _, _ = _meet(table[k], x, y, j + 0.5, i + 0.5)
-                    if square > table[k, LIMIT]:
-                        continue
-                    alpha = table[k, OPACITY] * math.exp(-0.5 * square)
-                    weight = passing * alpha
-                    for c in range(FEATURES):
-                        maps[i, j, c] += weight * features[k, c]
-                    maps[i, j, FEATURES] += weight
-                    maps[i, j, FEATURES + 1] += weight * depth
-                    maps[i, j, FEATURES + 2] += weight * depth * depth
-                    passing *= 1 - alpha
-                    last[i, j] = member + 1
-                    if passing < FULL:
-                        break
-                light[i, j] = passing
+    _composite(table, features, starts, members, lens, maps, light, last)
     return maps, light, last
 
 
 @njit(parallel=True, cache=True)
-def composite_back(table, features, starts, members, lens, light, last, slopes):
-    """The gradients (members, GRADIENTS) of a loss, from its slopes (h, w, MAPS) by the maps."""
+def _composite(table, features, starts, members, lens, maps, light, last):
+    for tile in prange(len(starts) - 1):
+        _tile(np.int64(tile), table, features, starts, members, lens, maps, light, last)
+
+
+@njit(cache=True)
+def _tile(tile, table, features, starts, members, lens, maps, light, last):
+    """A function of its own, for the loops of a parallel one take many times as long to compile."""
     height, width = light.shape
     fx, fy, skew, cx, cy = lens
-    back = np.zeros((len(members), GRADIENTS))
     across = (width + TILE - 1) // TILE
-    for tile in prange(len(starts) - 1):
-        top, left = tile // across * TILE, tile % across * TILE
-        for i in range(top, min(top + TILE, height)):
-            y = (i + 0.5 - cy) / fy
-            for j in range(left, min(left + TILE, width)):
-                x = (j + 0.5 - cx - skew * y) / fx
-                passing, behind = light[i, j], 0.0  # behind: the weighted slopes of what lies behind
-                slope = slopes[i, j]
-                for member in range(last[i, j] - 1, starts[tile] - 1, -1):
-                    row = table[members[member]]
-                    square, depth, u, v, blurred = _meet(row, x, y, j + 0.5, i + 0.5)
-                    if square > row[LIMIT]:
-                        continue
-                    shape = math.exp(-0.5 * square)
-                    alpha = row[OPACITY] * shape
-                    passing /= 1 - alpha
-                    weight = passing * alpha
-                    gain = slope[FEATURES] + depth * (slope[FEATURES + 1] + depth * slope[FEATURES + 2])
-                    for c in range(FEATURES):
-                        gain += slope[c] * features[members[member], c]
-                        back[member, BY_FEATURES + c] += weight * slope[c]
-                    back[member, WEIGHT] += weight
-                    by_alpha = passing * gain - behind / (1 - alpha)
-                    behind += weight * gain
-                    by_depth = weight * (slope[FEATURES + 1] + 2 * depth * slope[FEATURES + 2])
-                    back[member, BY_OPACITY] += by_alpha * shape
-                    _through(
-                        back[member], row, (x, y, j + 0.5, i + 0.5), (depth, u, v, blurred), -by_alpha * alpha, by_depth
-                    )
+    top, left = tile // across * TILE, tile % across * TILE
+    for i in range(top, min(top + TILE, height)):
+        y = (i + 0.5 - cy) / fy
+        for j in range(left, min(left + TILE, width)):
+            x = (j + 0.5 - cx - skew * y) / fx
+            passing = 1.0
+            last[i, j] = starts[tile]
+            for member in range(starts[tile], starts[tile + 1]):
+                k = members[member]
+                square, depth, _, _, _ = _meet(table[k], x, y, j + 0.5, i + 0.5)
+                if square > table[k, LIMIT]:
+                    continue
+                alpha = table[k, OPACITY] * math.exp(-0.5 * square)
+                weight = passing * alpha
+                for c in range(FEATURES):
+                    maps[i, j, c] += weight * features[k, c]
+                maps[i, j, FEATURES] += weight
+                maps[i, j, FEATURES + 1] += weight * depth
+                maps[i, j, FEATURES + 2] += weight * depth * depth
+                passing *= 1 - alpha
+                last[i, j] = member + 1
+                if passing < FULL:
+                    break
+            light[i, j] = passing
+
+
+def composite_back(
+    table: np.ndarray,
+    features: np.ndarray,
+    starts: np.ndarray,
+    members: np.ndarray,
+    lens: tuple,
+    light: np.ndarray,
+    last: np.ndarray,
+    slopes: np.ndarray,
+) -> np.ndarray:
+    """The gradients (members, GRADIENTS) of a loss, from its slopes (h, w, MAPS) by the maps."""
+    back = np.zeros((len(members), GRADIENTS))
+    _composite_back(table, features, starts, members, lens, light, last, slopes, back)
     return back
+
+
+@njit(parallel=True, cache=True)
+def _composite_back(table, features, starts, members, lens, light, last, slopes, back):
+    for tile in prange(len(starts) - 1):
+        _tile_back(np.int64(tile), table, features, starts, members, lens, light, last, slopes, back)
+
+
+@njit(cache=True)
+def _tile_back(tile, table, features, starts, members, lens, light, last, slopes, back):
+    height, width = light.shape
+    fx, fy, skew, cx, cy = lens
+    across = (width + TILE - 1) // TILE
+    top, left = tile // across * TILE, tile % across * TILE
+    for i in range(top, min(top + TILE, height)):
+        y = (i + 0.5 - cy) / fy
+        for j in range(left, min(left + TILE, width)):
+            x = (j + 0.5 - cx - skew * y) / fx
+            passing, behind = light[i, j], 0.0  # behind: the weighted slopes of what lies behind
+            slope = slopes[i, j]
+            for member in range(last[i, j] - 1, starts[tile] - 1, -1):
+                row = table[members[member]]
+                square, depth, u, v, blurred = _meet(row, x, y, j + 0.5, i + 0.5)
+                if square > row[LIMIT]:
+                    continue
+                shape = math.exp(-0.5 * square)
+                alpha = row[OPACITY] * shape
+                passing /= 1 - alpha
+                weight = passing * alpha
+                gain = slope[FEATURES] + depth * (slope[FEATURES + 1] + depth * slope[FEATURES + 2])
+                for c in range(FEATURES):
+                    gain += slope[c] * features[members[member], c]
+                    back[member, BY_FEATURES + c] += weight * slope[c]
+                back[member, WEIGHT] += weight
+                by_alpha = passing * gain - behind / (1 - alpha)
+                behind += weight * gain
+                by_depth = weight * (slope[FEATURES + 1] + 2 * depth * slope[FEATURES + 2])
+                back[member, BY_OPACITY] += by_alpha * shape
+                _through(
+                    back[member], row, (x, y, j + 0.5, i + 0.5), (depth, u, v, blurred), -by_alpha * alpha, by_depth
+                )
 
 
 @njit(cache=True, inline="always")

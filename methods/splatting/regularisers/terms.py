@@ -55,7 +55,9 @@ class Neighbours:
         use(self._threads)
         how = self._how
         settings = (how.repulsion_distance, _opening(how.angle), how.form == "released")
-        each, gradient = _repulsion(*_float(points, normals, 1 / (1 + np.asarray(hidden))), self.index, *settings)
+        each, gradient = np.zeros(len(points)), np.zeros((len(points), 3))
+        known = _float(points, normals, 1 / (1 + np.asarray(hidden)))
+        _repulsion(*known, self.index, *settings, each, gradient)
         return how.repulsion * float(each.mean()), how.repulsion * gradient / len(points)
 
     def projected(self, points: np.ndarray, normals: np.ndarray, hidden: np.ndarray) -> np.ndarray:
@@ -72,7 +74,8 @@ class Neighbours:
         released = how.form == "released"
         visible = 1 / (1 + np.asarray(hidden)) ** (2 if released else 1)
         settings = (how.projection_distance, _opening(how.angle), released)
-        move = _projection(*_float(points, normals, visible), self.index, *settings)
+        move = np.zeros((len(points), 3))
+        _projection(*_float(points, normals, visible), self.index, *settings, move)
         return points - how.projection * np.clip(move, -how.largest, how.largest)
 
 
@@ -124,71 +127,85 @@ def _plane(i, points, normals, index, weights, distance):
 
 
 @njit(parallel=True, cache=True)
-def _repulsion(points, normals, visible, index, distance, opening, released):
-    n, count = index.shape
-    loss, gradient = np.zeros(n), np.zeros((n, 3))
-    for i in prange(n):
-        near, weights = np.zeros(count), np.zeros(count)
-        for m in range(count):
-            near[m], weights[m] = _bilateral(i, index[i, m], points, normals, visible, distance, opening, released)
-        if not weights.sum() > 0:
+def _repulsion(points, normals, visible, index, distance, opening, released, loss, gradient):
+    for i in prange(len(points)):
+        # As a signed number, or all that it is handed to would be compiled twice.
+        _repel(np.int64(i), points, normals, visible, index, distance, opening, released, loss, gradient)
+
+
+@njit(cache=True)
+def _repel(i, points, normals, visible, index, distance, opening, released, losses, gradient):
+    """Set the loss of one point, and its slope."""
+    count = index.shape[1]
+    near, weights, total = np.zeros(count), np.zeros(count), 0.0
+    for m in range(count):
+        near[m], weights[m] = _bilateral(i, index[i, m], points, normals, visible, distance, opening, released)
+        total += weights[m]
+    if not total > 0:
+        return
+    for m in range(count):
+        weights[m] /= total
+    normal, _ = _plane(i, points, normals, index, weights, distance)
+    loss, of_all, gx, gy, gz = 0.0, 0.0, 0.0, 0.0, 0.0
+    for m in range(count):
+        if near[m] == 0:
             continue
-        weights /= weights.sum()
-        normal, _ = _plane(i, points, normals, index, weights, distance)
-        of_all = 0.0
-        slope = np.zeros(3)
-        for m in range(count):
-            if near[m] == 0:
-                continue
-            offset = points[i] - points[index[i, m]]
-            offset = offset - (offset[0] * normal[0] + offset[1] * normal[1] + offset[2] * normal[2]) * normal
-            squared = offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2 + NEAR
-            of_all += near[m]
-            if released:
-                loss[i] += near[m] / math.sqrt(squared)
-                slope -= near[m] / (squared * math.sqrt(squared)) * offset
-            else:
-                loss[i] += near[m] / squared
-                slope -= 2 * near[m] / (squared * squared) * offset
+        k = index[i, m]
+        x, y, z = points[i, 0] - points[k, 0], points[i, 1] - points[k, 1], points[i, 2] - points[k, 2]
+        height = x * normal[0] + y * normal[1] + z * normal[2]
+        x, y, z = x - height * normal[0], y - height * normal[1], z - height * normal[2]
+        squared = x * x + y * y + z * z + NEAR
+        of_all += near[m]
         if released:
-            loss[i] /= of_all
-            slope /= of_all
-        gradient[i] = slope
-    return loss, gradient
+            loss += near[m] / math.sqrt(squared)
+            slope = near[m] / (squared * math.sqrt(squared))
+        else:
+            loss += near[m] / squared
+            slope = 2 * near[m] / (squared * squared)
+        gx, gy, gz = gx - slope * x, gy - slope * y, gz - slope * z
+    if not released:
+        of_all = 1.0
+    losses[i] = loss / of_all
+    gradient[i, 0], gradient[i, 1], gradient[i, 2] = gx / of_all, gy / of_all, gz / of_all
 
 
 @njit(parallel=True, cache=True)
-def _projection(points, normals, visible, index, distance, opening, released):
-    n, count = index.shape
-    move = np.zeros((n, 3))
-    for i in prange(n):
-        weights = np.zeros(count)
-        inside = 0
+def _projection(points, normals, visible, index, distance, opening, released, move):
+    for i in prange(len(points)):
+        _project(np.int64(i), points, normals, visible, index, distance, opening, released, move)
+
+
+@njit(cache=True)
+def _project(i, points, normals, visible, index, distance, opening, released, move):
+    """Set how far one point is from the plane of its neighbours, along its normal: a row of ``move``."""
+    count = index.shape[1]
+    weights, total, inside = np.zeros(count), 0.0, 0
+    for m in range(count):
+        near, weights[m] = _bilateral(i, index[i, m], points, normals, visible, distance, opening, released)
+        if near > 0:
+            inside += 1
+            if released:  # twice as wide as that of repulsion
+                weights[m] /= math.sqrt(near)
+        total += weights[m]
+    if inside < 3 or not total > 1e-7:
+        return
+    for m in range(count):
+        weights[m] /= total
+    height = 0.0
+    if released:
+        normal = np.zeros(3)
         for m in range(count):
             k = index[i, m]
-            near, weights[m] = _bilateral(i, k, points, normals, visible, distance, opening, released)
-            if near > 0:
-                inside += 1
-                if released:  # twice as wide as that of repulsion
-                    weights[m] /= math.sqrt(near)
-        total = weights.sum()
-        if inside < 3 or not total > 1e-7:
-            continue
-        weights /= total
-        if released:
-            normal, height = np.zeros(3), 0.0
-            for m in range(count):
-                k = index[i, m]
-                for axis in range(3):
-                    normal[axis] += weights[m] * normals[k, axis]
-                    height += weights[m] * (points[i, axis] - points[k, axis]) * normals[k, axis]
-            length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-            if length > 0:
-                move[i] = height / length * normal
-        else:
-            normal, mean = _plane(i, points, normals, index, weights, distance)
-            height = 0.0
             for axis in range(3):
-                height += (points[i, axis] - mean[axis]) * normal[axis]
-            move[i] = height * normal
-    return move
+                normal[axis] += weights[m] * normals[k, axis]
+                height += weights[m] * (points[i, axis] - points[k, axis]) * normals[k, axis]
+        length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+        if not length > 0:
+            return
+        height /= length
+    else:
+        normal, mean = _plane(i, points, normals, index, weights, distance)
+        for axis in range(3):
+            height += (points[i, axis] - mean[axis]) * normal[axis]
+    for axis in range(3):
+        move[i, axis] = height * normal[axis]

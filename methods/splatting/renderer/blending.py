@@ -21,24 +21,28 @@ def blend(lists: Lists, attributes: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     (h, w, c), (h, w) float64 arrays
         Both are 0 where nothing is.
     """
-    return _blend(lists.index, lists.rho, lists.front, attributes)
+    height, width, _ = lists.index.shape
+    image, total = np.zeros((height, width, attributes.shape[1])), np.zeros((height, width))
+    _blend(lists.index, lists.rho, lists.front, attributes, image, total)
+    return image, total
 
 
 @njit(parallel=True, cache=True)
-def _blend(index, rho, front, attributes):
-    height, width, _ = index.shape
-    channels = attributes.shape[1]
-    image, total = np.zeros((height, width, channels)), np.zeros((height, width))
-    for i in prange(height):
-        for j in range(width):
-            for entry in range(front[i, j]):
-                total[i, j] += rho[i, j, entry]
-                for c in range(channels):
-                    image[i, j, c] += rho[i, j, entry] * attributes[index[i, j, entry], c]
-            if total[i, j] > 0:
-                for c in range(channels):
-                    image[i, j, c] /= total[i, j]
-    return image, total
+def _blend(index, rho, front, attributes, image, total):
+    for i in prange(len(image)):
+        _blend_row(index[i], rho[i], front[i], attributes, image[i], total[i])
+
+
+@njit(cache=True)
+def _blend_row(index, rho, front, attributes, image, total):
+    for j in range(len(image)):
+        for entry in range(front[j]):
+            total[j] += rho[j, entry]
+            for c in range(attributes.shape[1]):
+                image[j, c] += rho[j, entry] * attributes[index[j, entry], c]
+        if total[j] > 0:
+            for c in range(attributes.shape[1]):
+                image[j, c] /= total[j]
 
 
 def blend_back(lists: Lists, total: np.ndarray, gradient: np.ndarray, count: int) -> np.ndarray:

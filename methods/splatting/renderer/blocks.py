@@ -58,29 +58,33 @@ def pyramid(gradient, of_image, total, depth, front, active, typical):
                     which |= 1 << c
             if front[i, j] > 0:
                 which |= 1 << SIGNS
-            into = sums[i // LEAF * shapes[0, 1] + j // LEAF, which]
-            into[0] += size
-            into[1] += size * (j + 0.5)
-            into[2] += size * (i + 0.5)
+            block = i // LEAF * shapes[0, 1] + j // LEAF
+            sums[block, which, 0] += size
+            sums[block, which, 1] += size * (j + 0.5)
+            sums[block, which, 2] += size * (i + 0.5)
             share = typical / (total[i, j] + typical)
-            into[3] += size * share
-            into[5] += share * of_image[i, j]
+            sums[block, which, 3] += size * share
+            sums[block, which, 5] += share * of_image[i, j]
             if front[i, j] > 0:
-                into[4] += size * depth[i, j, 0]
+                sums[block, which, 4] += size * depth[i, j, 0]
             for c in range(channels):
-                into[6 + c] += share * gradient[i, j, c]
+                sums[block, which, 6 + c] += share * gradient[i, j, c]
     for level in range(levels - 1):
         for i in range(shapes[level, 0]):
             for j in range(shapes[level, 1]):
                 child = starts[level] + i * shapes[level, 1] + j
-                sums[starts[level + 1] + i // 2 * shapes[level + 1, 1] + j // 2] += sums[child]
+                parent = starts[level + 1] + i // 2 * shapes[level + 1, 1] + j // 2
+                for which in range(CLASSES):  # loops: expressions of arrays take many times as long to compile
+                    for c in range(6 + channels):
+                        sums[parent, which, c] += sums[child, which, c]
     count, classes = np.zeros(len(sums), np.int64), np.zeros((len(sums), CLASSES), np.int64)
     for block in range(len(sums)):
         for which in range(CLASSES):
             if sums[block, which, 0] > 0:
                 classes[block, count[block]] = which
                 count[block] += 1
-                sums[block, which, 1:5] /= sums[block, which, 0]
+                for c in range(1, 5):
+                    sums[block, which, c] /= sums[block, which, 0]
     return starts, shapes, count, classes, sums
 
 

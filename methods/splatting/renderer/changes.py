@@ -12,21 +12,30 @@ import numpy as np
 from numba import njit, prange
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def per_pixel(index, attributes, image, gradient):
+def per_pixel(
+    index: np.ndarray, attributes: np.ndarray, image: np.ndarray, gradient: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The gradient times the attributes of the entries, and times the image; and whether it is not 0."""
-    height, width, layers = index.shape
-    of_entries, of_image = np.zeros((height, width, layers)), np.zeros((height, width))
-    active = np.zeros((height, width), np.bool_)
-    for i in prange(height):
-        for j in range(width):
-            for c in range(gradient.shape[2]):
-                active[i, j] |= gradient[i, j, c] != 0
-                of_image[i, j] += gradient[i, j, c] * image[i, j, c]
-                for entry in range(layers):
-                    if index[i, j, entry] >= 0:
-                        of_entries[i, j, entry] += gradient[i, j, c] * attributes[index[i, j, entry], c]
+    of_entries, of_image, active = np.zeros(index.shape), np.zeros(index.shape[:2]), np.zeros(index.shape[:2], np.bool_)
+    _per_row(index, attributes, image, gradient, of_entries, of_image, active)
     return of_entries, of_image, active
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def _per_row(index, attributes, image, gradient, of_entries, of_image, active):
+    for i in prange(len(index)):
+        _of_row(index[i], attributes, image[i], gradient[i], of_entries[i], of_image[i], active[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _of_row(index, attributes, image, gradient, of_entries, of_image, active):
+    for j in range(len(index)):
+        for c in range(gradient.shape[1]):
+            active[j] |= gradient[j, c] != 0
+            of_image[j] += gradient[j, c] * image[j, c]
+            for entry in range(index.shape[1]):
+                if index[j, entry] >= 0:
+                    of_entries[j, entry] += gradient[j, c] * attributes[index[j, entry], c]
 
 
 @njit(cache=True, error_model="numpy")

@@ -33,8 +33,10 @@ def rasterise(ellipses: Ellipses, camera: Camera, how: Drawing) -> Lists:
     width, height = camera.width, camera.height
     order = np.arange(len(ellipses.shown))
     starts, members = binned(order, ellipses.shown, ellipses.place, ellipses.half, (width, height), TILE)
-    settings = (how.cutoff, how.depth_limit, how.layers)
-    return Lists(*_rasterise(*ellipses, starts, members, camera.lens(), (width, height), settings))
+    settings, size = (how.cutoff, how.depth_limit, how.layers), (height, width, how.layers)
+    lists = Lists(np.full(size, -1, np.int32), np.full(size, np.inf), np.zeros(size), np.zeros(size[:2], np.int64))
+    _rasterise(tuple(ellipses), starts, members, camera.lens(), (width, height), settings, tuple(lists))
+    return lists
 
 
 @njit(cache=True)
@@ -91,42 +93,46 @@ def depth_at(position, normal, reach, column, row, lens):
 
 
 @njit(parallel=True, cache=True)
-def _rasterise(shown, place, position, normal, form, half, peak, reach, starts, members, lens, size, settings):
+def _rasterise(ellipses, starts, members, lens, size, settings, lists):
+    """Fill the lists."""
+    for tile in prange(len(starts) - 1):
+        _of_tile(np.int64(tile), ellipses, starts, members, lens, size, settings, lists)
+
+
+@njit(cache=True)
+def _of_tile(tile, ellipses, starts, members, lens, size, settings, lists):
+    """A function of its own, for the loops of a parallel one take many times as long to compile."""
+    _, place, position, normal, form, half, peak, reach = ellipses
+    index, depth, rho, front = lists
     width, height = size
     cutoff, limit, layers = settings
-    index = np.full((height, width, layers), -1, np.int32)
-    depth = np.full((height, width, layers), np.inf)
-    rho = np.zeros((height, width, layers))
-    front = np.zeros((height, width), np.int64)
     across = (width + TILE - 1) // TILE
-    for tile in prange(len(starts) - 1):
-        upper, lower = tile // across * TILE, min(tile // across * TILE + TILE, height)
-        begin, end = tile % across * TILE, min(tile % across * TILE + TILE, width)
-        for member in range(starts[tile], starts[tile + 1]):
-            k = members[member]
-            left, right = span(place[k, 0], half[k, 0], width)
-            top, bottom = span(place[k, 1], half[k, 1], height)
-            for i in range(max(top, upper), min(bottom + 1, lower)):
-                dy = i + 0.5 - place[k, 1]
-                for j in range(max(left, begin), min(right + 1, end)):
-                    dx = j + 0.5 - place[k, 0]
-                    beta = 0.5 * (form[k, 0] * dx * dx + form[k, 2] * dy * dy) + form[k, 1] * dx * dy
-                    if beta > cutoff:
-                        continue
-                    z = depth_at(position[k], normal[k], reach[k], j + 0.5, i + 0.5, lens)
-                    slot = layers
-                    while slot > 0 and z < depth[i, j, slot - 1]:
-                        slot -= 1
-                    if slot == layers:
-                        continue
-                    for later in range(layers - 1, slot, -1):
-                        index[i, j, later] = index[i, j, later - 1]
-                        depth[i, j, later] = depth[i, j, later - 1]
-                        rho[i, j, later] = rho[i, j, later - 1]
-                    index[i, j, slot], depth[i, j, slot] = k, z
-                    rho[i, j, slot] = peak[k] * math.exp(-beta)
-        for i in range(upper, lower):
-            for j in range(begin, end):
-                while front[i, j] < layers and depth[i, j, front[i, j]] - depth[i, j, 0] <= limit:
-                    front[i, j] += 1
-    return index, depth, rho, front
+    upper, lower = tile // across * TILE, min(tile // across * TILE + TILE, height)
+    begin, end = tile % across * TILE, min(tile % across * TILE + TILE, width)
+    for member in range(starts[tile], starts[tile + 1]):
+        k = members[member]
+        left, right = span(place[k, 0], half[k, 0], width)
+        top, bottom = span(place[k, 1], half[k, 1], height)
+        for i in range(max(top, upper), min(bottom + 1, lower)):
+            dy = i + 0.5 - place[k, 1]
+            for j in range(max(left, begin), min(right + 1, end)):
+                dx = j + 0.5 - place[k, 0]
+                beta = 0.5 * (form[k, 0] * dx * dx + form[k, 2] * dy * dy) + form[k, 1] * dx * dy
+                if beta > cutoff:
+                    continue
+                z = depth_at(position[k], normal[k], reach[k], j + 0.5, i + 0.5, lens)
+                slot = layers
+                while slot > 0 and z < depth[i, j, slot - 1]:
+                    slot -= 1
+                if slot == layers:
+                    continue
+                for later in range(layers - 1, slot, -1):
+                    index[i, j, later] = index[i, j, later - 1]
+                    depth[i, j, later] = depth[i, j, later - 1]
+                    rho[i, j, later] = rho[i, j, later - 1]
+                index[i, j, slot], depth[i, j, slot] = k, z
+                rho[i, j, slot] = peak[k] * math.exp(-beta)
+    for i in range(upper, lower):
+        for j in range(begin, end):
+            while front[i, j] < layers and depth[i, j, front[i, j]] - depth[i, j, 0] <= limit:
+                front[i, j] += 1

@@ -29,7 +29,14 @@ def _guarded(value, by):
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
-def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, opening):
+def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, opening, back):
+    for k in prange(len(back)):  # a signed number, or all that it is handed to would be compiled twice
+        _of_splat(np.int64(k), ellipses, lists, pixels, active, blocks, attributes, lens, how, opening, back)
+
+
+@njit(cache=True, error_model="numpy")
+def _of_splat(k, ellipses, lists, pixels, active, blocks, attributes, lens, how, opening, back):
+    """A function of its own, for the loops of a parallel one take many times as long to compile."""
     shown, place, position, _, form, half, peak, _ = ellipses
     index, depth, rho, front = lists
     pull, of_entries, of_image, total = pixels
@@ -37,145 +44,143 @@ def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, op
     starts, shapes, count, classes, sums = blocks
     fx, fy, skew, _, _ = lens
     height, width = active.shape
-    back = np.zeros((len(shown), 3))
     top = len(shapes) - 1
-    for k in prange(len(shown)):
-        if not shown[k]:
+    if not shown[k]:
+        return
+    u, v, z = place[k, 0], place[k, 1], position[k, 2]
+    pixel_size, radius = z / math.sqrt(fx * fy), max(half[k, 0], half[k, 1])
+    gx, gy, gz = 0.0, 0.0, 0.0
+    # (level, row, column) of blocks still to be looked at: at most three siblings on each level wait
+    waiting = np.empty((4 * (top + 2), 3), np.int64)
+    waiting[0, 0], waiting[0, 1], waiting[0, 2] = top, 0, 0
+    left = 1
+    while left:
+        left -= 1
+        level, row, column = waiting[left]
+        block = starts[level] + row * shapes[level, 1] + column
+        if count[block] == 0:
             continue
-        u, v, z = place[k, 0], place[k, 1], position[k, 2]
-        pixel_size, radius = z / math.sqrt(fx * fy), max(half[k, 0], half[k, 1])
-        gx, gy, gz = 0.0, 0.0, 0.0
-        # (level, row, column) of blocks still to be looked at: at most three siblings on each level wait
-        waiting = np.empty((4 * (top + 2), 3), np.int64)
-        waiting[0, 0], waiting[0, 1], waiting[0, 2] = top, 0, 0
-        left = 1
-        while left:
-            left -= 1
-            level, row, column = waiting[left]
-            block = starts[level] + row * shapes[level, 1] + column
-            if count[block] == 0:
+        size = LEAF << level
+        off_x = abs((column + 0.5) * size - place[k, 0])
+        off_y = abs((row + 0.5) * size - place[k, 1])
+        far = max(off_x, off_y)
+        if far > window + 0.5 * size:
+            continue
+        crossed = far > window - 0.5 * size
+        if crossed and opening > 0 and RAGGED * size <= window:  # small blocks are within the window, or beyond
+            if far > window:
                 continue
-            size = LEAF << level
-            off_x = abs((column + 0.5) * size - place[k, 0])
-            off_y = abs((row + 0.5) * size - place[k, 1])
-            far = max(off_x, off_y)
-            if far > window + 0.5 * size:
-                continue
-            crossed = far > window - 0.5 * size
-            if crossed and opening > 0 and RAGGED * size <= window:  # small blocks are within the window, or beyond
-                if far > window:
-                    continue
-                crossed = False
-            whole = opening > 0 and far >= opening * size and not crossed
-            touches = off_x <= 0.5 * size + half[k, 0] and off_y <= 0.5 * size + half[k, 1]
-            if whole and not touches:
-                for number in range(count[block]):
-                    which = classes[block, number]
-                    ax, ay, az = of_block(
-                        k,
-                        u,
-                        v,
-                        z,
-                        peak[k],
-                        pixel_size,
-                        sums,
-                        block,
-                        which,
-                        attributes,
-                        epsilon,
-                        limit,
-                        occlusion,
-                        typical,
-                    )
-                    gx, gy, gz = gx + ax, gy + ay, gz + az
-            elif level > 0:
-                for row_below in range(2 * row, min(2 * row + 2, shapes[level - 1, 0])):
-                    for column_below in range(2 * column, min(2 * column + 2, shapes[level - 1, 1])):
-                        waiting[left, 0], waiting[left, 1], waiting[left, 2] = level - 1, row_below, column_below
-                        left += 1
-            else:
-                for i in range(row * LEAF, min(row * LEAF + LEAF, height)):
-                    for j in range(column * LEAF, min(column * LEAF + LEAF, width)):
-                        if not active[i, j]:
-                            continue
-                        dx, dy, of_own, entry = j + 0.5 - u, i + 0.5 - v, 0.0, -1
-                        if crossed and max(abs(dx), abs(dy)) > window:
-                            continue
-                        for c in range(attributes.shape[1]):
-                            of_own += pull[i, j, c] * attributes[k, c]
-                        if abs(dx) <= half[k, 0] and abs(dy) <= half[k, 1]:
-                            entry = entry_of(k, i, j, index)
-                        squared = dx * dx + dy * dy + epsilon
-                        if entry >= front[i, j]:
-                            if occlusion:
-                                gz += of_hidden(i, j, entry, pixel_size, of_own, depth, rho, of_image, total, epsilon)
-                        elif entry >= 0:
-                            change = change_without(i, j, entry, index, depth, rho, front, of_entries, of_image, limit)
-                            if change < 0:  # it can leave on either side
-                                away = math.sqrt(squared)
-                                change *= 1 / _guarded(away * (away + radius), epsilon) + 1 / _guarded(
-                                    away * (away - radius), epsilon
-                                )
-                                gx += change * dx
-                                gy += change * dy
-                        else:
-                            change = change_with(
-                                i, j, z, peak[k], of_own, depth, rho, front, of_entries, of_image, total, limit
+            crossed = False
+        whole = opening > 0 and far >= opening * size and not crossed
+        touches = off_x <= 0.5 * size + half[k, 0] and off_y <= 0.5 * size + half[k, 1]
+        if whole and not touches:
+            for number in range(count[block]):
+                which = classes[block, number]
+                ax, ay, az = of_block(
+                    k,
+                    u,
+                    v,
+                    z,
+                    peak[k],
+                    pixel_size,
+                    sums,
+                    block,
+                    which,
+                    attributes,
+                    epsilon,
+                    limit,
+                    occlusion,
+                    typical,
+                )
+                gx, gy, gz = gx + ax, gy + ay, gz + az
+        elif level > 0:
+            for row_below in range(2 * row, min(2 * row + 2, shapes[level - 1, 0])):
+                for column_below in range(2 * column, min(2 * column + 2, shapes[level - 1, 1])):
+                    waiting[left, 0], waiting[left, 1], waiting[left, 2] = level - 1, row_below, column_below
+                    left += 1
+        else:
+            for i in range(row * LEAF, min(row * LEAF + LEAF, height)):
+                for j in range(column * LEAF, min(column * LEAF + LEAF, width)):
+                    if not active[i, j]:
+                        continue
+                    dx, dy, of_own, entry = j + 0.5 - u, i + 0.5 - v, 0.0, -1
+                    if crossed and max(abs(dx), abs(dy)) > window:
+                        continue
+                    for c in range(attributes.shape[1]):
+                        of_own += pull[i, j, c] * attributes[k, c]
+                    if abs(dx) <= half[k, 0] and abs(dy) <= half[k, 1]:
+                        entry = entry_of(k, i, j, index)
+                    squared = dx * dx + dy * dy + epsilon
+                    if entry >= front[i, j]:
+                        if occlusion:
+                            gz += of_hidden(i, j, entry, pixel_size, of_own, depth, rho, of_image, total, epsilon)
+                    elif entry >= 0:
+                        change = change_without(i, j, entry, index, depth, rho, front, of_entries, of_image, limit)
+                        if change < 0:  # it can leave on either side
+                            away = math.sqrt(squared)
+                            change *= 1 / _guarded(away * (away + radius), epsilon) + 1 / _guarded(
+                                away * (away - radius), epsilon
                             )
-                            if change < 0:
-                                gx += change / squared * dx
-                                gy += change / squared * dy
-                                if occlusion and z - depth[i, j, 0] > limit:
-                                    dz = depth[i, j, 0] - z
-                                    gz += change * dz / (squared * pixel_size * pixel_size + dz * dz)
-        back[k, 0], back[k, 1], back[k, 2] = gx * fx / z, (gx * skew + gy * fy) / z, gz
-    return back
+                            gx += change * dx
+                            gy += change * dy
+                    else:
+                        change = change_with(
+                            i, j, z, peak[k], of_own, depth, rho, front, of_entries, of_image, total, limit
+                        )
+                        if change < 0:
+                            gx += change / squared * dx
+                            gy += change / squared * dy
+                            if occlusion and z - depth[i, j, 0] > limit:
+                                dz = depth[i, j, 0] - z
+                                gz += change * dz / (squared * pixel_size * pixel_size + dz * dz)
+    back[k, 0], back[k, 1], back[k, 2] = gx * fx / z, (gx * skew + gy * fy) / z, gz
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
-def _gaussian_gradient(ellipses, lists, pixels, active, attributes, lens, how):
+def _gaussian_gradient(ellipses, lists, pixels, active, attributes, lens, how, back):
     """By the Gaussians, which end soon: pixels beyond FAINT are nothing."""
+    for k in prange(len(back)):
+        _of_gaussian(np.int64(k), ellipses, lists, pixels, active, attributes, lens, how, back)
+
+
+@njit(cache=True, error_model="numpy")
+def _of_gaussian(k, ellipses, lists, pixels, active, attributes, lens, how, back):
     shown, place, position, _, form, half, peak, _ = ellipses
     index, depth, rho, front = lists
     pull, of_entries, of_image, total = pixels
     limit, cutoff = how
     fx, fy, skew, _, _ = lens
     height, width = active.shape
-    back = np.zeros((len(shown), 3))
     far = math.sqrt(FAINT / cutoff)
-    for k in prange(len(shown)):
-        if not shown[k]:
-            continue
-        u, v, z = place[k, 0], place[k, 1], position[k, 2]
-        gx, gy = 0.0, 0.0
-        left, right = span(u, far * half[k, 0], width)
-        top, bottom = span(v, far * half[k, 1], height)
-        for i in range(top, bottom + 1):
-            for j in range(left, right + 1):
-                if not active[i, j]:
-                    continue
-                of_own = 0.0
-                for c in range(attributes.shape[1]):
-                    of_own += pull[i, j, c] * attributes[k, c]
-                entry = entry_of(k, i, j, index)
-                if entry >= front[i, j]:
-                    continue
-                if entry >= 0:
-                    change = -min(
-                        change_without(i, j, entry, index, depth, rho, front, of_entries, of_image, limit), 0.0
-                    )
-                else:
-                    change = min(
-                        change_with(i, j, z, peak[k], of_own, depth, rho, front, of_entries, of_image, total, limit),
-                        0.0,
-                    )
-                dx, dy = j + 0.5 - u, i + 0.5 - v
-                mx, my = form[k, 0] * dx + form[k, 1] * dy, form[k, 1] * dx + form[k, 2] * dy
-                change *= math.exp(-0.5 * (dx * mx + dy * my))
-                gx += change * mx
-                gy += change * my
-        back[k, 0], back[k, 1] = gx * fx / z, (gx * skew + gy * fy) / z
-    return back
+    if not shown[k]:
+        return
+    u, v, z = place[k, 0], place[k, 1], position[k, 2]
+    gx, gy = 0.0, 0.0
+    left, right = span(u, far * half[k, 0], width)
+    top, bottom = span(v, far * half[k, 1], height)
+    for i in range(top, bottom + 1):
+        for j in range(left, right + 1):
+            if not active[i, j]:
+                continue
+            of_own = 0.0
+            for c in range(attributes.shape[1]):
+                of_own += pull[i, j, c] * attributes[k, c]
+            entry = entry_of(k, i, j, index)
+            if entry >= front[i, j]:
+                continue
+            if entry >= 0:
+                change = -min(change_without(i, j, entry, index, depth, rho, front, of_entries, of_image, limit), 0.0)
+            else:
+                change = min(
+                    change_with(i, j, z, peak[k], of_own, depth, rho, front, of_entries, of_image, total, limit),
+                    0.0,
+                )
+            dx, dy = j + 0.5 - u, i + 0.5 - v
+            mx, my = form[k, 0] * dx + form[k, 1] * dy, form[k, 1] * dx + form[k, 2] * dy
+            change *= math.exp(-0.5 * (dx * mx + dy * my))
+            gx += change * mx
+            gy += change * my
+    back[k, 0], back[k, 1] = gx * fx / z, (gx * skew + gy * fy) / z
 
 
 def visibility_gradient(
@@ -209,14 +214,14 @@ def visibility_gradient(
     """
     of_entries, of_image, active = per_pixel(lists.index, attributes, image, gradient)
     pixels = (gradient, of_entries, of_image, total)
-    arguments = (tuple(ellipses), tuple(lists), pixels, active)
+    arguments, back = (tuple(ellipses), tuple(lists), pixels, active), np.zeros((len(ellipses.shown), 3))
     if how.gradient == "rbf":
         settings = (how.depth_limit, how.cutoff)
-        back = _gaussian_gradient(*arguments, attributes, camera.lens(), settings)
+        _gaussian_gradient(*arguments, attributes, camera.lens(), settings, back)
     else:
         peaks = ellipses.peak[ellipses.shown]
         typical = float(np.median(peaks)) if len(peaks) else 1.0
         blocks = pyramid(gradient, of_image, total, lists.depth, lists.front, active, typical)
         settings = (how.epsilon, how.depth_limit, how.occlusion, typical, how.window or math.inf)
-        back = _gradient(*arguments, blocks, attributes, camera.lens(), settings, float(how.opening))
+        _gradient(*arguments, blocks, attributes, camera.lens(), settings, float(how.opening), back)
     return back @ camera.rotation
