@@ -57,6 +57,17 @@ def test_variants_are_in_the_order_of_their_geometric_means():
     assert [v.ratio for v in one.variants] == pytest.approx(list(means / means.iloc[0]))
 
 
+def test_small_scores_have_their_means_too_and_zeros_those_of_the_least():
+    frame = sweep()
+    frame["score.d"] *= 1e-6
+    means = [v.mean for v in best(frame)[0].variants]
+    assert means == pytest.approx(list(by_hand(frame)))
+    frame.loc[frame["case"] == "s0", "score.d"] = 0.0
+    (one,) = best(frame)
+    frame["score.d"] = frame["score.d"].clip(lower=1e-9)
+    assert [v.mean for v in one.variants] == pytest.approx(list(by_hand(frame)))
+
+
 def test_the_interval_of_a_ratio_is_students_over_the_shapes():
     frame = sweep()
     (one,) = best(frame)

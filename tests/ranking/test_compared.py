@@ -166,6 +166,16 @@ def test_time_of_a_busy_machine_is_not_the_method_s():
     assert (line(container, what="speed")["time"], line(container, what="speed")["verdict"]) == ("wall", "slower")
 
 
+@pytest.mark.parametrize(("most", "verdict"), [(1.1, "open"), (1.3, "slower")])
+def test_a_few_calls_that_had_to_wait_make_no_method_slower(most, verdict):
+    """Ten of 21 took five times as long: the mean is surely more than a fifth larger, whatever the median says."""
+    then, now = side(seconds=2.0, shapes=21, methods=("a",)), side(seconds=2.0, shapes=21, methods=("a",))
+    for name in ("seconds", "cpu_seconds"):
+        now[name] *= np.where(np.arange(21) < 11, most, 5.0)
+    found = line(compared(then, now), what="speed")
+    assert found["ratio"] == pytest.approx(most) and found["low"] > 1.2 and found["verdict"] == verdict
+
+
 def test_short_calls_are_not_judged():
     assert line(compared(side(seconds=0.01), side(seconds=0.04)), what="speed")["verdict"] == "short"
 
