@@ -211,8 +211,8 @@ def pytest_configure(config: Any) -> None:
 class Trial:
     """A copy of the checkout, and the tests of a room in it."""
 
-    def __init__(self, copy: Path, tests: list[str]):
-        self.copy, self.tests, self.seconds = copy, tests, 600.0
+    def __init__(self, copy: Path, tests: list[str], near: bool = False):
+        self.copy, self.tests, self.near, self.seconds = copy, tests, near, 600.0
         self.reached: dict[tuple[str, int], list[tuple[float, str]]] = defaultdict(list)
 
     def trace(self, folder: str) -> float:
@@ -274,8 +274,9 @@ class Trial:
             names = list(dict.fromkeys(name.partition("[")[0] for _, name in near))  # with all their parameters
             if names:
                 usual = sum(seconds for seconds, _ in near)
-                if self.run(names, SLOWER * usual + GRACE)[0] != 0:
-                    return False
+                unseen = self.run(names, SLOWER * usual + GRACE)[0] == 0
+                if self.near or not unseen:
+                    return unseen
             return self.run(self.tests, SLOWER * self.seconds + GRACE)[0] == 0
         finally:
             path.write_bytes(before)
@@ -302,6 +303,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--sample", type=int, default=50, help="how many mutants, 0 for all (default 50)")
     parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
     parser.add_argument("--minutes", type=float, default=15.0, help="begin none after so many (default 15)")
+    parser.add_argument("--near", action="store_true", help="a line that tests reach is tried with those alone")
     parser.add_argument("--list", action="store_true", help="print the mutants, and run nothing")
     options = parser.parse_args(words)
     room = ROOT / "bench" / options.room
@@ -320,7 +322,7 @@ def main(words: list[str] | None = None) -> int:
     for name in WARM:
         importlib.import_module(name)
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        trial = Trial(copied(Path(folder)), options.tests or [f"tests/{options.room}"])
+        trial = Trial(copied(Path(folder)), options.tests or [f"tests/{options.room}"], options.near)
         print(
             f"{count} mutants, {len(mutants)} in the sample; tests pass in {trial.trace(f'bench/{options.room}'):.0f} s"
         )
