@@ -163,6 +163,10 @@ class Shell:
         """In which process each call was."""
         return {" ".join(line.split()[:3]): int(line.split()[4]) for line in self._logged()}
 
+    def call_processors(self) -> dict[str, set[int]]:
+        """On which processors each call might run."""
+        return {" ".join(line.split()[:3]): set(map(int, line.split()[5].split(","))) for line in self._logged()}
+
     def _logged(self) -> list[str]:
         return [line for line in self.log.read_text().splitlines() if line.strip()] if self.log.exists() else []
 

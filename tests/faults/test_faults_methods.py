@@ -1,15 +1,20 @@
 """Whatever a method does, its case gets a row that says so, and every other case and cell completes.
 
-Two sweeps over all bad methods, and two more under joblib, whose processes have the same engine in them, over some of
-each kind; the tests look at what they left.
+Under each launcher that is installed here, two sweeps over all bad methods: one with a short limit of time, and one
+in which a slow or busy machine reaches the limit of memory, too. The tests look at what they left. The processes of
+joblib and of the others have the same engine in them as the basic launcher, and leave the same rows, to the bit.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import os
 import re
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 MISBEHAVING = Path(__file__).with_name("misbehaving.py")
@@ -56,7 +61,6 @@ DENOISE = {
     "returns_nothing": ("invalid", "got NoneType"),
     "undeclared_missing": ("skipped", "pip install no_such_library_undeclared"),
 }
-# in a sweep with more time, in which a slow or busy machine reaches the memory limit, too
 GREEDY = {
     "allocates_untouched": ("oom", "memory limit"),
     "allocates_with_numpy": ("oom", "memory limit"),
@@ -70,16 +74,35 @@ OTHER_TASKS = {
     "infinite_vertices": ("invalid", "1 of 42 vertices are NaN or infinite"),
 }
 BAD = DENOISE | GREEDY
-SOME = """fine stops_its_server_and_sleeps forges_a_row raises interrupts segfaults kills_its_group ignores_sigterm
-leaves_a_session returns_nan undeclared_missing lets_a_child_allocate"""
-METHODS = {"basic": tuple(BAD), "joblib": tuple(SOME.split())}
-EACH = [(launcher, method) for launcher, methods in METHODS.items() for method in methods]
 TIMEOUTS = [name for name, (status, _) in DENOISE.items() if status == "timeout"]
 LIMITS = (f"limit.seconds={SECONDS}", f"limit.memory_gb={MEMORY_GB}", "cases=3", "limit.output_points=1000")
 MORE_TIME = ("limit.seconds=60", *LIMITS[1:])
 PLUGINS = (TOYS, MISBEHAVING)
 
+# What Hydra calls the launchers, the packages that bring them, and their words; those of extras that are not installed
+# are left to CI.
+OTHERS = {
+    "joblib": ("hydra_plugins.hydra_joblib_launcher", ("hydra.launcher.n_jobs=2",)),
+    "submitit_local": ("hydra_plugins.hydra_submitit_launcher", ("hydra.launcher.timeout_min=5",)),
+    "ray": ("hydra_plugins.hydra_ray_launcher", ("+hydra.launcher.ray.init.num_cpus=2",)),
+}
+# What a run measures, and when and in which process it did.
+MEASURED = [
+    *("seconds", "cpu_seconds", "reference_seconds", "exchange_seconds", "peak_rss_mb", "rss_before_mb"),
+    *("started", "finished", "traceback", "host"),
+]
+
 launchers = pytest.mark.parametrize("launcher", ["basic", "joblib"])
+
+
+def _is_there(package: str) -> bool:
+    try:
+        return importlib.util.find_spec(package) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+INSTALLED = [name for name, (package, _) in OTHERS.items() if _is_there(package)]
 
 
 @pytest.fixture(scope="module")
@@ -90,10 +113,16 @@ def sweeps(shells):
     def sweep(launcher):
         if launcher not in made:
             shell = shells(f"denoise_{launcher}")
-            words = ",".join([*(name for name in METHODS[launcher] if name in DENOISE), "declared_missing"])
-            greedy = ",".join(name for name in METHODS[launcher] if name in GREEDY)
-            done = shell.run(f"method={words}", *LIMITS, launcher=launcher, plugins=PLUGINS, timeout=400)
-            shell.run(f"method={greedy}", *MORE_TIME, launcher=launcher, plugins=PLUGINS, timeout=400)
+            how = () if launcher == "basic" else (f"hydra/launcher={launcher}", *OTHERS[launcher][1])
+            options = {"plugins": PLUGINS, "timeout": 400}
+            locks = shell.folder / "tmp"  # for the processors: what else is tested now holds others
+            locks.mkdir()
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setenv("TMPDIR", str(locks))
+                done = shell.run(
+                    f"method={','.join([*DENOISE, 'declared_missing'])}", *LIMITS, *how, **options
+                )
+                shell.run(f"method={','.join(GREEDY)}", *MORE_TIME, *how, **options)
             left = shell.left_over()
             shell.kill_all()
             made[launcher] = shell, done, left, shell.rows()
@@ -102,14 +131,36 @@ def sweeps(shells):
     return sweep
 
 
-@pytest.mark.parametrize(("launcher", "method"), EACH)
-def test_a_bad_case_gets_its_status_and_spoils_no_other(sweeps, launcher, method):
-    _, _, _, rows = sweeps(launcher)
+@pytest.mark.parametrize("method", BAD)
+def test_a_bad_case_gets_its_status_and_spoils_no_other(sweeps, method):
+    _, _, _, rows = sweeps("basic")
     status, message = BAD[method]
     found = rows[rows["method"] == method]
     assert list(found["status"]) == ["ok", status, "ok"], list(found["message"])
     assert message in found["message"].iloc[1]
     assert list(found["case"]) == ["ball-test-000", "ball-test-001", "ball-test-002"]
+
+
+def test_one_launcher_at_least_is_installed():
+    assert "joblib" in INSTALLED
+
+
+@pytest.mark.parametrize("launcher", INSTALLED)
+def test_the_rows_are_those_of_the_basic_launcher(sweeps, launcher):
+    shell, done, _, rows = sweeps(launcher)
+    assert "Traceback" not in done.stderr, done.stderr
+    assert done.returncode == sweeps("basic")[1].returncode
+    expected = comparable(sweeps("basic")[3])
+    assert set(expected["status"]) == {"ok", "error", "crashed", "timeout", "oom", "invalid", "skipped"}
+    assert set(expected["method"]) == {*BAD, "declared_missing"}
+    pd.testing.assert_frame_equal(comparable(rows), expected, check_exact=True)
+    assert shell.left_over() == []
+
+
+def comparable(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows without what was measured; the message of an `oom` says how much was taken."""
+    greedy = rows["status"] == "oom"
+    return rows.drop(columns=MEASURED, errors="ignore").assign(message=rows["message"].mask(greedy))
 
 
 @launchers
@@ -140,10 +191,11 @@ def test_every_good_case_is_called_once(sweeps, launcher):
     shell, _, _, _ = sweeps(launcher)
     calls = shell.calls()
     assert sorted(set(calls)) == sorted(calls)
-    assert set(calls) == {f"{method} 0 {case}" for method in METHODS[launcher] for case in range(3)}
+    assert set(calls) == {f"{method} 0 {case}" for method in BAD for case in range(3)}
 
 
-@pytest.mark.parametrize(("launcher", "method"), [pair for pair in EACH if pair[1] in TIMEOUTS])
+@pytest.mark.parametrize("method", TIMEOUTS)
+@launchers
 def test_a_timeout_is_over_two_seconds_after_the_limit(sweeps, launcher, method):
     shell, _, _, rows = sweeps(launcher)
     row = rows[(rows["method"] == method) & (rows["case_index"] == 1)].iloc[0]
@@ -152,11 +204,24 @@ def test_a_timeout_is_over_two_seconds_after_the_limit(sweeps, launcher, method)
     assert SECONDS - 0.1 < took < SECONDS + 2.0
 
 
+def test_two_cells_at_once_get_different_processors(sweeps):
+    """Those of joblib's two processes; each that runs into its limit takes long enough to meet another."""
+    shell, _, _, rows = sweeps("joblib")
+    begins, processors = shell.call_times(), shell.call_processors()
+    finished = rows[rows["case_index"] == 1].set_index("method")["finished"].map(datetime.fromisoformat)
+    spans = sorted((begins[f"{name} 0 1"], finished[name].timestamp(), f"{name} 0 1") for name in TIMEOUTS)
+    assert all(len(found) == 1 for found in processors.values())
+    met = [(one, other) for (_, end, one), (begin, _, other) in pairwise(spans) if begin < end]
+    assert met
+    if len(os.sched_getaffinity(0)) > 1:
+        assert [pair for pair in met if processors[pair[0]] & processors[pair[1]]] == []
+
+
 @launchers
 def test_a_process_that_a_method_has_changed_runs_no_other_case(sweeps, launcher):
     """And one that it has left as it was runs all of them."""
     processes = sweeps(launcher)[0].call_processes()
-    for method in set(METHODS[launcher]) & {"fine", "leaves_its_process_changed", "leaves_a_busy_thread"}:
+    for method in ("fine", "leaves_its_process_changed", "leaves_a_busy_thread"):
         first, second, third = (processes[f"{method} 0 {case}"] for case in range(3))
         assert first == second and (second == third) == (method == "fine")
 
@@ -166,9 +231,9 @@ def test_the_exit_code_tells_and_nothing_else_goes_wrong(sweeps, launcher):
     shell, done, _, rows = sweeps(launcher)
     assert done.returncode == 3, done.stderr
     assert "Traceback" not in done.stderr + done.stdout
-    cells = sum(method in DENOISE for method in METHODS[launcher]) + 1  # and declared_missing
+    cells = len(DENOISE) + 1  # and declared_missing
     planned = 3 * cells
-    assert len(rows) == 3 * (len(METHODS[launcher]) + 1)
+    assert len(rows) == 3 * (len(BAD) + 1)
     solved = int((rows[~rows["method"].isin(GREEDY)]["status"] == "ok").sum())
     assert f"{cells} cells, {solved}/{planned} cases solved, {planned} run, 0 cached" in done.stderr
     assert "fine" in done.stdout  # the leaderboard

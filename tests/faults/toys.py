@@ -68,7 +68,8 @@ def called(name: str, cloud: PointCloud, run: Run, seed: int = 0) -> int:
     index = (len(cloud) - POINTS) // PER_INDEX
     if log := os.environ.get("TOY_LOG"):
         with open(log, "a") as file:
-            file.write(f"\n{name} {seed} {index} {time.time():.3f} {os.getpid()}\n")
+            processors = ",".join(map(str, sorted(os.sched_getaffinity(0))))
+            file.write(f"\n{name} {seed} {index} {time.time():.3f} {os.getpid()} {processors}\n")
     return index
 
 
