@@ -20,6 +20,7 @@ from bench.plugins.registry import registry
 
 SHORT = "DETAILBENCH_SHORT" in os.environ
 ROUNDS = 3 if SHORT else 9
+POINTS = 1024 if SHORT else 4096  # of a step
 LEAST_STEP = 1.5
 SECONDS = 60  # of siren
 LEAST_SOONER = 5
@@ -66,7 +67,7 @@ def gradients(field: DisplacedField) -> torch.Tensor:
 def test_a_step_of_idf(benchmark, capsys):
     torch.set_num_threads(2)
     field, u = a_field(), sphere_cloud(100_000)
-    batch = Sampler(0.5 * u, u, 4096, torch.Generator().manual_seed(1)).draw()
+    batch = Sampler(0.5 * u, u, POINTS, torch.Generator().manual_seed(1)).draw()
     for parameter in field.base.parameters():
         parameter.requires_grad_(False)
 
@@ -100,7 +101,7 @@ def test_the_steps_before(capsys):
     """While both networks learn there is less to leave out, and yet no step is slower than the direct one."""
     torch.set_num_threads(2)
     field, u = a_field(), sphere_cloud(100_000)
-    batch = Sampler(0.5 * u, u, 4096, torch.Generator().manual_seed(1)).draw()
+    batch = Sampler(0.5 * u, u, POINTS, torch.Generator().manual_seed(1)).draw()
 
     def ours():
         field.zero_grad()

@@ -79,6 +79,15 @@ def test_a_damaged_entry_is_made_again(memo, damage):
     assert (memo.arrays("a", make)["x"] == 7).all() and len(calls) == 1
 
 
+def test_no_object_is_unpickled(memo):
+    objects = np.empty(1, dtype=object)
+    objects[0] = {"an": "object"}
+    memo.arrays("a", lambda: {"x": objects})
+    assert list(memo.folder.glob("*/*.npz"))
+    make, calls = counted()
+    assert (memo.arrays("a", make)["x"] == 1).all() and calls
+
+
 def test_a_memory_that_cannot_be_written_is_no_error(tmp_path):
     (tmp_path / "cache").write_text("a file where the folder should be")
     assert (Memo(tmp_path / "cache", "k").arrays("a", counted()[0])["x"] == 1).all()
@@ -173,6 +182,16 @@ def test_a_remembered_dataset_makes_each_mesh_once(memo):
     assert dataset.made == 2
     list(RememberedDataset(dataset, memo).shapes("train"))[0].mesh  # noqa: B018
     assert dataset.made == 3
+
+
+class Odd(Dataset):
+    def shapes(self, split):
+        yield Shape("a\udcff\0b", self.mesh)
+
+
+def test_ids_are_what_a_file_can_hold(memo):
+    """Seeds and rows are made of them."""
+    assert [shape.id for shape in RememberedDataset(Odd(), memo).shapes("test")] == [r"a\udcff\x00b"]
 
 
 def test_the_users_files_are_not_copied(memo):
