@@ -3,10 +3,11 @@
 import json
 import os
 
+import numpy as np
 import pytest
 
 from bench.engine import watch
-from bench.engine.channel import EVENTS, Channel, NoEvent, read_event
+from bench.engine.channel import EVENTS, Channel, NoEvent, plain, read_event
 from bench.engine.runner import _Job
 from bench.plan.limits import Limits
 from bench.text import bounded, cut
@@ -198,3 +199,9 @@ def test_json_is_left_out_where_it_cannot_be_cut():
     assert "trace: left out, 10,000,000 characters" in row["message"]
     assert len(row["message"]) < 10_100
     assert bounded(row)["message"].startswith("mmm")
+
+
+def test_values_are_told_as_json_can_hold_them():
+    values = {1: np.float32(0.5), "n": (np.int64(3), True, "text", None), "bad": [float("nan"), float("inf"), 2.5]}
+    assert plain(values) == {"1": 0.5, "n": [3, True, "text", None], "bad": [None, float("inf"), 2.5]}
+    assert type(plain(np.float64(1.5))) is float and type(plain(np.int32(1))) is int

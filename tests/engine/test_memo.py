@@ -126,6 +126,16 @@ def test_what_was_not_used_for_longest_is_forgotten_first(memo):
     assert calls
 
 
+def test_a_look_at_the_size_of_the_whole_is_had_at_the_first_of_fifty_writes(memo, monkeypatch):
+    looks = []
+    monkeypatch.setattr(bench.engine.memo, "prune", lambda folder, limit_gb: looks.append((folder, limit_gb)))
+    monkeypatch.setattr(bench.engine.memo._Writes, "count", 0)
+    for number, expected in (1, 1), (49, 1), (1, 2), (49, 2), (1, 3):
+        for _ in range(number):
+            memo.at(bench.engine.memo._Writes.count).arrays("a", counted()[0])
+        assert looks == [(memo.folder, memo.limit_gb)] * expected
+
+
 class Dataset:
     name = "balls"
 
