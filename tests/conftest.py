@@ -107,15 +107,24 @@ class Shell:
             raise
         return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
-    def run(self, *words: str, launcher: str = "basic", sweep: bool = True, plugins=(TOYS,), **options):
-        """``detailbench run`` with the toy plugins, into this shell's results."""
+    def run(self, *words: str, launcher: str = "basic", sweep: bool = True, plugins=(TOYS,), board=False, **options):
+        """``detailbench run`` with the toy plugins, into this shell's results; with its leaderboard only if asked for.
+
+        Of a small run that takes as long as all the rest.
+        """
         flags = [part for plugin in plugins for part in ("--plugin", plugin)]
         results = () if any(w.startswith("results=") for w in words) else (f"results={self.results}",)
         given = {w.partition("=")[0].lstrip("~+") for w in words}
         usual = [w for w in WORDS if w.partition("=")[0] not in given]
         how = ("-m", *LAUNCHERS[launcher]) if sweep else ()
         act = options.pop("act", self.call)
+        if act in (self.call, self.start) and not board:
+            flags.append("--no-leaderboard")
         return act("run", *how, *flags, *usual, *words, *results, **options)
+
+    def apply(self, *words: str, **options) -> subprocess.CompletedProcess[str]:
+        """``detailbench apply`` on one processor: for that forks have the libraries already, for all of them none."""
+        return self.call("apply", "threads=1", *words, **options)
 
     def processes(self) -> list[psutil.Process]:
         """All processes that descend from this shell's commands."""

@@ -126,7 +126,7 @@ def test_a_child_that_dies_leaves_the_others(shell):
     )
     for name, count in (("a", 50), ("b", 200), ("c", 60)):
         np.savetxt(shell.work / f"{name}.xyz", sphere(count))
-    done = shell.call("apply", "--plugin", plugin, "method=moody", "a.xyz", "b.xyz", "c.xyz", "out/*.xyz")
+    done = shell.apply("--plugin", plugin, "method=moody", "a.xyz", "b.xyz", "c.xyz", "out/*.xyz")
     assert done.returncode == 3, done.stderr
     assert sorted(path.name for path in (shell.work / "out").glob("*.xyz")) == ["a.xyz", "c.xyz"]
     assert "moody: 2 of 3 files done" in done.stdout

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-IDENTITY = ("apply", "method=identity", "task=denoise")
+IDENTITY = ("apply", "threads=1", "method=identity", "task=denoise")
 
 
 @pytest.fixture

@@ -52,7 +52,7 @@ def hostile(shells):
     shell = shells("hostile")
     (shell.folder / "hostile.py").write_text(PLUGIN, encoding="utf-8")
     shell.plugins = (TOYS, shell.folder / "hostile.py")
-    done = shell.run("method=hostile", "method.text=x,note", "cases=1", plugins=shell.plugins)
+    done = shell.run("method=hostile", "method.text=x,note", "cases=1", plugins=shell.plugins, board=True)
     return shell, done
 
 
@@ -78,7 +78,7 @@ def test_apply(hostile):
     shell, _ = hostile
     np.savetxt(shell.work / "cloud.xyz", np.random.default_rng(0).normal(size=(50, 3)))
     words = ("--plugin", shell.plugins[1], "method=hostile", "method.text=note", "cloud.xyz", "out.xyz")
-    assert_shown(shell.call("apply", *words), "stdout")
+    assert_shown(shell.apply(*words), "stdout")
 
 
 @pytest.fixture

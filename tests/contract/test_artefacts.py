@@ -156,7 +156,7 @@ def test_apply_stores_nothing(shell):
     from bench.geometry.io.files import save
 
     save(PointCloud(np.random.default_rng(0).normal(size=(20, 3))), shell.work / "in.ply")
-    done = shell.call("apply", "--plugin", KEEPER, "method=keeps_all", "in.ply", "out.ply")
+    done = shell.apply("--plugin", KEEPER, "method=keeps_all", "in.ply", "out.ply")
     assert done.returncode == 0, done.stderr
     assert sorted(path.name for path in shell.work.iterdir()) == ["in.ply", "out.ply"]
 

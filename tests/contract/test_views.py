@@ -261,11 +261,11 @@ def test_a_task_over_images_runs_and_its_images_are_made_once(shell):
     plan = shell.call("plan", "--plugin", TOYS, "--plugin", FILE, *WORDS, "dataset=ball", "method=cubes_in_masks")
     assert plan.returncode == 0, plan.stderr
     assert "silhouettes ball logged_rig cubes_in_masks" in plan.stdout
-    done = run(shell, "method=cubes_in_masks", "method.grid=20,28", "outputs=first")
+    done = run(shell, "method=cubes_in_masks", "method.grid=20,28", "outputs=first", board=True)
     assert done.returncode == 0, done.stderr
     assert "the shape covers" in done.stdout and "of its images" in done.stdout
     assert sensed(shell) == 2  # two cells of two cases
-    again = run(shell, "method=cubes_in_masks", "method.grid=24,32", launcher="joblib")
+    again = run(shell, "method=cubes_in_masks", "method.grid=24,32")
     assert again.returncode == 0, again.stderr
     assert sensed(shell) == 2
     rows = shell.rows()
@@ -335,6 +335,6 @@ def test_check_and_list_know_sensors_and_tasks_of_images(shell):
 
 def test_a_task_over_images_that_reads_no_files_says_so(shell):
     (shell.work / "images").mkdir()
-    done = shell.call("apply", "--plugin", FILE, "method=cubes_in_masks", "images", "out.ply")
+    done = shell.apply("--plugin", FILE, "method=cubes_in_masks", "images", "out.ply")
     assert done.returncode == 1
     assert "task Silhouettes: cannot be applied to files, because it has no read(paths) for views" in done.stderr

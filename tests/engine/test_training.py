@@ -66,7 +66,7 @@ def learner(plugin_file):
 
 @pytest.mark.parametrize("launcher", ["basic", "joblib"])
 def test_cells_share_one_training_under_every_launcher(shell, words_of, launcher):
-    done = words_of("dataset.stretch=1,2", "method.pause=0.002", launcher=launcher)
+    done = words_of("dataset.stretch=1,2", "method.pause=0.002", launcher=launcher, board=True)
     assert done.returncode == 0, done.stderr
     assert logged(shell) == ["examples", "fit"]
     rows = shell.rows()
@@ -176,7 +176,7 @@ def test_sigkill_of_the_command_leaves_nothing_behind_and_the_same_command_goes_
 
 def test_a_time_that_is_over_ends_the_training_with_what_it_has(tmp_path):
     row = fit_of(tmp_path, steps=10_000, pause=0.01, seconds=0.2).run({"centroids": np.ones((1, 3))})
-    assert 5 < row["steps"] < 40 and row["seconds"] >= 0.2
+    assert 1 < row["steps"] < 40 and row["seconds"] >= 0.2
     # The seconds before an interruption count.
     fitted = fit_of(tmp_path / "other", steps=10_000, pause=0.01, seconds=0.2)
     fitted.folder.mkdir()
@@ -411,12 +411,12 @@ def test_train_on_ones_own_folder_then_apply(shell, tmp_path):
         icosphere(subdivisions=subdivisions).export(folder / f"{name}.ply")
     scan, clean, saved = folder / "a.ply", tmp_path / "clean.ply", tmp_path / "mine.safetensors"
     plugin = ("--plugin", LEARNER, "method=toy_learner")
-    missing = shell.call("apply", *plugin, scan, clean)
+    missing = shell.apply(*plugin, scan, clean)
     assert missing.returncode == 1 and "detailbench train method=toy_learner" in missing.stderr
     words = ("dataset=files", f"dataset.path={folder}", "dataset.train_share=1", f"results={shell.results}")
     done = shell.call("train", *plugin, *words, "--save", saved)
     assert done.returncode == 0, done.stderr
-    applied = shell.call("apply", *plugin, f"training.weights={saved}", scan, clean)
+    applied = shell.apply(*plugin, f"training.weights={saved}", scan, clean)
     assert applied.returncode == 0 and clean.exists(), applied.stderr
     refused = shell.call("train", "method=jet", f"results={shell.results}")
     assert refused.returncode == 1 and "does not learn" in refused.stderr

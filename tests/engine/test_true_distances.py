@@ -104,7 +104,7 @@ def ran(shells):
     plugin = shell.folder / "told.py"
     plugin.write_text(PLUGIN)
     words = ("limit.seconds=1", "metric=[spread,p2f_mean]", "cases=2")
-    done = shell.run("method=told", "method.asks=true,false", *words, plugins=(TOYS, plugin))
+    done = shell.run("method=told", "method.asks=true,false", *words, plugins=(TOYS, plugin), board=True)
     assert done.returncode == 0, done.stderr
     return shell, plugin, done.stdout
 
@@ -146,7 +146,7 @@ def test_a_file_of_one_s_own_has_no_truth(ran):
 
     shell, plugin, _ = ran
     icosphere(subdivisions=2).export(shell.work / "ball.ply")
-    words = ("apply", "--plugin", plugin, "method=told", "ball.ply", "out.ply")
+    words = ("apply", "threads=1", "--plugin", plugin, "method=told", "ball.ply", "out.ply")
     refused = shell.call(*words)
     assert refused.returncode != 0 and "Traceback" not in refused.stdout
     assert "told: true distances: there is no reference here" in refused.stderr

@@ -84,7 +84,7 @@ def test_a_launcher_s_process_that_waits_for_work_does_not_outlive_the_front_doo
     ],
 )
 def test_an_interrupted_sweep_says_what_is_stored(shell, launcher, to, number, code):
-    process = shell.run(*SWEEP, launcher=launcher, act=shell.start)
+    process = shell.run(*SWEEP, launcher=launcher, board=True, act=shell.start)
     shell.wait_for(lambda: len(shell.calls()) >= 6)
     if to == "group":  # what a terminal does
         os.killpg(process.pid, number)
@@ -102,7 +102,8 @@ def test_an_interrupted_sweep_says_what_is_stored(shell, launcher, to, number, c
     assert not list(shell.results.glob(".sweeps/*"))
     kept = finished(shell)
     assert 2 <= len(kept) < len(ALL)
-    assert_goes_on(shell, launcher, kept)
+    if number == signal.SIGTERM:  # as after it was killed, where what is left is the least that can be left
+        assert_goes_on(shell, launcher, kept)
 
 
 def test_two_sweeps_at_once_into_one_folder(shell):

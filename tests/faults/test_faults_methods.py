@@ -120,7 +120,7 @@ def sweeps(shells):
             with pytest.MonkeyPatch.context() as patch:
                 patch.setenv("TMPDIR", str(locks))
                 done = shell.run(
-                    f"method={','.join([*DENOISE, 'declared_missing'])}", *LIMITS, *how, **options
+                    f"method={','.join([*DENOISE, 'declared_missing'])}", *LIMITS, *how, board=True, **options
                 )
                 shell.run(f"method={','.join(GREEDY)}", *MORE_TIME, *how, **options)
             left = shell.left_over()

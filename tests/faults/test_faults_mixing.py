@@ -69,7 +69,7 @@ def board(text: str) -> float:
 
 def test_the_table_of_a_run_is_of_that_run_after_an_edit_is_taken_back(shell):
     toys = Path(shutil.copy(TOYS, shell.folder / "toys.py"))
-    words = {"sweep": False, "plugins": (toys,)}
+    words = {"sweep": False, "plugins": (toys,), "board": True}
     text = toys.read_text()
     first = board(shell.run("method=fine", **words).stdout)
     toys.write_text(edited_toys(text))
@@ -102,7 +102,7 @@ def dated(file: Path, finished: str) -> None:
 
 def test_a_record_from_the_future_shadows_nothing(shell):
     toys = Path(shutil.copy(TOYS, shell.folder / "toys.py"))
-    words = {"sweep": False, "plugins": (toys,)}
+    words = {"sweep": False, "plugins": (toys,), "board": True}
     text = toys.read_text()
     toys.write_text(edited_toys(text))
     shell.run("method=fine", **words)
@@ -358,7 +358,7 @@ def test_a_run_in_which_nothing_was_solved_ends_with_its_table(shell):
         "    def denoise(self, cloud, run):\n        raise ValueError('no')\n"
     )
     words = ("method=fails", "method.a=0,1", "convention=score_denoise")
-    options = {"plugins": (TOYS, plugin)}
+    options = {"plugins": (TOYS, plugin), "board": True}
     for others in (False, True):
         if others:
             shell.run("method=fine", "cases=1", sweep=False)

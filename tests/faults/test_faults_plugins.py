@@ -235,7 +235,7 @@ def test_a_library_that_was_installed_since_is_no_longer_missing(shell, monkeypa
 
 def test_a_new_task_over_pairs_needs_no_change_of_the_engine(shell):
     words = ("task=morph", "dataset=eggs", "sensor=samples", "metric=[vertex_distance]", "cases=3")
-    done = shell.run(*words, "method=stay,follow", "seed=0,1", launcher="joblib", plugins=(PAIRS,))
+    done = shell.run(*words, "method=stay,follow", "seed=0,1", plugins=(PAIRS,), board=True)
     assert done.returncode == 0, done.stderr
     rows = shell.rows()
     assert len(rows) == 2 * 2 * 3

@@ -135,7 +135,7 @@ def age(file: Path, plugin: Path, **more) -> str:
 def test_a_folder_of_an_earlier_version_is_gone_on_with(shell):
     toys = Path(shutil.copy(TOYS, shell.folder / "toys.py"))
     words = {"sweep": False, "plugins": (toys,)}
-    first = shell.run("method=fine", "cases=3", **words)
+    first = shell.run("method=fine", "cases=3", board=True, **words)
     (file,) = shell.files()
     today = file.stem.partition("-")[2]
     mark = age(file, toys)
@@ -147,7 +147,7 @@ def test_a_folder_of_an_earlier_version_is_gone_on_with(shell):
         ).stdout
 
     assert "3 cases, 3 finished, 0 to do" in plan() and "not current" not in plan()
-    again = shell.run("method=fine", "cases=3", **words)
+    again = shell.run("method=fine", "cases=3", board=True, **words)
     assert "0 run, 3 cached" in again.stderr and "not current" not in again.stderr
     assert again.stdout == first.stdout
     id = shell.rows()["cell"].iloc[0]

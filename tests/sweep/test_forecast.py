@@ -181,7 +181,7 @@ def test_lines_count_and_say_what_is_left_under_joblib(shell):
     words = ("method=fine", "method.take=0.1", "method.salt=1,2,3")
     done = shell.run(*words, launcher="joblib")
     assert [line[:6] for line in done.stderr.splitlines() if line.startswith("[")] == ["[1/3] ", "[2/3] ", "[3/3] "]
-    again = shell.run(*words, "seed=0,1", launcher="joblib")
+    again = shell.run(*words, "seed=0,1")
     assert "12 cases, 6 finished, 6 to do, about" in again.stderr, again.stderr
     words = ("--plugin", TOYS, *words, *WORDS, "seed=2", f"results={shell.results}")
     plan = shell.call("plan", "-m", *words)

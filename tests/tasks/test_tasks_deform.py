@@ -470,7 +470,7 @@ def test_from_obj_to_obj_all_but_coordinates_stays(painted, tmp_path):
 
 
 def test_apply_writes_the_deformed_source(painted, shell):
-    done = shell.call("apply", "method=anisotropic_scaling", "task=deform", "task.target=mesh", *painted, "out.obj")
+    done = shell.apply("method=anisotropic_scaling", "task=deform", "task.target=mesh", *painted, "out.obj")
     assert done.returncode == 0, done.stderr
     assert "box.obj" in done.stdout and "8 vertices, 12 faces" in done.stdout
     check_painted(shell.work / "out.obj", "../models/")

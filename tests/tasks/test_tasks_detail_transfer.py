@@ -247,7 +247,7 @@ def test_the_number_of_files_tells_the_task(files, shell):
     ]
     with pytest.raises(UsageError, match="task=deform or task=detail_transfer"):
         _task_for(identity, "out.obj", ["a.ply"] * 2, [])
-    done = shell.call("apply", "method=identity", *files.values(), "out.obj")
+    done = shell.apply("method=identity", *files.values(), "out.obj")
     assert done.returncode == 0, done.stderr
     assert "source.ply" in done.stdout and "162 vertices, 320 faces; 162 vertices, 320 faces; 642" in done.stdout
     made = load_mesh(shell.work / "out.obj")
