@@ -4,7 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from boards import table, units
 
+from bench.ranking.leaderboard import leaderboard
 from bench.ranking.places import places
 from bench.ranking.report.numbers import column_digits, parts_with_interval
 
@@ -24,6 +26,14 @@ def test_the_best_mean_the_ties_and_the_second():
 def test_equal_means_are_both_the_best_and_leave_no_second():
     assert marks([1.0, 1.0 + 1e-12, 2.0], [True] * 3) == ["best", "best", "tied"]
     assert marks([0.0, 0.0, 0.0], [True] * 3) == ["best"] * 3
+
+
+@pytest.mark.parametrize("shapes", [1, 2, 3, 4, 6])
+def test_too_few_shapes_have_no_best_method_unless_it_is_the_only_one(shapes):
+    good, bad = ({case: size + 0.1 * i for i, case in enumerate("abcdef"[:shapes])} for size in (1.0, 3.0))
+    scores = {name: units(*found.values(), cases=list(found)) for name, found in (("good", good), ("bad", bad))}
+    assert leaderboard(table(scores))["place"].tolist() == (["best", ""] if shapes >= 4 else ["", ""])
+    assert leaderboard(table({"bad": scores["bad"]}))["place"].tolist() == ["best"]
 
 
 def test_what_failed_is_neither_best_nor_second():
