@@ -35,6 +35,12 @@ def pivot(frame, metric="score.d"):
     return frame.pivot_table(index="case", columns="method", values=metric, aggfunc="mean").loc[CASES]
 
 
+def test_without_a_metric_it_is_the_first_of_the_board(frame):
+    scores, board = by_case(frame, by="case,task")
+    assert set(board["metric"]) == {"d", "f"}
+    assert scores["metric"].unique().tolist() == board["metric"].unique().tolist()[:1]
+
+
 def test_values_means_and_wins(frame):
     scores, board = by_case(frame, by="case,task", metric="d")
     wanted = pivot(frame)

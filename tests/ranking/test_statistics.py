@@ -120,12 +120,13 @@ def test_paired_differences_against_a_naive_loop(rng):
                 assert p[i, j, m] == pytest.approx(2 * stats.t.sf(abs(t), n - 1))
 
 
-def test_with_one_seed_it_is_the_t_test(rng):
-    values = np.exp(rng.normal(size=(9, 2, 1)))
-    _, p = paired_differences(values, np.ones_like(values, dtype=bool), np.arange(9))
+@pytest.mark.parametrize("cases", [2, 3, 9])
+def test_with_one_seed_it_is_the_t_test(rng, cases):
+    values = np.exp(rng.normal(size=(cases, 2, 1)) + [[0.0], [2.0]])
+    _, p = paired_differences(values, np.ones_like(values, dtype=bool), np.arange(cases))
     a, b = values[:, 0, 0], values[:, 1, 0]
-    if (a - b).mean() * ((a - b) / (a + b)).mean() > 0:
-        assert p[0, 1, 0] == pytest.approx(stats.ttest_1samp((a - b) / (a + b), 0).pvalue)
+    assert (a - b).mean() * ((a - b) / (a + b)).mean() > 0
+    assert p[0, 1, 0] == pytest.approx(stats.ttest_1samp((a - b) / (a + b), 0).pvalue)
 
 
 def test_pairing_finds_what_two_separate_means_do_not(rng):
