@@ -13,6 +13,7 @@ import math
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Union
 
@@ -189,8 +190,8 @@ def _union(value: Any, args: tuple[Any, ...], annotation: Any, where: str) -> An
 
 
 _CONTAINERS: dict[Any, Callable[..., Any]] = {
-    list: lambda *given: _sequence(*given, make=list),
-    tuple: lambda *given: _sequence(*given, make=tuple),
+    list: partial(_sequence, make=list),
+    tuple: partial(_sequence, make=tuple),
     dict: _mapping,
     Union: _union,
 }

@@ -65,7 +65,7 @@ def stamp() -> str:
     """A digest over path, size and time of change of all that a listing can depend on."""
     entries = sorted((e.name, e.value) for e in importlib.metadata.entry_points(group=ENTRY_POINTS))
     modules = {value.partition(":")[0] for _, value in entries} | {"bench", "bench.conf"}
-    facts = [sys.version, entries]
+    facts: list[Any] = [sys.version, entries]
     files = {file for module in modules for file in _sources(module)}
     files.update(file for folder in installed_folders() for file in _files_below(folder.path))
     for file in sorted(files):

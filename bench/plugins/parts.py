@@ -43,7 +43,7 @@ def build_parts(kind: str, items: Sequence[str | Mapping[str, Any]], where: str)
     built = []
     for number, item in enumerate(items, 1):
         if isinstance(item, str):
-            name, values = item, {}
+            name, values = item, None
         elif isinstance(item, Mapping) and len(item) == 1:
             name, values = next(iter(item.items()))
         else:

@@ -151,7 +151,7 @@ def content_of(path: str, text: str) -> dict[str, Any]:
     from yaml import YAMLError
 
     try:
-        content = OmegaConf.to_container(OmegaConf.create(text)) if text.strip() else {}
+        content: Any = OmegaConf.to_container(OmegaConf.create(text)) if text.strip() else {}
     except (YAMLError, OmegaConfBaseException, AssertionError, ValueError) as error:
         raise UsageError(f"{path}: cannot be read as YAML: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict):

@@ -30,6 +30,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -230,7 +231,7 @@ class Registry:
                         plugins = None
                         break
                 if plugins is None:
-                    self._guarded(origin, module, lambda module=module: importlib.import_module(module))
+                    self._guarded(origin, module, partial(importlib.import_module, module))
                 for kind, name in plugins or ():
                     self._known[kind][name] = (module, origin)
 
@@ -240,7 +241,7 @@ class Registry:
             return
         module, origin = self._known[kind].pop(name)
         outer = self._origin  # this may happen while another module is being imported
-        self._guarded(origin, module, lambda: importlib.import_module(module))
+        self._guarded(origin, module, partial(importlib.import_module, module))
         self._origin = outer
 
     def load_file(self, path: str | Path) -> None:
@@ -318,7 +319,7 @@ def _modules_below(folder: Path, package: str) -> Iterator[tuple[str, Path]]:
 
 
 def _ours(entry: importlib.metadata.EntryPoint) -> bool:
-    return bool(entry.dist) and entry.dist.name == "detailbench"
+    return entry.dist is not None and entry.dist.name == "detailbench"
 
 
 def plugin_module_name(path: Path) -> str:
@@ -464,7 +465,8 @@ def _check_class(kind: str, name: str, cls: type) -> None:
     if not dataclasses.is_dataclass(cls) or "__dataclass_params__" not in vars(cls):
         raise PluginError(f"{where}: put @dataclass(frozen=True) between @register and the class")
     has_docs = sys.flags.optimize < 2  # PYTHONOPTIMIZE=2 leaves them out
-    if has_docs and (not (cls.__doc__ or "").strip() or cls.__doc__.startswith(f"{cls.__name__}(")):
+    text = cls.__doc__ or ""
+    if has_docs and (not text.strip() or text.startswith(f"{cls.__name__}(")):
         raise PluginError(f"{where}: give the class a docstring; its first line is shown in listings")
     for f in dataclasses.fields(cls):
         if f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING:

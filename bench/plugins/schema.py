@@ -7,6 +7,7 @@ nor tuples of a fixed length, and it takes 3 for true and "3" for 3.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
 import typing
@@ -38,7 +39,8 @@ def config_class(plugin: Plugin) -> type:
         default = _default(f)
         annotation = types[f.name]
         if isinstance(default, (list, dict)):
-            entries.append((f.name, annotation, dataclasses.field(default_factory=lambda value=default: value)))
+            anew = functools.partial(copy.copy, default)
+            entries.append((f.name, annotation, dataclasses.field(default_factory=anew)))
         else:
             entries.append((f.name, annotation, default))
     return dataclasses.make_dataclass(plugin.cls.__name__, entries)
@@ -117,7 +119,7 @@ def defaults(plugin: Plugin) -> dict[str, Any]:
 
 
 def _default(field: dataclasses.Field[Any]) -> Any:
-    return plain(field.default_factory() if field.default is dataclasses.MISSING else field.default)  # type: ignore[misc]
+    return plain(field.default if field.default_factory is dataclasses.MISSING else field.default_factory())
 
 
 def parameters(plugin: Plugin, instance: Any) -> dict[str, Any]:

@@ -53,8 +53,9 @@ def is_learned(plugin: Plugin) -> bool:
 
 def trained_values(plugin: Plugin, parameters: Mapping[str, Any], attribute: str = "trained_by") -> dict[str, Any]:
     """The parameters that the weights depend on; with ``"examples_by"``, those that the examples depend on."""
-    names = getattr(plugin.cls, attribute, None)
-    names = plugin.cls.trained_by if names is None else names
+    cls: Any = plugin.cls
+    names = getattr(cls, attribute, None)
+    names = cls.trained_by if names is None else names
     return {name: parameters[name] for name in names if name in parameters}
 
 
