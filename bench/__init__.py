@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from .contract.sensors import Effect, Step, build_steps, given_by
     from .contract.shape import PoseTransfer, Shape, ShapePair, Surface
     from .contract.task import CaseRecipe, Task, validate_cloud, validate_mesh
+    from .contract.training import TrainingData
     from .contract.views import Views
     from .errors import BadInput, InvalidOutput, MissingData, MissingLibrary, UsageError
     from .geometry.cloud import Frame, PointCloud
