@@ -255,7 +255,7 @@ def _sizes(inputs: Mapping[str, Any], output: Any) -> dict[str, Any]:
     """The inputs and the output in words and in numbers."""
     from .worker import sizes
 
-    found = {"input": _words(inputs.values()), "output": _words([output])} | sizes(output)
+    found: dict[str, Any] = {"input": _words(inputs.values()), "output": _words([output])} | sizes(output)
     for value in inputs.values():
         found.setdefault("input_points", sizes(value).get("output_points"))
     if hasattr(output, "faces"):

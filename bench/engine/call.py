@@ -74,7 +74,7 @@ class MeasuredCall:
         """See that an output is what the task promises, and not too large to be scored."""
         most = self.spec.get("output_points", math.inf)
         for name in ("points", "vertices", "faces"):
-            values = getattr(output, name, None)
+            values: Any = getattr(output, name, None)
             if hasattr(values, "__len__") and len(values) > most:
                 raise InvalidOutput(f"returned {len(values):,} {name}, more than limit.output_points={most}")
         self.solver.validate(output, self.inputs)
@@ -153,6 +153,7 @@ class MeasuredCall:
 
     def _add_trace(self, output: Any, seconds: float, keep: bool = False) -> None:
         """Score an intermediate result; store it too with ``keep``."""
+        assert self.trace_score is not None
         with self._off_the_clock():
             entry: dict[str, Any] = {"seconds": seconds}
             try:
@@ -167,6 +168,7 @@ class MeasuredCall:
             self._trace.append(entry)
 
     def _keep(self, name: str, value: Any) -> None:
+        assert self._files is not None
         with self._off_the_clock():
             self._files.keep(name, value)
 
@@ -174,6 +176,7 @@ class MeasuredCall:
         """Signed distances to the reference: a paper samples them beforehand, so they are not the method's time."""
         from ..geometry.signed_distance import signed_distances
 
+        assert self.reference is not None
         with self._off_the_clock():
             return signed_distances(self.reference.mesh, points)
 
@@ -270,7 +273,7 @@ def floor(
 
     def scored() -> dict[str, np.ndarray]:
         perfect = metric.perfect(output, case) if hasattr(metric, "perfect") else case.perfect(output)
-        return {key: np.float64(value) for key, value in metric.score(perfect, case).items()}
+        return {key: np.asarray(value) for key, value in metric.score(perfect, case).items()}
 
     keys = keys or {}
     name = f"floor of {choice.name} {keys.get(f'metric {choice.name}')} for {kind} from {keys.get('sensor')}"

@@ -11,7 +11,7 @@ import json
 import math
 import os
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -85,7 +85,7 @@ def _are_worst(value: Any) -> bool:
 
 
 # The events, their values, and what each must be.
-EVENTS = {
+EVENTS: dict[str, dict[str, Callable[[Any], bool]]] = {
     "begin": {"stage": _is_text, "index": _is_index},
     "cases": {"ids": lambda value: isinstance(value, list) and all(map(_is_text, value))},
     "row": {"row": is_row},

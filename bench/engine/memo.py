@@ -95,7 +95,8 @@ class Memo:
             handle, temporary = tempfile.mkstemp(suffix=".tmp", dir=path.parent)
             try:
                 sink = io.BytesIO()
-                np.savez(sink, **arrays)
+                named: dict[str, Any] = dict(arrays)
+                np.savez(sink, **named)
                 with os.fdopen(handle, "wb") as file:
                     file.write(sink.getbuffer())
                     file.write(seal(entry, sink.getbuffer()))
@@ -104,7 +105,7 @@ class Memo:
                 os.unlink(temporary)
                 raise
         _Writes.count += 1
-        if _Writes.count % PRUNE_EVERY == 1:
+        if self.folder is not None and _Writes.count % PRUNE_EVERY == 1:
             prune(self.folder, self.limit_gb)
 
 
@@ -191,7 +192,7 @@ class RememberedSensor:
         The class of what it gives, which has ``arrays()`` and ``of(arrays)``; see :func:`sensors.noun_of`.
     """
 
-    def __init__(self, sensor: Any, memo: Memo, noun: type = PointCloud):
+    def __init__(self, sensor: Any, memo: Memo, noun: Any = PointCloud):
         self._sensor, self._memo, self._noun = sensor, memo, noun
 
     def __getattr__(self, name: str) -> Any:

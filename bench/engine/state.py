@@ -13,6 +13,7 @@ import resource
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,11 @@ def changes(before: dict[str, Any]) -> list[str]:
         after = state()
     except (OSError, MemoryError) as error:  # no descriptors left, or no memory
         return [f"what cannot be read any more ({type(error).__name__})"]
-    compared = {"descriptors": _are_closed, "processes": _are_new, "threads": _are_busy}
+    compared: dict[str, Callable[[Any, Any], bool]] = {
+        "descriptors": _are_closed,
+        "processes": _are_new,
+        "threads": _are_busy,
+    }
     return [
         name
         for name, value in before.items()

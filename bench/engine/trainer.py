@@ -70,14 +70,15 @@ def _examples(
     run = Run(seed=training.seed, threads=spec["threads"])
     method = training.method.build()
     examples = dict(method.examples(_data(training, see), run))
+    task, dataset, sensor = training.source
     if not shapes:
-        raise UsageError(f"dataset {training.dataset.label} has no shapes in the split 'train'")
+        raise UsageError(f"dataset {dataset.label} has no shapes in the split 'train'")
     facts = {
         "method": training.method.name,
         "parameters": dict(training.method.parameters),
-        "task": training.task.name,
-        "dataset": training.dataset.label,
-        "sensor": training.sensor.label,
+        "task": task.name,
+        "dataset": dataset.label,
+        "sensor": sensor.label,
         "cases": len(shapes),
         "shapes": shapes,
         "seed": training.seed,
@@ -93,8 +94,9 @@ def _known(path: Path) -> tuple[Mapping[str, np.ndarray], dict[str, Any]]:
 
 
 def _data(training: Training, see: Callable[[Any], None]) -> TrainingData:
-    task, dataset = training.task.build(), training.dataset.build()
-    sensor = training.sensor.build() if training.sensor in training.choices else None
+    of_task, of_dataset, of_sensor = training.source
+    task, dataset = of_task.build(), of_dataset.build()
+    sensor = of_sensor.build() if of_sensor in training.choices else None
     recipes = functools.partial(task.recipes, dataset, sensor, split="train", count=training.cases, seed=training.seed)
     return TrainingData(
         recipes=recipes,

@@ -276,7 +276,7 @@ class Session:
         kind = f"{self.cell.task.label}, {task.expected(case.input)} points"
         for choice in self.cell.metrics:
             name = f"worst of {choice.name} {keys[f'metric {choice.name}']} for {kind} from {keys['sensor']}"
-            scores = case.remember(name, lambda choice=choice: self.worst_of(choice, case, task))
+            scores = case.remember(name, functools.partial(self.worst_of, choice, case, task))
             row |= {f"{imputation.PREFIX}{key}": float(value) for key, value in scores.items()}
             directions |= {key: choice.plugin.better(key) for key in scores}
         return row | ({"directions": json.dumps(directions, sort_keys=True)} if directions else {})
@@ -303,7 +303,7 @@ class Session:
         except NeedsSurface:
             return {}
         worst = imputation.worst_scores(hopeless, perfect, choice.plugin.better)
-        return {key: np.float64(value) for key, value in worst.items()}
+        return {key: np.asarray(value) for key, value in worst.items()}
 
     def keep(self, index: int, case: Case, output: Any) -> dict[str, str]:
         """Write the output, and its reference, as PLY files where the settings ask for it.

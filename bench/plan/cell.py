@@ -95,8 +95,8 @@ class Cell(Resolved):
     def to_json(self) -> dict[str, Any]:
         """Plain values, from which :meth:`from_json` makes the same cell."""
         values = asdict(self)
-        training = values.pop("training")  # left out where there is none: other cells are called as before
-        return values if training is None else {**values, "training": self.training.to_json()}
+        del values["training"]  # left out where there is none: other cells are called as before
+        return values if self.training is None else {**values, "training": self.training.to_json()}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Cell:
@@ -130,10 +130,14 @@ class Cell(Resolved):
         parts = {"task": task, "dataset": dataset, "sensor": sensor, "method": method}
         training = Training.of(config.get("training"), parts)
         if training and training.weights == TRAINED:
-            _sensor_fits(training.sensor, task, training.dataset)
-            check_dataset(training.dataset.build(), "train")
+            _, learned_from, seen_by = training.source
+            _sensor_fits(seen_by, task, learned_from)
+            check_dataset(learned_from.build(), "train")
         cell = cls(
-            **parts,
+            task=task,
+            dataset=dataset,
+            sensor=sensor,
+            method=method,
             training=training,
             metrics=_metrics(config.get("metric") or {}, task),
             **{key: config[key] for key in ("seed", "split", "cases", "threads", "device")},

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 from ..errors import UsageError, did_you_mean
 from ..plugins import presets
@@ -105,6 +105,14 @@ class Training(Resolved):
             device=keys.device.partition(":")[0],
         )
 
+    @overload
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Training: ...
+
+    @overload
+    @classmethod
+    def from_json(cls, values: None) -> None: ...
+
     @classmethod
     def from_json(cls, values: Mapping[str, Any] | None) -> Training | None:
         """The inverse of :meth:`to_json`."""
@@ -126,11 +134,19 @@ class Training(Resolved):
         """Twelve hexadecimal digits: equal wherever the same training is planned."""
         return digest(self.to_json())[:12]
 
+    @property
+    def source(self) -> tuple[Choice, Choice, Choice]:
+        """The task, the dataset and the sensor of the cases that it is trained on; only of weights to be trained."""
+        assert self.task is not None and self.dataset is not None and self.sensor is not None
+        return self.task, self.dataset, self.sensor
+
     @functools.cached_property
     def choices(self) -> tuple[Choice, ...]:
         """Every plugin that takes part in the training itself."""
-        sensor = () if self.sensor in (None, NO_SENSOR) else (self.sensor,)
-        return (self.method, self.task, self.dataset, *sensor) if self.weights == TRAINED else (self.method,)
+        if self.weights != TRAINED:
+            return (self.method,)
+        task, dataset, sensor = self.source
+        return (self.method, task, dataset) if sensor == NO_SENSOR else (self.method, task, dataset, sensor)
 
     @property
     def shipped(self) -> Path | None:
@@ -154,8 +170,9 @@ class Training(Resolved):
             return f"weights={Path(self.path).stem}:{self.sha256[:6]}"
         usual = TrainingKeys()
         parts = ["weights=trained"]
-        parts += [f"training.dataset={self.dataset.label}"] if self.dataset != dataset else []
-        parts += [f"training.sensor={self.sensor.label}"] if self.sensor != sensor else []
+        _, own_dataset, own_sensor = self.source
+        parts += [f"training.dataset={own_dataset.label}"] if own_dataset != dataset else []
+        parts += [f"training.sensor={own_sensor.label}"] if own_sensor != sensor else []
         numbers = [(name, getattr(self, name)) for name in ("cases", "seconds", "device")]
         parts += [
             f"training.{name}={value:g}" if isinstance(value, float) else f"training.{name}={value}"
