@@ -135,7 +135,8 @@ def _weighed(frame: pd.DataFrame, several: np.ndarray, folders: Sequence[Results
     }
     is_current = [(folders[f].folder, cell, fingerprint) in current for f, cell, fingerprint in _keys(rivals)]
     columns = {name: np.zeros(len(frame)) for name in ORDER}
-    for name, values in zip(ORDER, (is_current, when), strict=True):
+    ordered: tuple[Sequence[float], ...] = (is_current, when)
+    for name, values in zip(ORDER, ordered, strict=True):
         columns[name][several] = values
     return frame.assign(**columns)
 

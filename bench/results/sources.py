@@ -25,7 +25,7 @@ import time
 import tokenize
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 BENCH = Path(__file__).resolve().parents[1]
 COUNTED = ("geometry", "contract", "tasks", "seeds")  # rooms and modules of bench that results depend on
@@ -193,7 +193,7 @@ def _known_source(path: str, _: Stamp) -> Source:
     inside = _lines_of_strings(nodes)
     for node, hole in sorted(_cuts(runs, hidden), key=lambda cut: (cut[0].lineno, cut[0].col_offset), reverse=True):
         _cut(lines, node, hole)
-        inside -= set(range(node.lineno, node.end_lineno + 1))
+        inside -= set(range(node.lineno, _end(node) + 1))
     kept = tuple((line, number in inside) for number, line in enumerate(lines, 1))
     found = tuple(tuple(one for node in run for one in _imports(node, path)) for run in runs)
     made = Source(kept, found, "")
@@ -205,7 +205,12 @@ def _decoded(raw: bytes) -> str:
     return raw.decode(encoding)
 
 
-def _is_type_checking(node: ast.AST) -> bool:
+def _end(node: ast.stmt | ast.expr) -> int:
+    """The number of its last line, which every node has that was parsed."""
+    return node.end_lineno or node.lineno
+
+
+def _is_type_checking(node: ast.AST) -> TypeGuard[ast.If]:
     test = getattr(node, "test", None)
     return isinstance(node, ast.If) and "TYPE_CHECKING" in (getattr(test, "id", ""), getattr(test, "attr", ""))
 
@@ -267,8 +272,8 @@ def _lines_of_strings(nodes: Iterable[ast.AST]) -> set[int]:
         number
         for node in nodes
         if isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str | bytes))
-        if node.end_lineno > node.lineno
-        for number in range(node.lineno, node.end_lineno + 1)
+        if _end(node) > node.lineno
+        for number in range(node.lineno, _end(node) + 1)
     }
 
 
@@ -283,7 +288,7 @@ def _cuts(runs: Iterable[list[ast.stmt]], hidden: Iterable[ast.stmt]) -> Iterato
 
 def _cut(lines: list[bytes], node: ast.stmt, hole: bytes) -> None:
     """Take a statement out of the lines, which stay as many; columns are bytes of UTF-8."""
-    first, last = node.lineno - 1, node.end_lineno - 1
+    first, last = node.lineno - 1, _end(node) - 1
     tail = lines[last][node.end_col_offset :]
     head = lines[first][: node.col_offset]
     for number in range(first, last + 1):
