@@ -27,6 +27,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -194,6 +195,7 @@ def _of_table(rows: pd.DataFrame, key: tuple[str, str], wanted: Names, other: st
         lines = board[n - 1].set_index(CONTENDER)
         found = lines.loc[list(methods[CONTENDER].itertuples(index=False, name=None))]
         methods = methods.assign(**{f"{name}_{n}": found[name].to_numpy() for name in RANK[1:]})
+    halves = [_halves(side, generator("agreement halves", *key, n)) for n, side in enumerate(both)]
     return Agreement(
         *key,
         metric,
@@ -203,7 +205,7 @@ def _of_table(rows: pd.DataFrame, key: tuple[str, str], wanted: Names, other: st
         methods,
         tuple(taus),
         tuple((line[i], line[j]) for i, j in first),
-        tuple(_halves(side, generator("agreement halves", *key, n)) for n, side in enumerate(both)),
+        (halves[0], halves[1]),
         int((~complete).sum()),
     )
 
@@ -249,7 +251,7 @@ def _boards(rows: pd.DataFrame, units: pd.DataFrame, metric: str, level: float) 
 # -- tau ---------------------------------------------------------------------------------------------------------------
 
 
-def compare(first: Scores, second: Scores, rng: np.random.Generator, level: float = 0.95, **about: object) -> Tau:
+def compare(first: Scores, second: Scores, rng: np.random.Generator, level: float = 0.95, **about: Any) -> Tau:
     """Tau of two sets with its interval and its spread; ``about`` are the fields of :class:`Tau` that say of what."""
     from scipy.stats import kendalltau
 
@@ -260,12 +262,14 @@ def compare(first: Scores, second: Scores, rng: np.random.Generator, level: floa
     agree, reverse = int((product > 0).sum()), int((product < 0).sum())
     n, unclear = len(product), int((product == 0).sum())
     tau = float(kendalltau(a, b, variant="b").statistic) if len(set(a)) > 1 and len(set(b)) > 1 else float("nan")
+    spread_low, spread_high = _spread(first, second, rng, level)
     return Tau(
-        **about,  # type: ignore[arg-type]
+        **about,
         tau=tau,
         low=(agree - reverse - unclear) / n,
         high=(agree - reverse + unclear) / n,
-        **dict(zip(("spread_low", "spread_high"), _spread(first, second, rng, level), strict=True)),
+        spread_low=spread_low,
+        spread_high=spread_high,
         agree=agree,
         reverse=reverse,
         open=unclear,

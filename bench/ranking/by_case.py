@@ -60,7 +60,7 @@ def by_case(
     groups = without_case(by)
     board = leaderboard(rows, by=groups, metric=metric, level=level, equal=equal, **filters)
     chosen = pool(select(lent(completed(rows)), **filters), groups)
-    parts = []
+    parts: list[pd.DataFrame] = []
     for group, lines in board.groupby(GROUP, sort=False):
         of_group = chosen[(chosen[GROUP] == list(group)).all(axis=1)]
         names = list(dict.fromkeys(lines["metric"]))

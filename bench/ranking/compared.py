@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -194,7 +195,7 @@ def _quality(rows: pd.DataFrame, metrics: list[str], worse: float, level: float)
 def _of_metric(table: pd.DataFrame, metric: str, level: float) -> list[dict]:
     """The lines of one metric: of each method the sums of relative differences and how many, per shape."""
     scores = unit_scores(table, metric)
-    sides = {side: {} for side in SIDES}
+    sides: dict[str, dict[tuple[Any, ...], int]] = {side: {} for side in SIDES}
     for place, line in enumerate(scores.contenders.to_dict("records")):
         if line["host"] in sides:
             sides[line["host"]][tuple(line[name] for name in METHOD)] = place

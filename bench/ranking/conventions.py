@@ -102,7 +102,7 @@ class Convention:
         """
         import pandas as pd
 
-        parts = []
+        parts: list[pd.DataFrame] = []
         group = [name for name in ("task", "dataset", "sensor", "split") if name in board]
         for _, lines in board.groupby(group, sort=False, dropna=False):
             shown = [self._column(lines, column) for column in self.columns]

@@ -82,4 +82,4 @@ def on_front(points: np.ndarray) -> np.ndarray:
         return np.zeros(0, dtype=bool)
     a, b = points[:, None], points[None]
     smaller = b < a - SAME * (abs(a) + abs(b))
-    return ~smaller.all(axis=2).any(axis=1)
+    return ~np.any(smaller.all(axis=2), axis=1)

@@ -357,7 +357,8 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float) -> _Pa
 
     values = penalise(cube(cells.badness), (known == planned) & (planned > 0))
     shapes = np.logical_or.reduceat(planned > 0, cases).sum(axis=0)
-    standings = _standings(values, planned > 0, solved.any(axis=0), clusters, level, shapes)
+    is_solved = np.asarray(solved.any(axis=0))
+    standings = _standings(values, planned > 0, is_solved, clusters, level, shapes)
     floors = np.isfinite(floor).sum(axis=0)
     table = {
         "row": np.broadcast_to(group.start + first[:, None], mean.shape),
@@ -373,7 +374,7 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float) -> _Pa
         "imputed": known.sum(axis=0) - solved.sum(axis=0),
         "planned": planned.sum(axis=0),
     }
-    table |= resolve(standings, (planned > 0).any(axis=0) & solved.any(axis=0), level, equal)
+    table |= resolve(standings, (planned > 0).any(axis=0) & is_solved, level, equal)
     table |= _missed(unit, contender, planned > 0)
     reference = _to_reference(cells.better)[used]
     table["score_mean"] = np.where(reference & solved.any(axis=0), _mean(cube(cells.score), known > 0), np.nan)

@@ -49,7 +49,7 @@ def naming(methods: Iterable[Method], names: Mapping[str, str] | None = None) ->
     plain = {m: label(head, [part for part in rest if part not in shared]) for m, (head, rest) in found.items()}
     heads, plugins = Counter(head for head, _ in found.values()), Counter(method for method, _ in found)
     new = {m: _renamed(m, head, plain[m], names or {}, heads, plugins) for m, (head, _) in found.items()}
-    labels = {m: text if new[m] is None else new[m] for m, text in plain.items()}
+    labels = {m: text if (other := new[m]) is None else other for m, text in plain.items()}
     often = Counter(labels.values())
     labels = {m: plain[m] if often[text] > 1 else text for m, text in labels.items()}  # no two have one name
     notes = []

@@ -103,7 +103,7 @@ def select(
 def _called(rows: pd.DataFrame, names: Names) -> np.ndarray:
     """(rows,) bool array: whose method is called so, by its plugin or, as tables have it, by its preset."""
     pairs = rows[["method", "variant"]].drop_duplicates()
-    variants = list(pairs.itertuples(index=False, name=None))
+    variants: list[tuple[str, str]] = list(pairs.itertuples(index=False, name=None))
     heads = {pair: preset_of(*pair)[0] for pair in variants}
     wanted = set()
     for name in split_names(names) or [""]:

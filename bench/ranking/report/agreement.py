@@ -72,7 +72,8 @@ def _methods(one: Agreement, title: str, level: float) -> Grid:
     for name, line in zip(names_of(one), lines, strict=True):
         row = [name]
         for n in (1, 2):
-            mean = with_interval(*(line[f"{key}_{n}"] for key in ("mean", "ci_low", "ci_high")), exponent)
+            value, low, high = (line[f"{key}_{n}"] for key in ("mean", "ci_low", "ci_high"))
+            mean = with_interval(value, low, high, exponent)
             row += [_place(line, n), mean, f"{line[f'solved_{n}']}/{line[f'planned_{n}']}"]
         cells.append(tuple(row))
     notes = [

@@ -54,8 +54,12 @@ def _table(group: tuple, scores: pd.DataFrame, means: list[Mapping[str, Any]], l
     arrow = ARROWS["difference" if better == "reference" else better]
     unit = f" (1e{exponent})" if exponent else ""
     metric = look.names.get(group[-1], group[-1])
+    task, dataset, sensor, split = group[:-1]
     return Table(
-        *group[:-1],
+        task,
+        dataset,
+        sensor,
+        split,
         methods=tuple(_short(cases)),
         metrics=tuple(columns),
         notes=_notes(scores, called.notes),

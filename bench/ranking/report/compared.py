@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
@@ -159,7 +160,7 @@ def _cases(found: Compared, full: bool) -> list[Grid]:
     return [grid for grid in grids if grid]
 
 
-def _some(title: str, head: tuple[str, ...], lines: list[tuple[str, ...]], full: bool) -> Grid | None:
+def _some(title: str, head: tuple[str, ...], lines: Sequence[tuple[str, ...]], full: bool) -> Grid | None:
     if not lines:
         return None
     shown = lines if full else lines[:MOST]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 from .table import Cell, Metric, Table, shared_notes, standing_notes
 from .terminal import heading
@@ -46,5 +47,5 @@ def _list(notes: tuple[str, ...]) -> str:
     return "".join(f"- {escape(note)}\n" for note in notes)
 
 
-def _line(cells) -> str:
+def _line(cells: Iterable[str]) -> str:
     return "| " + " | ".join(cells) + " |"

@@ -94,7 +94,9 @@ def _number(value: float, digits: int | None) -> str:
 
 def words(geometry: PointCloud | Trimesh) -> str:
     """``1,280 faces, 642 vertices``, or ``3,000 points``."""
-    if hasattr(geometry, "faces") and len(geometry.faces):
+    from ...geometry.cloud import PointCloud
+
+    if not isinstance(geometry, PointCloud) and len(geometry.faces):
         return f"{len(geometry.faces):,} faces, {len(geometry.vertices):,} vertices"
-    points = geometry.vertices if hasattr(geometry, "vertices") else geometry.points
+    points = geometry.points if isinstance(geometry, PointCloud) else geometry.vertices
     return f"{len(points):,} points"

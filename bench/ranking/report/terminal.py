@@ -65,7 +65,7 @@ def _width(cells: Sequence[str]) -> int:
 def _one(table: Table, notes: tuple[str, ...], width: int, color: bool) -> str:
     from rich.text import Text
 
-    parts = [Text(table.title, style="bold")]
+    parts: list[Any] = [Text(table.title, style="bold")]
     for columns in blocks(table, width):
         parts += [_block(table, columns), Text()]
     return _print([*parts, *_dim(notes, width)], color)
@@ -170,8 +170,9 @@ def _print(parts: list, color: bool) -> str:
 
     out = io.StringIO()
     # Wider than anything: the blocks were made to fit, and what does not fit must wrap rather than vanish.
-    how = {"force_terminal": color, "no_color": not color, "highlight": False, "markup": False, "emoji": False}
-    console = Console(file=out, width=10_000, **how)
+    console = Console(
+        file=out, width=10_000, force_terminal=color, no_color=not color, highlight=False, markup=False, emoji=False
+    )
     for part in parts:
         console.print(part, soft_wrap=True)
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())

@@ -51,7 +51,7 @@ def width_of(latex: str) -> float:
     text = re.sub(r"\\text\w+", "W", text)
     text = re.sub(r"\\(?=[#$%&_{}])", "", text)
     plain = sum(_OF.get(letter, _OTHER) for letter in text if letter not in "${}\\")
-    powers = sum(map(_OF.get, "-3")) * _SMALL if signs else 0.0
+    powers = sum(_OF[letter] for letter in "-3") * _SMALL if signs else 0.0
     return round(_SAFE * (bold * plain + signs * powers + arrows * _OTHER), 2)
 
 
