@@ -72,7 +72,7 @@ class Case:
             return self.reference.mesh
         key = f"perfect {len(output)}"
         if key not in self._cache:
-            self._cache[key] = PointCloud(**self.remember(key, lambda: self._sampled(len(output))))
+            self._cache[key] = PointCloud.of(self.remember(key, lambda: self._sampled(len(output))))
         return self._cache[key]
 
     def _sampled(self, count: int) -> Mapping[str, np.ndarray]:

@@ -50,7 +50,8 @@ class _FramedSurface:
     @property
     def sample_evenly(self) -> Callable[[int, np.random.Generator], tuple[np.ndarray, np.ndarray]]:
         """Of a surface that spaces points itself; :class:`AttributeError` where it does not."""
-        evenly = self._surface.sample_evenly
+        surface: Any = self._surface
+        evenly = surface.sample_evenly
 
         def framed(count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
             points, normals = evenly(count, rng)
@@ -107,7 +108,7 @@ class Shape:
         info: Mapping[str, Any] | None = None,
         exactness: str = "mesh",
         attributes: Mapping[str, np.ndarray] | Callable[[], Mapping[str, np.ndarray]] | None = None,
-        scan: PointCloud | Callable[[], PointCloud] | None = None,
+        scan: PointCloud | Callable[[], PointCloud | None] | None = None,
     ):
         if exactness not in EXACTNESS:
             raise ValueError(f"exactness: expected one of {', '.join(EXACTNESS)}; got {exactness!r}")
@@ -117,18 +118,23 @@ class Shape:
     @property
     def cloud(self) -> PointCloud | None:
         """The points, where they are all that is known of the shape; None where it has a mesh. Made on first use."""
+        made = self._made()
+        return made if isinstance(made, PointCloud) else None
+
+    def _made(self) -> Trimesh | PointCloud:
         if callable(self._mesh):
             self._mesh = self._mesh()
-        return self._mesh if isinstance(self._mesh, PointCloud) else None
+        return self._mesh
 
     @cached_property
     def mesh(self) -> Trimesh:
         """The mesh, made on first use; one of vertices alone where the shape is a cloud."""
-        if self.cloud is None:
-            return self._mesh
+        made = self._made()
+        if not isinstance(made, PointCloud):
+            return made
         from trimesh import Trimesh
 
-        return Trimesh(self.cloud.points, process=False)
+        return Trimesh(made.points, process=False)
 
     @property
     def scan(self) -> PointCloud | None:
@@ -151,7 +157,11 @@ class Shape:
             from ..geometry.cloud_surface import CloudSurface
             from ..geometry.mesh_surface import MeshSurface
 
-            self._surface = MeshSurface(self.mesh) if self.cloud is None else CloudSurface(self.cloud)
+            if (cloud := self.cloud) is None:
+                self._surface = MeshSurface(self.mesh)
+            else:
+                self._surface = CloudSurface(cloud)  # type: ignore[assignment]  # one without normals gives None for them
+        assert self._surface is not None
         return self._surface
 
     @cached_property
@@ -230,7 +240,12 @@ class Shape:
         )
         framed._surface = None if self._surface is None or not self.is_exact else _FramedSurface(self._surface, frame)
         if self._scan is not None:
-            framed._scan = lambda: replace(self.scan, points=frame.apply(self.scan.points))
+
+            def moved_scan() -> PointCloud | None:
+                scan = self.scan
+                return None if scan is None else replace(scan, points=frame.apply(scan.points))
+
+            framed._scan = moved_scan
         return framed, frame
 
     def __repr__(self) -> str:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -60,7 +61,7 @@ class Task:
         if not hasattr(dataset, "shapes"):
             raise UsageError(f"task {type(self).__name__}: the dataset {type(dataset).__name__} has no shapes(split)")
         for shape in islice(dataset.shapes(split), count):
-            yield CaseRecipe(shape.id, lambda shape=shape: self._case(shape, sensor, seed))
+            yield CaseRecipe(shape.id, partial(self._case, shape, sensor, seed))
 
     def _case(self, shape: Shape, sensor: Any, seed: int) -> Case:
         framed, frame = shape.framed()
@@ -81,7 +82,7 @@ class Task:
         if case.reference.cloud is not None:  # how far points are from a surface that nobody knows cannot be told
             return {"points": float(len(cloud)), "reference_points": float(len(case.reference.cloud))}
         name = f"state of {hashlib.sha256(cloud.points.tobytes()).hexdigest()}"
-        known = case.remember(name, lambda: {k: np.float64(v) for k, v in describe_cloud(cloud, case).items()})
+        known = case.remember(name, lambda: {k: np.asarray(v) for k, v in describe_cloud(cloud, case).items()})
         return {key: float(value) for key, value in known.items()}
 
     def describe_words(self, medians: Mapping[str, float]) -> str:

@@ -82,7 +82,7 @@ class Views:
             self._keep("light_directions", _numbers("light_directions", self.light_directions, (count, None, 3)))
             self._keep("light_colors", _numbers("light_colors", self.light_colors, self.light_directions.shape))
             _check_unit(self.light_directions)
-            _check_intensities("light_colors", self.light_colors)
+            _check_intensities("light_colors", np.asarray(self.light_colors))
         if self.ambient is not None:
             self._keep("ambient", _numbers("ambient", self.ambient, (count, 3)))
             _check_intensities("ambient", self.ambient)

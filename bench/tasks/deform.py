@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -69,7 +70,7 @@ class Deform(Task):
             )
         for pair in islice(dataset.pairs(split), count):
             id = f"{pair.id}-deform"  # not the pair's own: other tasks over the same pairs have cases too
-            yield CaseRecipe(id, lambda id=id, pair=pair: self._case_of(id, pair, seed))
+            yield CaseRecipe(id, partial(self._case_of, id, pair, seed))
 
     def _case_of(self, id: str, pair: ShapePair, seed: int) -> Case:
         from ..geometry.check import check_mesh
@@ -98,6 +99,7 @@ class Deform(Task):
             if not len(whole):
                 raise BadInput(f"{id}: a depth image from the front left sees nothing of the target")
             rows = rng.permutation(len(whole))[: self.points]
+            assert whole.normals is not None
             return PointCloud(whole.points[rows], whole.normals[rows])
         return shuffled(reference.mesh, rng)[0]
 

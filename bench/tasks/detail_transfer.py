@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -62,7 +63,7 @@ class DetailTransfer(Task):
             # Not the pair's own id: what is remembered of a case, and the file of its reference, go by the id, and a
             # shape, or a case of another task over the same pairs, may have that one.
             id = f"{pair.id}-transfer"
-            yield CaseRecipe(id, lambda id=id, pair=pair: self._case_of(id, pair, seed))
+            yield CaseRecipe(id, partial(self._case_of, id, pair, seed))
 
     def _case_of(self, id: str, pair: ShapePair, seed: int) -> Case:
         from ..geometry.alignment import rotation_between
@@ -179,7 +180,7 @@ class DetailTransfer(Task):
         x, y, z = (4 * ball.vertices).T
         height = 0.05 * np.sin(x) * np.sin(y) * np.sin(z)
         egg = plain_mesh(ball.vertices * (0.8, 0.9, 1.2), ball.faces)
-        shapes = [
+        source, target = (
             Shape(
                 f"toy-{name}",
                 plain_mesh(base.vertices + height[:, None] * base.vertex_normals, base.faces),
@@ -187,8 +188,8 @@ class DetailTransfer(Task):
                 attributes={"base_vertices": np.asarray(base.vertices)},
             )
             for name, base in (("source", ball), ("target", egg))
-        ]
-        return self._case_of("toy", ShapePair("toy", *shapes), seed=0)
+        )
+        return self._case_of("toy", ShapePair("toy", source, target), seed=0)
 
 
 def _base(shape: Shape) -> np.ndarray:

@@ -64,8 +64,8 @@ class FitShape(Task):
                 self.size * (u[:, None] * axes[0] + v[:, None] * axes[1]), np.tile(-axes[2], (self.points, 1))
             )
         if self.start == "sphere":
-            normals = golden_spiral(self.points)
-            return PointCloud(self.size * normals, normals)
+            outwards = golden_spiral(self.points)
+            return PointCloud(self.size * outwards, outwards)
         # As many on each side as come out even, the rest on the last ones.
         sides = np.array_split(np.arange(self.points), 6)
         points, normals = [], []
@@ -97,7 +97,7 @@ class FitShape(Task):
             raise UsageError(f"expected VIEWS.npz, or VIEWS.npz and a cloud to begin with; got {len(paths)} files")
         views = load_views(paths[0])
         if len(paths) == 1:
-            return self.input(views), Frame(np.zeros(3), 1.0)
+            return self.input(views), Frame()
         cloud = load_cloud(paths[1])
         frame = Frame.of(cloud.points)
         if cloud.normals is None:

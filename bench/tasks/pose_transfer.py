@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -66,7 +67,7 @@ class PoseTransfer(Task):
             )
         for problem in islice(dataset.transfers(split), count):
             id = f"{problem.id}-pose"
-            yield CaseRecipe(id, lambda id=id, problem=problem: self._case_of(id, problem, seed))
+            yield CaseRecipe(id, partial(self._case_of, id, problem, seed))
 
     def _case_of(self, id: str, problem: Problem, seed: int) -> Case:
         from ..geometry.check import check_mesh
@@ -195,7 +196,8 @@ class PoseTransfer(Task):
         flat = np.array([0.25, 0.2, 0.85]) * ways / np.abs(ways).max(axis=1, keepdims=True)
         landmarks = {f"way_{k}": np.stack([ways[k] * (0.3, 0.25, 1.0), flat[k]]) for k in range(len(ways))}
         shapes = (template, _bent(template), _bent(seen), block, _bent(block))
-        problem = Problem("toy", *(Shape(f"toy-{k}", mesh) for k, mesh in enumerate(shapes)), landmarks)
+        a, b, c, d, e = (Shape(f"toy-{k}", mesh) for k, mesh in enumerate(shapes))
+        problem = Problem("toy", a, b, c, d, e, landmarks)
         return replace(self, points=min(self.points, 1000))._case_of("toy", problem, seed=0)
 
 
@@ -252,7 +254,7 @@ def _middle(mesh: Trimesh) -> np.ndarray:
     """The box centre."""
     from ..geometry.used import used_vertices
 
-    return Frame.of(used_vertices(mesh)).center
+    return np.array(Frame.of(used_vertices(mesh)).center)
 
 
 def _placed(mesh: Trimesh, size: float) -> Trimesh:

@@ -48,7 +48,7 @@ def bounding_ball(views: Views, source: str) -> Frame:
             "shape is a guess; what lies outside it may be missing"
         )
     center = _center(views, source)
-    frame = Frame(tuple(map(float, center)), 1.25 * _radius(views, center))
+    frame = Frame(_place(center), 1.25 * _radius(views, center))
     for _ in range(ROUNDS):
         before = frame
         frame, cut = _around(carve(views, before, COARSE), before, COARSE, source)
@@ -58,13 +58,18 @@ def bounding_ball(views: Views, source: str) -> Frame:
     return Frame(ball.center, MARGIN * ball.radius)
 
 
+def _place(point: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = map(float, point)
+    return x, y, z
+
+
 def _around(carved: tuple[np.ndarray, bool], before: Frame, cells: int, source: str) -> tuple[Frame, bool]:
     """The ball around what is left of another one; half as large again where more may lie outside."""
     points, cut = carved
     if not len(points):
         raise BadInput(f"{source}: no point lies in all masks: {WRONG_AXES}")
     if len(points) == 1:
-        return Frame(tuple(map(float, points[0])), 2 * before.radius / cells), cut
+        return Frame(_place(points[0]), 2 * before.radius / cells), cut
     ball = Frame.of(points)
     return Frame(ball.center, ball.radius * (1.5 if cut else 1.0)), cut
 
@@ -93,7 +98,7 @@ def _check_masks(views: Views, source: str) -> None:
 def _center(views: Views, source: str) -> np.ndarray:
     """The point (3,) nearest to the rays through the middles of the masks; rays that miss it by far count less."""
     middles = np.array([np.argwhere(mask).mean(axis=0)[::-1] + 0.5 for mask in views.masks])
-    ahead = np.array([views.unproject(view, middles[view], np.float64(1)) for view in range(len(views))])
+    ahead = np.array([views.unproject(view, middles[view], np.asarray(1.0)) for view in range(len(views))])
     directions = ahead - views.centers
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]  # takes away what is along a ray

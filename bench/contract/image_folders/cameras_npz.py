@@ -40,7 +40,9 @@ def read_cameras(file: Path, arrays: Mapping[str, np.ndarray]) -> tuple[list[Pho
     if len(paths) != len(names):
         raise BadInput(f"{images}: has {len(paths)} images, but {file} has {len(names)} cameras world_mat_0, ...")
     masks = _masks(file.parent, paths)
-    photos = [_photo(file, name, arrays[name], *pair) for name, *pair in zip(names, paths, masks, strict=True)]
+    photos = [
+        _photo(file, name, arrays[name], image, mask) for name, image, mask in zip(names, paths, masks, strict=True)
+    ]
     return photos, _frame(file, arrays)
 
 
@@ -91,7 +93,8 @@ def _frame(file: Path, arrays: Mapping[str, np.ndarray]) -> Frame | None:
     if not all(arrays[name].shape == matrix.shape and np.allclose(arrays[name], matrix) for name in others):
         raise BadInput(f"{file}: expected one scale_mat for all images; they differ")
     nearest_rotation(matrix[:3, :3], where)  # a ball stays a ball
-    return Frame(tuple(map(float, matrix[:3, 3])), float(np.linalg.det(matrix[:3, :3]) ** (1 / 3)))
+    x, y, z = map(float, matrix[:3, 3])
+    return Frame((x, y, z), float(np.linalg.det(matrix[:3, :3]) ** (1 / 3)))
 
 
 def _folder(root: Path, names: tuple[str, ...]) -> Path | None:
