@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def carried(source: PointCloud, output: PointCloud | Trimesh) -> PointCloud | Tr
     ----------
     source, output : in the same coordinates, finite
     """
-    if hasattr(output, "faces"):
+    if not isinstance(output, PointCloud):
         return _colored(source, output)
     scalars = {name: values for name, values in source.scalars.items() if name not in output.scalars}
     colors = source.colors if output.colors is None else None
@@ -43,13 +43,15 @@ def carried(source: PointCloud, output: PointCloud | Trimesh) -> PointCloud | Tr
 
 def _colored(source: PointCloud, mesh: Trimesh) -> Trimesh:
     """The mesh with the colours of the points that its vertices are."""
-    if source.colors is None or mesh.visual.kind is not None:
+    visual: Any = mesh.visual  # of colours, or of a texture
+    if source.colors is None or visual.kind is not None:
         return mesh
     rows, found = same_places(source.points, np.asarray(mesh.vertices))
     if not found.all():
         return mesh
     mesh = mesh.copy()
-    mesh.visual.vertex_colors = np.rint(255 * source.colors[rows]).astype(np.uint8)
+    visual = mesh.visual
+    visual.vertex_colors = np.rint(255 * source.colors[rows]).astype(np.uint8)
     return mesh
 
 

@@ -54,7 +54,7 @@ class PointCloud:
     points: np.ndarray
     normals: np.ndarray | None = None
     colors: np.ndarray | None = None
-    scalars: Mapping[str, np.ndarray] | None = None
+    scalars: Mapping[str, np.ndarray] = None  # type: ignore[assignment]  # it becomes an empty one, see below
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _rows_of_three("points", self.points))
@@ -123,7 +123,8 @@ class Frame:
         radius = float(np.sqrt(((points - center) ** 2).sum(axis=1).max()))
         if not radius > 0 or not np.isfinite(radius):
             raise BadInput(f"all {len(points)} points coincide or are not finite: there is no extent to scale to 1")
-        return cls(tuple(float(c) for c in center), radius)
+        x, y, z = (float(c) for c in center)
+        return cls((x, y, z), radius)
 
     def apply(self, points: np.ndarray) -> np.ndarray:
         """Original coordinates -> the case's frame."""

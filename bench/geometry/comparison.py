@@ -59,7 +59,7 @@ class Reference:
     def __init__(self, case: Case, samples: int, sampling: str = UNIFORM):
         self._case, self._shape = case, case.reference
         drawn = sample_reference(case, samples, sampling, "reference")
-        self.normals = drawn["normals"]
+        self.normals = drawn.get("normals")
         self.points = OrderedPoints(drawn["points"])
 
     @cached_property
@@ -138,8 +138,8 @@ class Comparison:
         return self._reference.points.points
 
     @property
-    def reference_normals(self) -> np.ndarray:
-        """(samples, 3) array: the unit normals of the surface at :attr:`reference_points`."""
+    def reference_normals(self) -> np.ndarray | None:
+        """(samples, 3) array: the unit normals of the surface at :attr:`reference_points`; None of a cloud without."""
         return self._reference.normals
 
     @property
@@ -233,6 +233,7 @@ class Comparison:
 
     @cached_property
     def _output_surface(self) -> MeshSurface:
+        assert not isinstance(self.output, PointCloud)
         return MeshSurface(self.output)
 
     @cached_property

@@ -74,6 +74,7 @@ def dense_planes(points: np.ndarray, far: tuple[int, ...]) -> DensePlanes:
             normals[rows], offsets[rows] = planes.normals[:, 0], planes.offsets[:, 0]
             neighbours[rows, kept] = planes.neighbours
         else:
+            assert blocks is not None
             blocks.fit(points, tree, rows, int(size), ranks, (normals, offsets, neighbours))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return DensePlanes(normals, noise * offsets, sizes, neighbours, is_plane)

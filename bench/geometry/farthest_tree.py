@@ -34,7 +34,9 @@ def morton_order(points: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _best_of_leaf(leaf, node, squared, names, best, where):
+def _best_of_leaf(
+    leaf: int, node: int, squared: np.ndarray, names: np.ndarray, best: np.ndarray, where: np.ndarray
+) -> None:
     """Of a leaf, the largest distance and its place; the smallest name among equals."""
     begin, end = leaf * LEAF, min((leaf + 1) * LEAF, len(squared))
     best[node], where[node] = -1.0, -1
@@ -44,7 +46,7 @@ def _best_of_leaf(leaf, node, squared, names, best, where):
 
 
 @njit(cache=True)
-def _best_of_children(node, names, best, where):
+def _best_of_children(node: int, names: np.ndarray, best: np.ndarray, where: np.ndarray) -> None:
     left, right = 2 * node, 2 * node + 1
     better = left
     if best[right] > best[left] or (
@@ -55,7 +57,7 @@ def _best_of_children(node, names, best, where):
 
 
 @njit(cache=True)
-def greedy(points, names, start, count):
+def greedy(points: np.ndarray, names: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
     """Take points, each the farthest from those before it, until there are ``count`` or all others coincide with them.
 
     Parameters

@@ -22,9 +22,10 @@ def with_nearest_colors(geometry: PointCloud | Trimesh, cloud: PointCloud) -> An
     """
     points = geometry.points if isinstance(geometry, PointCloud) else np.asarray(geometry.vertices)
     nearest = OrderedPoints(points).nearest_in(OrderedPoints(cloud.points)).index
+    assert cloud.colors is not None
     colors = cloud.colors[nearest]
     if isinstance(geometry, PointCloud):
         return replace(geometry, colors=colors)
-    colored = plain_mesh(points, geometry.faces)
+    colored: Any = plain_mesh(points, geometry.faces)
     colored.visual.vertex_colors = np.rint(np.clip(colors, 0, 1) * 255).astype(np.uint8)
     return colored

@@ -41,7 +41,7 @@ RANDOM = np.pi - 2  # mean square of the angle between two axes that are indepen
 class Choice(NamedTuple):
     """The sizes of neighbourhoods that were chosen for n points."""
 
-    index: np.ndarray
+    index: np.ndarray  # type: ignore[assignment]  # hides tuple.index, which nobody calls here
     """(n,) int array, of the size in ``planes.sizes``"""
     is_plane: np.ndarray
     """(n,) bool array: whether any size gave a plane"""
@@ -84,7 +84,7 @@ def choose_size(planes: Planes, region: np.ndarray) -> Choice:
     risk = np.where(usable, bias + CAUTION * error, 10 + 1 / planes.sizes)
     chosen = (risk <= EVEN * risk.min(axis=1, keepdims=True)).argmax(axis=1)
     rows, smallest = np.arange(n), np.where(judges.any(axis=1), judges.argmax(axis=1), chosen)
-    return Choice(chosen, usable.any(axis=1), np.minimum(1, noise[rows, smallest] / noise[rows, chosen]))
+    return Choice(chosen, np.any(usable, axis=1), np.minimum(1, noise[rows, smallest] / noise[rows, chosen]))
 
 
 def _random_error(planes: Planes) -> tuple[np.ndarray, np.ndarray]:

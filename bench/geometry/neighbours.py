@@ -27,7 +27,7 @@ class Nearest(NamedTuple):
 
     distance: np.ndarray
     """(n,) float64 array, Euclidean"""
-    index: np.ndarray
+    index: np.ndarray  # type: ignore[assignment]  # hides tuple.index, which nobody calls here
     """(n,) int array into the other set"""
 
 

@@ -130,7 +130,7 @@ def _agreeing(V: np.ndarray, F: np.ndarray, position: np.ndarray, parts: _Parts)
     for part in np.unique(parts.of_face[mixed & (crowded | hopeless)]):
         here = np.flatnonzero(parts.of_face == part)
         try:
-            turn[here] = _mended(V, F[here], position[here], turn[here], hopeless[here].any(), parts.closed[part])
+            turn[here] = _mended(V, F[here], position[here], turn[here], bool(hopeless[here].any()), parts.closed[part])
         except NoSides:
             if (hopeless[here].any() and parts.closed[part]) or _agreeing_share(V, F[here], position[here]) < MOST:
                 raise
@@ -241,7 +241,7 @@ class _Bodies:
     def holders(self, queries: np.ndarray, among: list[int] | None = None) -> dict[int, list[int]]:
         """For each of some components, the closed ones (``among`` some) that it lies in."""
         held: dict[int, list[int]] = {int(part): [] for part in queries}
-        for holder in np.flatnonzero(self.parts.closed) if among is None else among:
+        for holder in np.flatnonzero(self.parts.closed).tolist() if among is None else among:
             above, below = self.low[queries] > self.low[holder], self.high[queries] < self.high[holder]
             inner = queries[(above & below).all(axis=1)]
             if not len(inner):
@@ -249,7 +249,7 @@ class _Bodies:
             probes = np.concatenate([self._probes(part) for part in inner])
             within = inside(self.V, self.faces(holder), probes).reshape(len(inner), PROBES).all(axis=1)
             for part in inner[within]:
-                held[int(part)].append(int(holder))
+                held[int(part)].append(holder)
         return held
 
     def _probes(self, part: int) -> np.ndarray:

@@ -42,14 +42,15 @@ def sample_reference(case: Case, count: int, sampling: str, stream: str) -> Mapp
     Returns
     -------
     mapping
-        ``points`` and ``normals``: (count, 3) arrays; None for the normals that a cloud lacks.
+        ``points`` and ``normals``: (count, 3) arrays; without the normals that a cloud lacks.
     """
     shape, surface = case.reference, case.reference.surface
     if sampling == UNIFORM:
         rng = generator(case.seed, case.id, stream)
         return case.remember(f"{stream} {count}", lambda: _named(surface.sample(count, rng)))
     if isinstance(surface, CloudSurface):
-        return {"points": surface.cloud.points, "normals": surface.cloud.normals}
+        arrays = surface.cloud.arrays()
+        return {name: arrays[name] for name in ("points", "normals") if name in arrays}
     count = min(count, MOST)
     rng = generator(case.seed, case.id, f"{sampling} {stream}")
     return case.remember(f"{sampling} {stream} {count}", lambda: _named(sample_poisson_disk(shape, count, rng)))
@@ -65,9 +66,9 @@ def evenly_perfect(output: PointCloud | Trimesh, case: Case) -> PointCloud | Tri
         return case.perfect(output)
     key = f"{POISSON_DISK} perfect {len(output)}"
     if key not in case._cache:
-        case._cache[key] = PointCloud(**sample_reference(case, len(output), POISSON_DISK, "perfect"))
+        case._cache[key] = PointCloud.of(sample_reference(case, len(output), POISSON_DISK, "perfect"))
     return case._cache[key]
 
 
-def _named(sample: tuple[np.ndarray, np.ndarray | None]) -> dict[str, np.ndarray | None]:
+def _named(sample: tuple[np.ndarray, np.ndarray]) -> dict[str, np.ndarray]:
     return dict(zip(("points", "normals"), sample, strict=True))

@@ -266,6 +266,6 @@ def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
 
 
-def _dot(u: Sequence[np.ndarray], v: Sequence[np.ndarray]) -> np.ndarray:
+def _dot(u: Sequence[np.ndarray] | np.ndarray, v: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     """Scalar products of (3, n) arrays."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]

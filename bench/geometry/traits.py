@@ -64,13 +64,13 @@ class Traits(NamedTuple):
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The measures as arrays, to be kept."""
-        return {name: np.float64(value) for name, value in self._asdict().items()}
+        return {name: np.asarray(float(value)) for name, value in self._asdict().items()}
 
     @classmethod
     def of(cls, arrays: Mapping[str, np.ndarray]) -> Traits:
         """The measures that :meth:`arrays` gave."""
         whole = ("genus", "components", "boundary_edges")
-        return cls(**{name: (int if name in whole else float)(arrays[name]) for name in cls._fields})
+        return cls._make((int if name in whole else float)(arrays[name]) for name in cls._fields)
 
 
 def all_tags(traits: Traits, declared: Iterable[str]) -> tuple[str, ...]:

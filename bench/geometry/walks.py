@@ -66,8 +66,8 @@ class Terrain:
         start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
         key = np.minimum(start, end) * (len(self.vertices) + 1) + np.maximum(start, end)
         order = np.argsort(key, kind="stable")
-        begins = np.flatnonzero(np.concatenate([[True], key[order[1:]] != key[order[:-1]]])) if len(key) else []
-        pairs = np.asarray(begins, dtype=np.int64)[np.diff(np.append(begins, len(key))) == 2]
+        begins = np.flatnonzero(np.concatenate([[True], key[order[1:]] != key[order[:-1]]])[: len(key)])
+        pairs = begins[np.diff(np.append(begins, len(key))) == 2]
         opposite = np.full(len(key), -1)
         one, other = order[pairs], order[pairs + 1] if len(pairs) else order[pairs]
         opposite[one], opposite[other] = other, one
@@ -169,7 +169,16 @@ class Terrain:
                 break
         return found
 
-    def _cross(self, rows, half, other, face, weights, direction, sign) -> None:
+    def _cross(
+        self,
+        rows: np.ndarray,
+        half: np.ndarray,
+        other: np.ndarray,
+        face: np.ndarray,
+        weights: np.ndarray,
+        direction: np.ndarray,
+        sign: np.ndarray,
+    ) -> None:
         """Take walkers ``rows`` from one half-edge to the one on its other side; the arrays are changed."""
         along, inwards = self.half_edges
         corner, k, m = face[rows], half % 3, other % 3

@@ -115,7 +115,7 @@ def _cloud(raw: RawGeometry, path: str) -> PointCloud:
         notice(f"{path}: its colours are not in 0..1; they are left out")
         colors = None
     normals = None if raw.normals is None else completed(raw.vertices, raw.normals, path)
-    return PointCloud(raw.vertices, normals, colors, raw.scalars)
+    return PointCloud(raw.vertices, normals, colors, raw.scalars or {})
 
 
 def _finite(raw: RawGeometry, name: str) -> RawGeometry:
@@ -125,9 +125,9 @@ def _finite(raw: RawGeometry, name: str) -> RawGeometry:
         return raw
     bad = len(good) - int(good.sum())
     notice(f"{name}: {bad:,} of {len(good):,} points are NaN or infinite; they are left out")
-    arrays = (None if array is None else array[good] for array in (raw.normals, raw.colors))
+    normals, colors = (None if array is None else array[good] for array in (raw.normals, raw.colors))
     scalars = None if raw.scalars is None else {key: values[good] for key, values in raw.scalars.items()}
-    return RawGeometry(raw.vertices[good], NO_FACES, *arrays, scalars)
+    return RawGeometry(raw.vertices[good], NO_FACES, normals, colors, scalars)
 
 
 def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
@@ -234,9 +234,10 @@ def _suffix_of_content(data: bytes) -> str:
     return ".obj" if re.search(rb"^v\s+[-+.\d]", head, re.MULTILINE) else ""
 
 
-MESH_READERS = {".ply": read_ply, ".obj": read_obj, ".stl": read_stl, ".off": read_off}
+Reader = Callable[[bytes, str], RawGeometry]
+MESH_READERS: dict[str, Reader] = {".ply": read_ply, ".obj": read_obj, ".stl": read_stl, ".off": read_off}
 MESH_READERS |= {".glb": read_glb, ".gltf": read_gltf, ".3mf": read_3mf, ".dae": read_dae}
-CLOUD_READERS = MESH_READERS | {
+CLOUD_READERS: dict[str, Reader] = MESH_READERS | {
     **dict.fromkeys((".xyz", ".txt", ".asc", ".csv", ".tsv", ".dat", ".xyzn", ".xyzrgb"), read_table),
     ".pts": read_pts,
     ".ptx": read_ptx,
@@ -261,7 +262,8 @@ def _raw(geometry: Trimesh | PointCloud) -> RawGeometry:
 
 def vertex_colors(mesh: Trimesh) -> np.ndarray | None:
     """The colours of a mesh's vertices, (v, 3) in 0..1, if it has any."""
-    return mesh.visual.vertex_colors[:, :3] / 255 if mesh.visual.kind == "vertex" else None
+    visual: Any = mesh.visual  # of colours, or of a texture
+    return visual.vertex_colors[:, :3] / 255 if visual.kind == "vertex" else None
 
 
 def _write_obj(mesh: Trimesh) -> bytes:
@@ -291,7 +293,9 @@ def _exported(kind: str) -> Callable[[Trimesh], bytes]:
                 f"{kind.upper()} rounds to float32, which at {furthest:.3g} from the origin is visible on a mesh "
                 f"{extent:.3g} across; write a PLY, or move the mesh to the origin"
             )
-        return mesh.export(file_type=kind)
+        written = mesh.export(file_type=kind)
+        assert isinstance(written, bytes)  # text, and a mapping, are those of kinds that we write ourselves
+        return written
 
     return export
 

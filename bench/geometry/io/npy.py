@@ -117,7 +117,7 @@ def _points(array: np.ndarray, name: str) -> RawGeometry:
 
 def _records(array: np.ndarray, name: str) -> RawGeometry:
     names, columns = [], []
-    for title in array.dtype.names:
+    for title in array.dtype.names or ():
         values: Any = array[title]
         if values.dtype.kind not in "iufb" or values.ndim > 2:
             notice(f"{name}: leaves out the field {title[:40]!r}, which is no number")

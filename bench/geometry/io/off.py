@@ -95,7 +95,9 @@ def _of_binary(data: bytes, at: int, letters: list[str], name: str) -> _Tables:
 
 
 def _corners(columns: Columns) -> Ragged:
-    return columns["corners"]
+    corners = columns["corners"]
+    assert isinstance(corners, Ragged)  # FACE is a list
+    return corners
 
 
 # -- text --------------------------------------------------------------------------------------------------------------

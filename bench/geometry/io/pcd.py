@@ -34,7 +34,7 @@ def read_pcd(data: bytes, name: str) -> RawGeometry:
     if not len(table):
         raise BadInput(f"{name}: holds no points; {EXPECTED}")
     names, columns = [], []
-    for title in kinds.names:
+    for title in _titles(kinds):
         values = table[title]
         label = title.rsplit("~", 1)[0]
         if is_packed(title) and values.dtype.itemsize == 4 and values.ndim == 1:
@@ -132,8 +132,13 @@ def _fields(header: dict[str, list[str]], name: str) -> tuple[np.dtype, int]:
 # -- the data ----------------------------------------------------------------------------------------------------------
 
 
+def _titles(kinds: np.dtype) -> tuple[str, ...]:
+    """The fields of a point: there are some."""
+    return kinds.names or ()
+
+
 def _ascii(body: bytes, kinds: np.dtype, count: int, name: str) -> np.ndarray:
-    widths = [int(np.prod(kinds[title].shape)) for title in kinds.names]
+    widths = [int(np.prod(kinds[title].shape)) for title in _titles(kinds)]
     found = numbers(as_utf8(body, name), sum(widths), name)
     if len(found) < count:
         raise _ends_early(count, len(found), name)
@@ -142,10 +147,10 @@ def _ascii(body: bytes, kinds: np.dtype, count: int, name: str) -> np.ndarray:
     # A file may call its numbers float and give them more digits.
     deep = [
         (t, "<f8" if kinds[t].base.kind == "f" and not is_packed(t) else kinds[t].base, kinds[t].shape)
-        for t in kinds.names
+        for t in _titles(kinds)
     ]
     table, ends = np.empty(count, dtype=deep), np.cumsum(widths)
-    for title, width, end in zip(kinds.names, widths, ends, strict=True):
+    for title, width, end in zip(_titles(kinds), widths, ends, strict=True):
         values = found[:count, end - width : end].reshape(count, *kinds[title].shape)
         # A whole number that is not finite, or has no room in its type, stays what it is after the file's own rules.
         with np.errstate(invalid="ignore", over="ignore"):
@@ -171,7 +176,7 @@ def _compressed(body: bytes, kinds: np.dtype, count: int, name: str) -> np.ndarr
         raise BadInput(f"{name}: ends early: {len(body) - 8:,} of {packed:,} bytes are there. The file is cut off")
     content = _expanded(body[8 : 8 + packed], size, name)
     table, at = np.empty(count, dtype=kinds), 0
-    for title in kinds.names:
+    for title in _titles(kinds):
         kind = kinds[title]
         table[title] = np.frombuffer(content, kind, count, at).reshape(count, *kind.shape)
         at += count * kind.itemsize

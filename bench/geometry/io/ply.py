@@ -72,7 +72,7 @@ def read_ply(data: bytes, name: str) -> RawGeometry:
     if strips:
         faces = np.concatenate([faces, triangles_of_strips(*strips, len(vertices), name)])
     normals, colors = _taken(vertex, NORMALS), _colors(vertex)
-    scalars = {title: vertex.pop(title).astype(np.float64) for title in _plain_columns(vertex)}
+    scalars = {title: np.asarray(vertex.pop(title), dtype=np.float64) for title in _plain_columns(vertex)}
     _name_the_rest(vertex, face, tables, name)
     return RawGeometry(vertices, faces, normals, colors, scalars or None)
 
@@ -179,7 +179,8 @@ def _of_text(body: bytes, elements: list[Element], name: str) -> tuple[dict[str,
             f"{name}: holds {wrong!r} where a number belongs; expected the numbers of a PLY file. The file is cut off "
             "or damaged"
         ) from None
-    tables, fault = None, None
+    tables: dict[str, Columns] = {}
+    fault = None
     try:
         tables = {element.name: source.table(element) for element in elements}
         if not source.left_over():

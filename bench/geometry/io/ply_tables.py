@@ -24,7 +24,7 @@ class Element(NamedTuple):
     """One table of the file."""
 
     name: str
-    count: int
+    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody calls here
     properties: list[Property]
 
 
@@ -133,7 +133,8 @@ class Source:
     def _alike(self, element: Element, sizes: list[int]) -> Columns | None:
         """A table whose rows all have lists of these sizes, by one view of the file; None where they have not."""
         remaining = iter(sizes)
-        fields, row = [], 0  # a property, how many values it has, and where its cells are in a row
+        fields: list[tuple[Property, int | None, slice]] = []  # a property, how many values it has, and its cells
+        row = 0
         for prop in element.properties:
             if prop.length:
                 fields.append((prop, None, slice(row, row := row + self.width(prop.length))))
@@ -236,7 +237,7 @@ class NumberSource(Source):
 
     def reader(self, kind: str) -> Callable[[int], int]:
         """A function that reads the size of a list; what cannot be one is -1."""
-        return memoryview(self._whole).__getitem__
+        return memoryview(self._whole.data).__getitem__
 
     @functools.cached_property
     def _whole(self) -> np.ndarray:

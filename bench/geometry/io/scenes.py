@@ -123,7 +123,7 @@ def _parts(data: bytes, name: str, kind: str) -> list[_Part]:
 
     where = Path(name)
     resolver = trimesh.resolvers.FilePathResolver(str(where)) if where.parent.is_dir() else None
-    options = {"skip_materials": True} if kind in ("glb", "gltf") else {}
+    options: dict[str, Any] = {"skip_materials": True} if kind in ("glb", "gltf") else {}
     scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver, process=False, **options)
     parts = []
     for node in scene.graph.nodes_geometry:

@@ -101,7 +101,7 @@ class Head(NamedTuple):
     """What stands above the numbers."""
 
     names: str  # the line of names, without its comment sign; "" where there is none
-    count: int | None  # of points, where the file begins with it
+    count: int | None  # type: ignore[assignment]  # hides tuple.count; of points, where the file begins with it
     begin: int  # byte at which the numbers begin
     lines: int  # above it
 
