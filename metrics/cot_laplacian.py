@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -49,7 +49,7 @@ class CotLaplacian:
 
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:
         """``cot_laplacian``, ``cot_laplacian_box``, ``cot_laplacian_per_area``; ``{}`` where they do not apply."""
-        source = case.input.get("source")
+        source: Any = case.input.get("source")
         if not hasattr(source, "faces") or not len(source.faces) or not np.array_equal(source.faces, output.faces):
             return {}
         thin = int(slivers(source.vertices, source.faces).sum())

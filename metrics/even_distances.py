@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from bench import Case, PointCloud, register
 from bench.geometry.comparison import compare
 from bench.geometry.reference_sample import POISSON_DISK, evenly_perfect
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 
 @register(
@@ -40,6 +44,6 @@ class EvenDistances:
             "even_hausdorff_sq_sum": float(forward.max() + backward.max()),
         }
 
-    def perfect(self, output: PointCloud, case: Case) -> PointCloud:
+    def perfect(self, output: PointCloud, case: Case) -> PointCloud | Trimesh:
         """Another Poisson-disk sample, as large as the output."""
         return evenly_perfect(output, case)

@@ -38,7 +38,9 @@ class NormalAngleDeg:
             return {}
         normals = unit(pair.output_normals)
         forward = mean_angle(normals, unit(pair.surface_normals))
-        backward = mean_angle(normals[pair.to_output.index], unit(pair.reference_normals))
+        theirs = pair.reference_normals
+        assert theirs is not None  # a reference that is a cloud has no surface_normals
+        backward = mean_angle(normals[pair.to_output.index], unit(theirs))
         both = (forward + backward) / 2
         return {"normal_angle_deg": both} if np.isfinite(both) else {}
 

@@ -40,7 +40,9 @@ class NormalAngleOrientedDeg:
             return {}
         normals, surface = unit(pair.output_normals), unit(pair.surface_normals)
         forward = oriented_angles(normals, surface)
-        backward = oriented_angles(normals[pair.to_output.index], unit(pair.reference_normals))
+        theirs = pair.reference_normals
+        assert theirs is not None  # a reference that is a cloud has no surface_normals
+        backward = oriented_angles(normals[pair.to_output.index], unit(theirs))
         if not len(forward) or not len(backward):
             return {}
         angle = (forward.mean() + backward.mean()) / 2

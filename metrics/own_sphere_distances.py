@@ -39,7 +39,7 @@ class OwnSphereDistances:
         if case.compare(output).is_empty:
             return dict.fromkeys(("own_sphere_chamfer_l2_sum", "own_sphere_hausdorff_sq_sum"), float("inf"))
         is_cloud = isinstance(output, PointCloud)
-        samples = self.samples or (len(output) if is_cloud else 0)
+        samples = self.samples or (len(output) if isinstance(output, PointCloud) else 0)
         pair = compare(output, case, samples, POISSON_DISK if is_cloud else UNIFORM)
         P, Q = (OrderedPoints(in_own_sphere(points)) for points in (pair.output_points, pair.reference_points))
         forward, backward = P.nearest_in(Q).distance ** 2, Q.nearest_in(P).distance ** 2

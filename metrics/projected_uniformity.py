@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from bench import Case, PointCloud, register
 from bench.geometry.reference_sample import evenly_perfect
 
 from .uniformity import SHARES, Disks, check_disks, disk_centers
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 
 @register(
@@ -51,6 +55,6 @@ class ProjectedUniformity:
                 scores[f"projected_uniformity@{share:g}"] = float(np.mean(unevenness[counts >= self.least]))
         return scores
 
-    def perfect(self, output: PointCloud, case: Case) -> PointCloud:
+    def perfect(self, output: PointCloud, case: Case) -> PointCloud | Trimesh:
         """A Poisson-disk sample as large as the output."""
         return evenly_perfect(output, case)
