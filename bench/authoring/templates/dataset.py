@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
+from typing import TYPE_CHECKING
 
 from bench import Shape, generator, register
+
+if TYPE_CHECKING:  # heavy libraries are imported where they are used
+    from trimesh import Trimesh
 
 
 @register("dataset")
@@ -22,11 +27,11 @@ class MyPlugin:
         for index in count():
             yield Shape(
                 id=f"my_plugin-{split}-{index:03d}",
-                mesh=lambda index=index: self._mesh(split, index),  # made when it is needed
+                mesh=partial(self._mesh, split, index),  # made when it is needed
                 tags=("ball",),  # what kind of thing it is
             )
 
-    def _mesh(self, split: str, index: int):
+    def _mesh(self, split: str, index: int) -> Trimesh:
         import numpy as np
         from trimesh.creation import icosphere
 

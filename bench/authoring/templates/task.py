@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from bench import Case, CaseRecipe, Frame, InvalidOutput, Run, Shape, Task, generator, register, validate_mesh
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 
 @register("task")
@@ -28,7 +32,7 @@ class MyPlugin(Task):
     def recipes(self, dataset: Any, sensor: Any, *, split: str, count: int, seed: int) -> Iterator[CaseRecipe]:
         """One case for each of the first `count` shapes."""
         for shape in islice(dataset.shapes(split), count):
-            yield CaseRecipe(shape.id, lambda shape=shape: self._noisy_case(shape, seed))  # made when it is needed
+            yield CaseRecipe(shape.id, partial(self._noisy_case, shape, seed))  # made when it is needed
 
     def _noisy_case(self, shape: Shape, seed: int) -> Case:
         reference, frame = shape.framed()  # box centre at the origin, farthest vertex at radius 1
@@ -76,7 +80,7 @@ class MyPluginBaseline:
 
     steps: int = 1  # how many times
 
-    def my_plugin(self, mesh, run: Run):
+    def my_plugin(self, mesh: Trimesh, run: Run) -> Trimesh:
         """The function that solves the task has the name of the task."""
         from trimesh import Trimesh
 
