@@ -12,7 +12,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 
@@ -84,7 +84,7 @@ def fit(args: argparse.Namespace) -> None:
     print(f"{args.weights}: {row['steps']:,} steps in {row['seconds']:.0f} s on {row['device']}")
 
 
-def _said():
+def _said() -> Callable[[int, int], None]:
     shown = -1
 
     def say(done: int, total: int) -> None:

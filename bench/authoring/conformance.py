@@ -89,7 +89,7 @@ def config_round_trip(plugin: Plugin) -> Check:
     try:
         node = OmegaConf.structured(config_class(plugin))
         again = OmegaConf.merge(node, OmegaConf.create(OmegaConf.to_yaml(node)))
-        values = OmegaConf.to_container(again, resolve=True)
+        values: Any = OmegaConf.to_container(again, resolve=True)
         before, after = plugin.cls(), build(plugin, values)
     except (DetailbenchError, ValueError, TypeError) as error:
         return Check(name, "fail", str(error))

@@ -84,7 +84,7 @@ def learn(
     if not cases:
         raise UsageError(f"task {task} has no toy(), which makes a small case; try the method in a run")
     data = TrainingData(
-        lambda: iter([CaseRecipe(case.id, lambda case=case: case) for case in cases]),
+        lambda: map(_recipe, cases),
         sensor=lambda item: named("sensor", item, "TrainingData.sense").build(),
         count=len(cases),
     )
@@ -115,3 +115,7 @@ def learn(
         "digest": digest_arrays(weights),
         "checkpoints": int(run.stored is not None),
     }
+
+
+def _recipe(case: Case) -> CaseRecipe:
+    return CaseRecipe(case.id, lambda: case)

@@ -125,7 +125,7 @@ def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[
 def _plugins(what: list[str], files: list[str], already: bool) -> list[tuple[Plugin, str]]:
     """The plugins of the files, and those named, with the names that they or their presets have."""
     everything = [p for kind in KINDS for p in registry().all(kind)]
-    chosen = []
+    chosen: list[tuple[Plugin, str]] = []
     for word in what:
         if word in files:
             path = Path(os.path.expanduser(word)).resolve()

@@ -19,10 +19,14 @@ import argparse
 import math
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..cli import add_plugin_argument
 from ..errors import UsageError
 from ..plugins.registry import load_plugins
+
+if TYPE_CHECKING:
+    from ..pictures.sheet import Sheet
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -110,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def said(sheet, output: str) -> list[str]:
+def said(sheet: Sheet, output: str) -> list[str]:
     """What is on a figure: its limit, its insets, and what could not be shown."""
     lines = [f"{output}: {len(sheet.rows)} x {len(sheet.titles)} tiles, {sheet.layout.width:g} inches wide"]
     if sheet.limit > 0:

@@ -44,6 +44,8 @@ __all__ = ["add_arguments", "run"]
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..ranking.selection import Names
+
 
 def run(args: argparse.Namespace) -> int:
     """Print the board, or write it to a file."""
@@ -152,7 +154,7 @@ def show(
     convention: str | None = None,
     published: str | None = None,
     missing: str = "",
-    **filters: str | None,
+    **filters: Names,
 ) -> None:
     """Rank the rows that the filters leave, and print, in the convention of a paper if one is named.
 

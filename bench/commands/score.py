@@ -190,9 +190,10 @@ def _show(notices: list[str]) -> None:
 
 
 def _points(geometry: PointCloud | Trimesh) -> np.ndarray:
+    from ..geometry.cloud import PointCloud
     from ..geometry.used import used_vertices
 
-    return used_vertices(geometry) if hasattr(geometry, "vertices") else geometry.points
+    return geometry.points if isinstance(geometry, PointCloud) else used_vertices(geometry)
 
 
 def _moved(geometry: PointCloud | Trimesh, frame: Any) -> PointCloud | Trimesh:

@@ -116,7 +116,8 @@ def scenes(
     every = [panel for _, panels in made for panel in panels]
     pictures = {id(panel): _Packed(panel.picture, 0) for panel in every if panel.picture}
     packed = pictures | _packed(every, budget_bytes - sum(len(one.data) for one in pictures.values()), track)
-    shown, geometry = [], {}
+    geometry: dict[str, Any] = {}
+    shown = []
     for scene, panels in made:
         data = [packed.get(id(panel)) for panel in panels]
         if None in [one for one, panel in zip(data, panels, strict=True) if panel.shape is not None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError, did_you_mean
 from ..ranking.selection import Names, matching, select
@@ -130,7 +130,7 @@ def ordered_labels(rows: pd.DataFrame, method: Names) -> list[str]:
 def _of_cases(rows: pd.DataFrame, case: str | None) -> pd.DataFrame:
     """The rows of some cases, with the place of each in the order that is asked for in ``__case``."""
     wanted = split_names(case) if case else ["0"]
-    place = {}
+    place: dict[Any, int] = {}
     for number, word in enumerate(wanted):
         hits = rows["case_index"] == int(word) if word.isdecimal() else rows["case"].str.contains(word, regex=False)
         if not hits.any():

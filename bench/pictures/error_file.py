@@ -47,12 +47,12 @@ def save_errors(shape: Trimesh | PointCloud, distances: np.ndarray, limit: float
     from ..geometry.io.raw import NO_FACES, RawGeometry
     from ..results.files import write_atomically
 
-    is_cloud = isinstance(shape, PointCloud)
-    others = {name: values for name, values in shape.scalars.items() if name != DISTANCE} if is_cloud else {}
+    cloud = shape if isinstance(shape, PointCloud) else None
+    others = {} if cloud is None else {name: values for name, values in cloud.scalars.items() if name != DISTANCE}
     raw = RawGeometry(
         np.asarray(positions(shape)),
-        NO_FACES if is_cloud else np.asarray(shape.faces),
-        shape.normals if is_cloud else None,
+        NO_FACES if isinstance(shape, PointCloud) else np.asarray(shape.faces),
+        None if cloud is None else cloud.normals,
         colors(distances, limit) / 255,
         {DISTANCE: np.asarray(distances, dtype=np.float64), **others},
     )

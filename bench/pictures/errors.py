@@ -35,8 +35,11 @@ def distances(shape: Trimesh | PointCloud, reference: Trimesh | PointCloud) -> n
     points = np.asarray(positions(shape), dtype=np.float64)
     if not len(points):
         return np.zeros(0)
-    is_cloud = isinstance(reference, PointCloud) or not len(reference.faces)
-    surface = CloudSurface(PointCloud(positions(reference))) if is_cloud else MeshSurface(reference)
+    surface: CloudSurface | MeshSurface
+    if isinstance(reference, PointCloud) or not len(reference.faces):
+        surface = CloudSurface(PointCloud(positions(reference)))
+    else:
+        surface = MeshSurface(reference)
     return np.linalg.norm(points - surface.closest(points)[0], axis=1)
 
 
@@ -82,7 +85,7 @@ def common_limit(shown: Iterable[tuple[np.ndarray, np.ndarray]], quantile: float
     values, mass = (np.concatenate(arrays) for arrays in zip(*pairs, strict=True))
     order = np.argsort(values)
     below = np.cumsum(mass[order]) / mass.sum()
-    limit = float(values[order][min(np.searchsorted(below, quantile), len(values) - 1)])
+    limit = float(values[order][min(int(np.searchsorted(below, quantile)), len(values) - 1)])
     return rounded_up(limit) if limit > 0 else float(rounded_up(values.max()))
 
 

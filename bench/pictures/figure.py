@@ -265,7 +265,8 @@ def _value(item: Item, metric: str) -> float:
 def _best(outputs: Sequence[Item], metric: str) -> float:
     """The best score of a case; NaN where no direction is better."""
     values = [v for v in (_value(item, metric) for item in outputs) if math.isfinite(v)]
-    known = next((json.loads(i.row["directions"]) for i in outputs if isinstance(i.row.get("directions"), str)), {})
+    stored = (i.row.get("directions") for i in outputs)
+    known: dict[str, str] = next((json.loads(text) for text in stored if isinstance(text, str)), {})
     choose = {"lower": min, "higher": max}.get(known.get(metric, ""))
     return choose(values) if choose and len(values) > 1 else math.nan
 

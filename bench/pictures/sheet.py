@@ -287,7 +287,7 @@ def best_corner(tiles: Sequence[Tile], aspect: float) -> int:
             apart_x = x - half_x > across if corner in (0, 2) else x + half_x < 1 - across
             apart_y = y - half_y > up if corner in (0, 1) else y + half_y < 1 - up
             cost[corner] += 0 if apart_x or apart_y else 10
-    return min((1, 3, 0, 2), key=lambda corner: round(cost[corner], 6))
+    return min((1, 3, 0, 2), key=lambda corner: round(float(cost[corner]), 6))
 
 
 def _words(metric: str, exponent: int, direction: str) -> str:
@@ -309,4 +309,5 @@ def _text(figure: Figure, x: float, y: float, text: str, size: float, **style: A
     width, height = figure.get_size_inches()
     style = {"ha": "center", "va": "top", "color": INK, "linespacing": 1.1} | style
     text = "\n".join(map(printable, text.split("\n")))
-    figure.text(x / width, y / height, text, fontsize=size, **style)
+    how: dict[str, Any] = {"fontsize": size, **style}
+    figure.text(x / width, y / height, text, **how)

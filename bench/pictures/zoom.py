@@ -45,7 +45,8 @@ def zoom_of(text: str) -> Zoom:
             f"--zoom {text}: expected X,Y,Z,R: a point in the frame of the case (box centre of the reference at 0, "
             "farthest vertex at 1) and a radius above 0, like 0.2,-0.5,0.3,0.15"
         )
-    return Zoom(tuple(values[:3]), values[3])
+    x, y, z, radius = values
+    return Zoom((x, y, z), radius)
 
 
 def where_they_differ(
@@ -88,7 +89,8 @@ def where_they_differ(
         near = cKDTree(where[::step]).query_ball_point(points[rows], radius)
         mean[:] = [capped[ids].mean() if ids else limit for ids in near]
     best = int(np.argmax(means.std(axis=0)))
-    return Zoom(tuple(float(x) for x in points[rows[best]]), radius)
+    x, y, z = (float(value) for value in points[rows[best]])
+    return Zoom((x, y, z), radius)
 
 
 def visible(points: np.ndarray, normals: np.ndarray, camera: Camera) -> np.ndarray:

@@ -120,11 +120,10 @@ def state_of(cloud: PointCloud) -> tuple[State, np.ndarray]:
     area = reach[~outlier] ** 2
     flattened = estimate_normals(kept).flattened
     noise = float(np.median(np.linalg.norm(flattened - kept, axis=1))) / NORMAL_MEDIAN
-    has_normals = cloud.normals is not None
     return State(
         noise=noise / mean_spacing(kept),
         outliers=float(outlier.mean()),
         density_variation=float(area.std() / area.mean()),
-        normals=float(has_normals),
-        contradicting=float(disagreement(points, cloud.normals)) if has_normals else 0.0,
+        normals=float(cloud.normals is not None),
+        contradicting=0.0 if cloud.normals is None else float(disagreement(points, cloud.normals)),
     ), outlier

@@ -57,5 +57,6 @@ def _solved(spec: Mapping[str, Any], channel: Channel) -> dict[str, Any]:
         meshes |= {f"vertices{index}": np.asarray(mesh.vertices), f"faces{index}": np.asarray(mesh.faces)}
         row = row or {name: call.columns[name] for name in ("seconds", "peak_rss_mb", "message")}
     channel.enter("write", len(asked["clouds"]))
-    np.savez(asked["output"], **meshes)
+    named: dict[str, Any] = dict(meshes)
+    np.savez(asked["output"], **named)
     return row

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -124,7 +124,8 @@ def _trial(isolation: Isolation, clouds: list[str], output: Path, candidate: Can
 
 
 def _stored(file: Path, cloud: PointCloud) -> str:
-    np.savez(file, **cloud.arrays())
+    named: dict[str, Any] = dict(cloud.arrays())
+    np.savez(file, **named)
     return str(file)
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 import re
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +73,7 @@ class Axis:
         if self.choices:
             return self.default in self.choices
         is_number = isinstance(self.default, (int, float)) and not isinstance(self.default, bool)
-        return is_number and self.low <= self.default <= self.high  # type: ignore[operator]
+        return is_number and self.low <= self.default <= self.high
 
     @property
     def text(self) -> str:
@@ -106,12 +106,14 @@ class Axis:
         """``low`` or ``high`` where a value is at an end of what was searched, or next to it; empty elsewhere."""
         if not _is_number(value) or (self.choices and not all(map(_is_number, self.choices))):
             return ""
+        low: Any
+        high: Any
         low, high = (self.choices[0], self.choices[-1]) if self.choices else (self.low, self.high)
         if value == self.default and not self.holds_default:
             return ""
         margin = 0.0
         if not self.choices and not self.whole:
-            scale = math.log if self.log else float
+            scale: Callable[[Any], float] = math.log if self.log else float
             low, high, value = scale(low), scale(high), scale(value)
             margin = EDGE * (high - low)
         return "low" if value <= low + margin else "high" if value >= high - margin else ""
@@ -179,7 +181,7 @@ def _axis(plugin: Plugin, name: str, word: str, usual: Mapping[str, Any]) -> Axi
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     (override,) = OverridesParser.create().parse_overrides([word])
-    value = override.value()
+    value: Any = override.value()
     if override.is_interval_sweep():
         log = "log" in value.tags
         return _interval(plugin, name, usual, float(value.start), float(value.end), log=log, word=word)
@@ -283,7 +285,7 @@ def grid_of(method: str) -> dict[str, list[Any]]:
     return {name: values for name, values in found.items() if len(values) > 1}
 
 
-def _values(text: str) -> list[str]:
+def _values(text: str) -> list[Any]:
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     (override,) = OverridesParser.create().parse_overrides([f"x={text}"])

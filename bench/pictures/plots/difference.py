@@ -7,6 +7,7 @@ J. Demšar, "Statistical Comparisons of Classifiers over Multiple Data Sets", *J
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -123,7 +124,7 @@ def draw(table: pd.DataFrame, scores: Scores, options: Options) -> Figure:
     return figure
 
 
-def _scale(axes: Axes, place, n: int, critical: float, y: float) -> None:
+def _scale(axes: Axes, place: Callable[[float], float], n: int, critical: float, y: float) -> None:
     """The line of ranks with its ticks, and the critical difference above it."""
     axes.plot([place(1), place(n)], [y, y], color=INK, linewidth=0.9)
     step = max(1, math.ceil((n - 1) / 8))
