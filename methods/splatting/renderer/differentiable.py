@@ -45,7 +45,7 @@ def render(
     Examples
     --------
     >>> import torch
-    >>> camera = Camera.looking_at(np.array([0.0, 0, -3]), np.zeros(3), np.array([0.0, 1, 0]), 20.0, 16, 16)
+    >>> camera = Camera.looking_at(np.array([0.0, 0, -3]), np.zeros(3), np.array([0.0, -1, 0]), 20.0, 16, 16)
     >>> point = torch.zeros(1, 3, requires_grad=True)
     >>> image, _ = render(point, torch.tensor([[0.0, 0, -1]]), torch.ones(1, 1), 0.1, camera)
     >>> (image[8, 12, 0] - 1).square().backward()    # that pixel is to become 1
