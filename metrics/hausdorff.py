@@ -23,6 +23,15 @@ class Hausdorff:
     Metro (Cignoni et al. 1998): a spike without an area is missed by all samples. Points2Surf (Erler et al. 2020)
     reports it of samples alone, which is ``hausdorff@N``; MPU's tables hold the sum of both squared maxima of samples,
     ``hausdorff_sq_sum``. One outlier decides it.
+
+    Example
+    -------
+    >>> from bench import Shape
+    >>> from trimesh.creation import icosphere
+    >>> case = Case("ball", {}, Shape("ball", icosphere(subdivisions=3)))
+    >>> scores = Hausdorff().score(icosphere(subdivisions=3, radius=1.1), case)
+    >>> round(scores["hausdorff"], 2)
+    0.1
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:

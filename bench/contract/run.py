@@ -60,6 +60,17 @@ class Run:
         In ``fit``: the seconds that this training took before it was interrupted; ``seconds`` are those that are left.
     resumed : mapping of names to arrays, or None
         In ``fit``: the arrays of the last checkpoint of this training, where it was interrupted before.
+
+    Example
+    -------
+    Called by hand, a method gets a run of its own making:
+
+    >>> run = Run(seed=3, threads=2)
+    >>> run.rng.random() == Run(seed=3).rng.random()
+    True
+    >>> run.note("the cloud has no normals")
+    >>> run.notes
+    ['the cloud has no normals']
     """
 
     seed: int = 0

@@ -49,6 +49,14 @@ class PointCloud:
     BadInput
         If an array has another shape, or other than N rows. Values are not judged here: what a *method* returns is
         judged by its task, so that a NaN is recorded as an invalid output.
+
+    Example
+    -------
+    >>> cloud = PointCloud(np.eye(3), normals=np.eye(3), scalars={"intensity": [0.5, 0.1, 0.9]})
+    >>> cloud
+    PointCloud(3 points, normals, intensity)
+    >>> len(cloud.subset(cloud.scalars["intensity"] > 0.3))
+    2
     """
 
     points: np.ndarray

@@ -423,6 +423,18 @@ def register(
     ------
     PluginError
         If the class is not a dataclass with defaults, has no docstring, or if its name is taken.
+
+    Example
+    -------
+    >>> @register("method", cite="Nobody, 1900")
+    ... @dataclass(frozen=True)
+    ... class UnchangedExample:
+    ...     '''The input as it is.'''
+    ...
+    ...     def denoise(self, cloud, run):
+    ...         return cloud
+    >>> registry().find("method", "unchanged_example").solves("denoise")
+    True
     """
     if kind not in KINDS:
         raise PluginError(f"@register({kind!r}): no such kind of plugin. {did_you_mean(str(kind), KINDS)}")

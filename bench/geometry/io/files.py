@@ -79,6 +79,15 @@ def load_cloud(path: str | Path) -> PointCloud:
     ------
     BadInput
         If the file cannot be read, is damaged, or holds fewer than three points that differ.
+
+    Example
+    -------
+    >>> import os, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = os.path.join(folder, "corners.xyz")
+    ...     save(PointCloud(np.eye(3)), path)
+    ...     load_cloud(path)
+    PointCloud(3 points)
     """
     return _cloud(_read(path, CLOUD_READERS, "a point cloud or mesh file"), str(path))
 
@@ -140,6 +149,16 @@ def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
     ------
     UsageError
         If the suffix is not one of these, or the file cannot be written.
+
+    Example
+    -------
+    >>> import os, tempfile
+    >>> from trimesh.creation import box
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = os.path.join(folder, "box.ply")
+    ...     save(box(), path)
+    ...     load_mesh(path).faces.shape
+    (12, 3)
     """
     path = Path(path)
     content = _writer(path, "cloud" if isinstance(geometry, PointCloud) else "mesh")(geometry)
