@@ -17,7 +17,7 @@ PYTHON_CODE := bench methods datasets metrics conf tests scripts
 WITHOUT_CGAL = $(shell $(BIN)/python -c "import CGAL" 2>/dev/null || echo method=poisson,ball_pivoting,rimls,apss,identity,noise)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo real test test_setup bench lint wheel clean distclean
+.PHONY: help setup demo real test test_setup bench lint doctest wheel clean distclean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z][a-z0-9. -]*:.*## / { sub(/ .*/, "", $$1); printf "make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -43,9 +43,14 @@ test: test_setup ## all tests; a skipped test counts as a failure
 bench: setup ## the benchmarks, with their tables
 	$(PYTEST) tests/benchmarks -s
 
-lint: setup ## ruff: style and format
+lint: setup ## ruff: style and format; mypy: types
 	$(BIN)/ruff check $(PYTHON_CODE)
 	$(BIN)/ruff format --check $(PYTHON_CODE)
+	$(BIN)/mypy
+
+doctest: setup ## the examples in docstrings
+	@# By the names that they are imported by, and only the files that have some: importing the others takes a minute.
+	$(PYTEST) -q --doctest-modules $$(grep -rlE --include='*.py' '^ *>>> ' bench bench/methods/ bench/datasets/ bench/metrics/)
 
 wheel: setup ## dist/detailbench-*.whl
 	rm -rf build # setuptools would pack what older builds left there
@@ -84,7 +89,7 @@ test-3.11 test-3.12 test-3.13: ## all tests with Python 3.11, in .venvs/3.11; so
 # ----------------------------------------------------------------------------------------------------------------------
 
 clean: ## remove caches and what was built, but neither results nor .venv
-	rm -rf build dist *.egg-info .pytest_cache .ruff_cache .benchmarks .hypothesis
+	rm -rf build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .benchmarks .hypothesis
 	find $(PYTHON_CODE) -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean ## clean, and remove .venv and .venvs
