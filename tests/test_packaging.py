@@ -146,15 +146,22 @@ def test_a_skipped_test_fails_the_suite(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
-    """A wheel built from a copy of the tree: a build leaves folders behind."""
-    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist")
+def source(tmp_path_factory) -> Path:
+    """A copy of the tree: building leaves folders behind."""
+    source = tmp_path_factory.mktemp("source")
     for name in (*FOLDERS, "pyproject.toml", "README.md", "LICENSE"):
         if (ROOT / name).is_dir():
             ignored = shutil.ignore_patterns("__pycache__")
             shutil.copytree(ROOT / name, source / name, symlinks=True, ignore=ignored)
         else:
             shutil.copy(ROOT / name, source)
+    return source
+
+
+@pytest.fixture(scope="module")
+def wheel(source, tmp_path_factory) -> Path:
+    """A wheel built from a copy of the tree."""
+    out = tmp_path_factory.mktemp("dist")
     command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", out, source]
     built = subprocess.run(command, capture_output=True, text=True)
     assert built.returncode == 0, built.stdout + built.stderr
@@ -162,18 +169,29 @@ def wheel(tmp_path_factory) -> Path:
     return file
 
 
-@pytest.fixture(scope="module")
-def elsewhere(wheel, tmp_path_factory) -> Path:
-    """The ``bin`` folder of a new environment that has the wheel, and the libraries of this one after its own."""
-    place = tmp_path_factory.mktemp("elsewhere") / "venv"
+def environment(place: Path, *what: str | Path) -> Path:
+    """The ``bin`` folder of a new environment that has the package, and the libraries of this one after its own."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", place], check=True)
     python = place / "bin" / "python"
-    install = ["-m", "pip", "--python", python, "install", "-q", "--no-deps", "--no-index", wheel]
-    subprocess.run([sys.executable, *install], check=True)
     (site,) = place.glob("lib/python*/site-packages")
-    # A path line is appended to sys.path, and .pth files found there (our editable install is one) are not read.
+    # A path line is appended to sys.path, and .pth files found there (our editable install is one) are not read. It
+    # comes first, because building needs setuptools; hence --ignore-installed, which leaves our own installation alone.
     (site / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    install = ["install", "-q", "--ignore-installed", "--no-deps", "--no-index", "--no-build-isolation"]
+    subprocess.run([sys.executable, "-m", "pip", "--python", python, *install, *what], check=True)
     return place / "bin"
+
+
+@pytest.fixture(scope="module")
+def elsewhere(wheel, tmp_path_factory) -> Path:
+    """The ``bin`` folder of a new environment that has the wheel."""
+    return environment(tmp_path_factory.mktemp("elsewhere") / "venv", wheel)
+
+
+@pytest.fixture(scope="module")
+def editable(source, tmp_path_factory) -> Path:
+    """The ``bin`` folder of a new environment in which a copy of the tree is installed in editable mode."""
+    return environment(tmp_path_factory.mktemp("editable") / "venv", "-e", source)
 
 
 def test_the_wheel_holds_the_package_and_nothing_else(wheel):
@@ -221,3 +239,33 @@ def test_the_wheel_runs_a_cell_from_anywhere(elsewhere, tmp_path):
     assert "1/1" in ran.stdout
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     assert list((tmp_path / "out").rglob("*.parquet"))
+
+
+# --- what an author's type checker sees -------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("installed", ["elsewhere", "editable"])
+def test_a_type_checker_knows_the_package_in_an_authors_file(installed, request, tmp_path):
+    programs = request.getfixturevalue(installed)
+    outside = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    made = subprocess.run([programs / "detailbench", "new", "method", "right"], cwd=tmp_path, env=outside)
+    assert made.returncode == 0
+    right = tmp_path / "right.py"
+    wrong = tmp_path / "wrong.py"
+    returned = "return PointCloud(points, cloud.normals)"
+    assert returned in right.read_text()
+    wrong.write_text(right.read_text().replace(returned, "return points"))
+    asked = tmp_path / "asked.py"
+    asked.write_text("import right\n\nreveal_type(right.Right(neighbours=3).denoise)\nright.Right(neighbors=3)\n")
+
+    # Libraries without types are not what this is about; a package that is not found is an error all the same.
+    command = [sys.executable, "-m", "mypy", "--python-executable", programs / "python", "--config-file", os.devnull]
+    files = ["--disable-error-code", "import-untyped", "right.py", "wrong.py", "asked.py"]
+    found = subprocess.run([*command, *files], cwd=tmp_path, env=outside, capture_output=True, text=True).stdout
+    errors = [line for line in found.splitlines() if ": error: " in line]
+    assert len(errors) == 2, found
+    assert errors[0].startswith("wrong.py:") and 'expected "PointCloud"' in errors[0]
+    # Decorated, it is the author's class still: its parameters and the types of its functions are known.
+    assert errors[1].startswith("asked.py:") and "neighbors" in errors[1]
+    assert "run: bench.contract.run.Run) -> bench.geometry.cloud.PointCloud" in found
