@@ -217,7 +217,7 @@ rng = np.random.default_rng(0)
 outliers = sphere(1000)
 outliers[:10] = rng.uniform(-1, 1, (10, 3))
 inputs = {
-    **{str(n): sphere(n) for n in (0, 1, 2, 3, 4, 10, 20, 30)},
+    **{str(n): sphere(n) for n in (0, 1, 2, 3, 4, 10, 30)},
     "collinear": np.outer(np.linspace(-1, 1, 200), [1, 0.5, 0.2]),
     "coplanar": rng.uniform(-1, 1, (500, 3)) * [1, 1, 0],
     "grid": np.stack(np.meshgrid(*[np.linspace(-1, 1, 20)] * 2, [0.0]), -1).reshape(-1, 3),
@@ -249,7 +249,7 @@ for name, parameters in json.loads(sys.argv[1]).items():
                 outcome = "refused"
             print("END", json.dumps([name, what, label, outcome]), flush=True)
         noisy = task.input(PointCloud(sphere(1000) + 0.01 * np.random.default_rng(5).standard_normal((1000, 3))))
-        for repeat in range(2):
+        for repeat in range(2 if degenerate else 1):
             output = task.solve(method, what, noisy, Run(seed=1))
             arrays = [output.points] if hasattr(output, "points") else [output.vertices, output.faces]
             digest = hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
@@ -278,6 +278,22 @@ def classical(library):
 OPEN3D_AND_SCIPY, MESHLAB, BY_CGAL = map(classical, (None, "pymeshlab", "CGAL"))
 
 
+@pytest.fixture(scope="module")
+def hashes_elsewhere():
+    """Of all methods in another process, whose C library overwrites memory that is freed and handed out again.
+
+    So a result that depends on what was never written would show.
+    """
+    told = in_own_process(OPEN3D_AND_SCIPY | MESHLAB | (BY_CGAL if CGAL else {}), MALLOC_PERTURB_="255")
+    assert told.returncode == 0, f"exit code {told.returncode}\n{told.stdout[-500:]}\n{told.stderr[-2000:]}"
+    return hashes(told.stdout)
+
+
+def hashes(output):
+    """For each method and task, the digest of what it returned."""
+    return [tuple(line.split()[1:]) for line in output.splitlines() if line.startswith("HASH")]
+
+
 def in_own_process(methods, *options, **environment):
     command = [sys.executable, "-c", DEGENERATE, json.dumps(methods), *options]
     environment = {**os.environ, **environment}
@@ -287,7 +303,7 @@ def in_own_process(methods, *options, **environment):
 @pytest.mark.parametrize(
     "methods", [OPEN3D_AND_SCIPY, MESHLAB, *([BY_CGAL] if CGAL else [])], ids=lambda methods: "+".join(methods)
 )
-def test_degenerate_input_is_refused_or_answered_validly_and_all_is_repeatable(methods):
+def test_degenerate_input_is_refused_or_answered_validly_and_all_is_repeatable(methods, hashes_elsewhere):
     first = in_own_process(methods, "degenerate")
     assert first.returncode == 0, f"exit code {first.returncode}\n{first.stdout[-500:]}\n{first.stderr[-2000:]}"
     outcomes = [json.loads(line[4:]) for line in first.stdout.splitlines() if line.startswith("END ")]
@@ -298,12 +314,7 @@ def test_degenerate_input_is_refused_or_answered_validly_and_all_is_repeatable(m
         if label in ("outliers", "tripled"):
             assert outcome == "ok", (name, task, label)
 
-    def hashes(output):
-        return [line for line in output.splitlines() if line.startswith("HASH")]
-
-    # Twice in one process; and in another, whose C library overwrites memory that is freed and handed out again, so
-    # that a result which depends on what was never written would show.
+    # Twice in one process, and in another.
     once, again = hashes(first.stdout)[::2], hashes(first.stdout)[1::2]
-    assert set(once) ^ set(again) == set()
-    elsewhere = in_own_process(methods, MALLOC_PERTURB_="255").stdout
-    assert set(hashes(elsewhere)) ^ set(once) == set()
+    assert once == again and {name for name, *_ in once} == set(methods)
+    assert once == [line for line in hashes_elsewhere if line[0] in methods]
