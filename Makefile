@@ -17,7 +17,7 @@ PYTHON_CODE := bench methods datasets metrics conf tests scripts
 WITHOUT_CGAL = $(shell $(BIN)/python -c "import CGAL" 2>/dev/null || echo method=poisson,ball_pivoting,rimls,apss,identity,noise)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo real test test_setup bench lint doctest wheel clean distclean
+.PHONY: help setup demo real test quick test_setup bench lint doctest wheel clean distclean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z][a-z0-9. -]*:.*## / { sub(/ .*/, "", $$1); printf "make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,6 +39,9 @@ test: test_setup ## all tests; a skipped test counts as a failure
 	$(PYTEST) -n 4 --dist loadfile --no-loadscope-reorder tests/faults tests/commands tests --ignore=tests/benchmarks
 	@# alone, because they compare times; `make bench` has them in full
 	DETAILBENCH_SHORT=1 $(PYTEST) tests/benchmarks -m "not study" --benchmark-disable-gc --benchmark-min-rounds=1 --benchmark-max-time=0.1
+
+quick: test_setup ## some tests of every room and of every family of plugins, in a minute and a half; see tests/quick.txt
+	$(PYTEST) -n 2 --dist loadfile @tests/quick.txt
 
 bench: setup ## the benchmarks, with their tables
 	$(PYTEST) tests/benchmarks -s
