@@ -63,7 +63,7 @@ def _stored(results: Results, cell: str, fingerprint: str) -> Stored:
 
     record = results.read(cell, fingerprint)
     missing = ["a readable file"] if record is None else lacks(record.meta)
-    if missing:
+    if record is None or missing:
         raise UsageError(f"--recompute: the record of cell {cell} in {results.folder} lacks {', '.join(missing)}")
     return Stored(results, [record], record, {})
 

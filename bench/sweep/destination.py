@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
-from .request import Request, parse
+from .request import Request, parse, text_of
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -41,7 +41,7 @@ def settled(request: Request) -> Request:
 
 
 def _folder(override: Override) -> str:
-    word = override.input_line
+    word = text_of(override)
     if override.key_or_group == SWEPT or override.is_delete() or override.is_sweep_override():
         raise UsageError(f"{word}: {ONE}")
     value = override.value()
@@ -59,7 +59,7 @@ def _of_experiment(request: Request) -> str:
     if config is None:
         return DEFAULT
     swept: Any = OmegaConf.select(config, "hydra.sweeper.params") or {}
-    where = f"{', '.join(override.input_line for override in request.about('experiment'))}: results"
+    where = f"{', '.join(text_of(override) for override in request.about('experiment'))}: results"
     if DEFAULT in swept:
         raise UsageError(f"{where}={swept['results']}: {ONE}")
     folder = str(OmegaConf.to_container(config, resolve=False)["results"])

@@ -113,7 +113,7 @@ class Forecast:
 
 def workers_of(request: Request, threads: int = 1) -> int:
     """How many cells the launcher of a request runs at a time, as far as there are processors for them."""
-    if request.launcher != "joblib":
+    if request.launcher != "joblib" or request.hydra is None:
         return 1
     from omegaconf import OmegaConf
 

@@ -27,7 +27,7 @@ from ..plugins import config_files
 from ..plugins.registry import load_plugins
 from ..safe_path import isolate_imports, safe_children
 from .composition import CONFIG_NAME, hydra_message, hydra_ready, in_words
-from .request import Request, is_hydras
+from .request import Request, is_hydras, text_of
 from .session import Session
 
 if TYPE_CHECKING:
@@ -285,7 +285,7 @@ def _launcher(request: Request, jobs: Sequence[Sequence[str]]) -> Iterator[tuple
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    own = [override.input_line for override in request.overrides if is_hydras(override)]
+    own = [text_of(override) for override in request.overrides if is_hydras(override)]
     with hydra_ready() as loader:
         with in_words([*own, *jobs[0]]):
             config = loader.load_configuration(CONFIG_NAME, [*own, *jobs[0]], run_mode=RunMode.MULTIRUN)

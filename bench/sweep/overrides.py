@@ -20,7 +20,7 @@ from ..plugins.registry import KINDS, Plugin, registry
 from ..plugins.schema import check_value
 from .destination import settled
 from .quoting import hint
-from .request import Request, flat, is_hydras, values_of
+from .request import Request, flat, is_hydras, text_of, values_of
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -57,16 +57,16 @@ def check(request: Request) -> None:
             _check_hydra(key, values, override)
             continue
         if override.is_sweep_override() and not request.multirun:
-            quoting = f"; {hint(override.input_line)}" if "." in key else ""
+            quoting = f"; {hint(text_of(override))}" if "." in key else ""
             instead = _instead_of_sweep(request.command) + quoting
-            raise UsageError(f"{override.input_line}: several values are a sweep; {instead}")
+            raise UsageError(f"{text_of(override)}: several values are a sweep; {instead}")
         if "???" in values:
-            raise UsageError(f"{override.input_line}: ??? stands for a value that is missing; give one")
+            raise UsageError(f"{text_of(override)}: ??? stands for a value that is missing; give one")
         head, _, tail = key.partition(".")
         if not tail and head in KINDS:
             for name in values:
                 _check_plugin_name(head, name)
-            _check_scans(head, values, request, override.input_line)
+            _check_scans(head, values, request, text_of(override))
         elif not tail and head in ("training", "convention", "profile", "experiment"):
             for name in values:
                 _check_preset(head, name, override.is_delete())
@@ -74,13 +74,13 @@ def check(request: Request) -> None:
             _check_parameter(head, tail, request, override)
         elif head == "training" and tail:
             known = [f.name for f in dataclasses.fields(TrainingKeys)]
-            _check_key("training.", tail.partition(".")[0], known, override.input_line)
+            _check_key("training.", tail.partition(".")[0], known, text_of(override))
         elif head == "limit" and tail:
-            _check_key("limit.", tail, [f.name for f in dataclasses.fields(Limits)], override.input_line)
+            _check_key("limit.", tail, [f.name for f in dataclasses.fields(Limits)], text_of(override))
         else:
-            _check_root_key(head, request, override.input_line)
+            _check_root_key(head, request, text_of(override))
             if override.is_delete() and head not in GROUPS:
-                raise UsageError(f"{override.input_line}: every run has {head}; leave this out for its usual value")
+                raise UsageError(f"{text_of(override)}: every run has {head}; leave this out for its usual value")
 
 
 def _instead_of_sweep(command: str) -> str:
@@ -99,7 +99,7 @@ NOT_HERE = {
 
 
 def _check_hydra(key: str, values: Sequence[Any], override: Override) -> None:
-    line = override.input_line
+    line = text_of(override)
     for known, instead in NOT_HERE.items():
         if key == known or key.startswith(f"{known}."):
             raise UsageError(f"{line}: {instead}")
@@ -165,7 +165,7 @@ def _check_preset(group: str, name: Any, is_deleted: bool) -> None:
 
 def _check_parameter(kind: str, tail: str, request: Request, override: Override) -> None:
     """A parameter must be one of a plugin that the run chooses (or, where it chooses none, of some plugin)."""
-    line = override.input_line
+    line = text_of(override)
     names = [presets.resolve(kind, n) for n in request.chosen(kind)]
     names = [n for n in names if n in registry().names(kind)] or registry().names(kind)
     prefix = f"{kind}."

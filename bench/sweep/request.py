@@ -83,7 +83,7 @@ class Request:
     @property
     def words(self) -> list[str]:
         """The overrides as they were written."""
-        return [override.input_line for override in self.overrides]
+        return [text_of(override) for override in self.overrides]
 
     def about(self, key: str) -> list[Override]:
         """The overrides of one key or group."""
@@ -146,7 +146,7 @@ class Request:
         None also for one that cannot be composed: what is wrong with it is said where it is used.
         """
         found = self.about("experiment")
-        return experiment_config(found[-1].input_line) if found else None
+        return experiment_config(text_of(found[-1])) if found else None
 
     @property
     def is_sweep(self) -> bool:
@@ -165,7 +165,7 @@ class Request:
         for place, override in enumerate(self.overrides):
             if override.key_or_group == "experiment" and override.is_sweep_override():
                 before, after = self.overrides[:place], self.overrides[place + 1 :]
-                key = override.input_line.partition("=")[0]
+                key = text_of(override).partition("=")[0]
                 names = dict.fromkeys(flat(values_of(override)))
                 return [replace(self, overrides=(*before, parse(f"{key}={name}"), *after)) for name in names]
         return [self]
@@ -177,7 +177,7 @@ class Request:
         found = []
         for override in self.overrides:
             if isinstance(override.value(), Glob):
-                override = parse(f"{override.input_line.partition('=')[0]}={','.join(_matching(override))}")
+                override = parse(f"{text_of(override).partition('=')[0]}={','.join(_matching(override))}")
             found.append(override)
         return replace(self, overrides=tuple(found))
 
@@ -194,7 +194,7 @@ class Request:
 
         if not any(override.key_or_group == "experiment" or is_hydras(override) for override in self.overrides):
             return None
-        words = [override.input_line for override in self.fixed()]
+        words = [text_of(override) for override in self.fixed()]
         with hydra_ready() as loader, in_words(words):
             mode = RunMode.MULTIRUN if self.multirun else RunMode.RUN
             return loader.load_configuration(CONFIG_NAME, words, run_mode=mode)
@@ -223,7 +223,7 @@ class Request:
         own = [override for override in self.overrides if not is_hydras(override)]
         config = self.hydra
         if not self.multirun:
-            return [[override.input_line for override in own]]
+            return [[text_of(override) for override in own]]
         params = _select(config, "hydra.sweeper.params") or {}
         given = {override.get_key_element() for override in own}
         added = [f"{key}={value}" for key, value in params.items() if str(key) not in given]
@@ -248,13 +248,18 @@ class Request:
 def _choices(override: Override) -> list[str]:
     """One override for each value that a sweep gives to a key."""
     if not override.is_sweep_override():
-        return [override.input_line]
+        return [text_of(override)]
     if not override.is_discrete_sweep():
         values_of(override)  # raises
     found = [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
     if not found:
-        raise UsageError(f"{override.input_line}: no value is left; expected at least one")
+        raise UsageError(f"{text_of(override)}: no value is left; expected at least one")
     return found
+
+
+def text_of(override: Override) -> str:
+    """An override as it was written."""
+    return override.input_line or ""
 
 
 def is_hydras(override: Override) -> bool:
@@ -270,17 +275,17 @@ def values_of(override: Override) -> list[Any]:
     UsageError
         For an interval, and for a pattern of names that none has.
     """
-    from hydra.core.override_parser.types import Glob
+    from hydra.core.override_parser.types import ChoiceSweep, Glob
 
     if isinstance(override.value(), Glob):
         return _matching(override)
     if override.is_interval_sweep():
         raise UsageError(
-            f"{override.input_line}: a sweep takes listed values, not an interval; list some, or use range(...)"
+            f"{text_of(override)}: a sweep takes listed values, not an interval; list some, or use range(...)"
         )
-    if override.is_sweep_override() and override.is_choice_sweep():
-        return [_text(value) for value in override.value().list]
     value = override.value()
+    if isinstance(value, ChoiceSweep):
+        return [_text(one) for one in value.list]
     return [_text(one) for one in value] if isinstance(value, list) else [_text(value)]
 
 
@@ -301,13 +306,14 @@ def _matching(override: Override) -> list[str]:
     """The plugins and presets that ``method=glob(p*)`` means."""
     group = override.key_or_group
     if group not in GROUPS:
-        raise UsageError(f"{override.input_line}: glob() is for names of plugins; list the values of {group}")
+        raise UsageError(f"{text_of(override)}: glob() is for names of plugins; list the values of {group}")
     known = {*presets.names(group), *(registry().names(group) if group in KINDS else ())}
-    found = override.value().filter(sorted(known))
+    pattern: Any = override.value()  # a Glob, of which Hydra's annotations do not know
+    found = pattern.filter(sorted(known))
     if group == "dataset":
         found = [name for name in found if not _wants_more(name)]
     if not found:
-        raise UsageError(f"{override.input_line}: no {group} matches. Known: {', '.join(sorted(known))}")
+        raise UsageError(f"{text_of(override)}: no {group} matches. Known: {', '.join(sorted(known))}")
     return found
 
 
