@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from ..sweep.planned import Shelf
 
     plugins = load_plugins(args.plugin)
-    overrides = only_overrides(args.rest, "no option of plan; `detailbench run` has it, to show a config")
+    overrides = only_overrides(args.rest, "no option of plan; `detailbench run --cfg job ...` shows a config")
     request = checked(overrides, "plan", multirun=args.multirun, sweeps=True)
     results = Results(request.folder)
     pace = Pace.of(results)

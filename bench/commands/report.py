@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from ..pages.shapes import Track
     from ..results.store import Results
 
-MEGABYTES = 8.0
+MEGABYTES = 8.0  # of shapes, where a page has room for them
+PAGE = 10.0  # megabytes that a page has at most, where its tables leave room for shapes
+LEAST = 2.0  # megabytes of shapes that a page with large tables has
 FILTERS = ("task", "dataset", "sensor", "method", "tag", "split")
 
 
@@ -49,8 +51,8 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", metavar="NAMES", help=f"only these {name}s: one, or several with commas")
     named = "experiments whose papers' numbers stand beside ours (default: those whose datasets the results have)"
     parser.add_argument("--published", metavar="NAMES", help=named)
-    size = f"of all shapes together, in the page; 0: no 3-D view (default: {MEGABYTES:g})"
-    parser.add_argument("--shapes", type=float, default=MEGABYTES, metavar="MB", help=size)
+    size = f"of all shapes together, in the page; 0: no 3-D view (default: {MEGABYTES:g}, or what {PAGE:g} leave)"
+    parser.add_argument("--shapes", type=float, metavar="MB", help=size)
     parser.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
     parser.add_argument(
         "--equal", type=float, default=0.02, metavar="SHARE", help="differences below count as equal (default: 0.02)"
@@ -74,8 +76,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def gathered(args: argparse.Namespace) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The data of the page, and its shapes."""
+def gathered(args: argparse.Namespace, usual: float | None = None) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The data of the page, and its shapes: by default of ``usual`` megabytes, or of what one page leaves for them."""
     from ..pages.data import page_data
 
     rows, folders = chosen_rows(args)
@@ -87,7 +89,8 @@ def gathered(args: argparse.Namespace) -> tuple[dict[str, Any], dict[str, bytes]
         equal=args.equal,
         published=_names(args.published),
     )
-    scenes, geometry = _shapes(folders, rows, args.shapes)
+    megabytes = args.shapes if args.shapes is not None else usual or _room(data)
+    scenes, geometry = _shapes(folders, rows, megabytes)
     return data | {"scenes": scenes}, geometry
 
 
@@ -101,7 +104,7 @@ def chosen_rows(args: argparse.Namespace) -> tuple[pd.DataFrame, Sequence[Result
         load_plugins(args.plugin)
     if not 0 < args.level < 1:
         raise UsageError(f"--level {args.level}: expected a number between 0 and 1")
-    if not args.shapes >= 0:
+    if args.shapes is not None and not args.shapes >= 0:
         raise UsageError(f"--shapes {args.shapes:g}: expected megabytes, 0 for no 3-D view")
     folders = args.results or ["results"]
     rows = read_rows(folders, use_index=not args.no_index)
@@ -117,6 +120,14 @@ def titled(folders: Sequence[str]) -> str:
 
 def _names(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _room(data: dict[str, Any]) -> float:
+    """Megabytes for shapes in a page with this data."""
+    from ..pages.assemble import one_file
+
+    rest = len(one_file(data | {"scenes": []}, {})) / 1e6
+    return min(MEGABYTES, max(PAGE - rest, LEAST))
 
 
 def _shapes(folders: Sequence[Results], rows: pd.DataFrame, megabytes: float) -> tuple[list[dict], dict[str, bytes]]:

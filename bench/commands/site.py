@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .report import add_page_arguments, described, gathered
+from .report import MEGABYTES, add_page_arguments, described, gathered
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
 
     folder = Path(args.output)
     earlier_files(folder)  # what would be refused at the end is refused at once
-    data, geometry = gathered(args)
+    data, geometry = gathered(args, MEGABYTES)
     files = site(data, geometry)
     write_site(folder, files)
     pages = sum(name.endswith(".html") for name in files)

@@ -33,7 +33,8 @@ def listing(files: Sequence[str] = ()) -> dict[str, Any]:
     found = kept_listing(now)
     if found is None:
         found = _made(())
-        keep(now, found)
+        if _is_of_installed(found):
+            keep(now, found)
     return _with_own(found)
 
 
@@ -64,6 +65,14 @@ def _with_own(found: dict[str, Any]) -> dict[str, Any]:
                 facts["presets"] = dict(sorted({**others, **mine}.items()))
     found["broken"] += _broken(own=True)
     return found
+
+
+def _is_of_installed(found: dict[str, Any]) -> bool:
+    """Whether nothing in a listing comes from this process alone: a plugin file, or a class that somebody imported."""
+    from .registry import registry
+
+    origins = [facts["origin"] for plugins in found["plugins"].values() for facts in plugins]
+    return "imported" not in origins and not registry().files
 
 
 def _broken(*, own: bool) -> list[dict[str, str]]:

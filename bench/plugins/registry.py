@@ -153,6 +153,7 @@ class Registry:
         self._known: dict[str, dict[str, tuple[str, str]]] = {kind: {} for kind in KINDS}  # name -> module, origin
         self._collisions: dict[tuple[str, str], PluginError] = {}
         self.broken: list[Broken] = []
+        self.files: set[Path] = set()  # that were loaded as --plugin does
         self._loaded: set[str] = set()
         self._discovered = False
         self._origin: str | None = None
@@ -263,6 +264,7 @@ class Registry:
                     self._load_known(kind, name)
         if any(plugin.file == path for kind in KINDS for plugin in self._plugins[kind].values()):
             return  # one of those that are installed
+        self.files.add(path)
         module = plugin_module_name(path)
         collisions = set(self._collisions)
         self._guarded(str(path), module, lambda: _import_file(path, module), file=path)

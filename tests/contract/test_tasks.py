@@ -129,7 +129,7 @@ def test_what_a_task_takes_is_what_its_sensor_must_give():
 def test_a_task_describes_its_inputs_in_its_own_words():
     cloud = {"points": 5000.0, "rms": 0.02, "rms_inliers": 0.01, "outliers": 0.1, "coverage": 0.98}
     words = words_of_input("upsample[ratio=16]", cloud | {"density_variation": 0.35})
-    assert words.startswith("input, median of the cases: 5,000 points; 0.01 from") and "varies by 35%" in words
+    assert "5,000 points; RMS error 0.01; outliers (> 0.05) 10.0%; coverage 98.0%" in words and "varies by 35%" in words
     assert words_of_input("detail_transfer[bases=False]", {"detail_rms": 0.021, "detail_max": 0.035}).startswith(
         "details"
     )

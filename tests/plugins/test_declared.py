@@ -88,3 +88,17 @@ def test_a_module_is_imported_when_its_plugin_is_asked_for(package):
 def test_a_module_whose_text_does_not_tell_is_imported_at_once(package):
     found = package("loud_plugins", broken="register(\n", computed=f"NAME = 'x'\n{HEAD}raise OSError('register(')\n")
     assert sorted(broken.reason.partition(":")[0] for broken in found.broken) == ["OSError", "SyntaxError"]
+
+
+def test_what_one_process_alone_has_loaded_is_in_no_kept_listing(tmp_path, monkeypatch):
+    from bench.plugins import listing as module
+
+    kept = []
+    monkeypatch.setattr(registry(), "broken", [])  # what it is after this test
+    monkeypatch.setattr(registry(), "files", set())
+    monkeypatch.setattr(module, "kept_listing", lambda stamp: None)
+    monkeypatch.setattr(module, "keep", lambda stamp, found: kept.append(found))
+    broken = tmp_path / "broken.py"
+    broken.write_text("raise ValueError('of this process')\n")
+    registry().load_file(broken)
+    assert any(entry["file"] == str(broken) for entry in module.listing()["broken"]) and kept == []
