@@ -186,3 +186,28 @@ def test_a_cell_is_found_by_its_beginning(results):
         results.find_cell("ab")
     with pytest.raises(UsageError, match="Did you mean 'ab1000000002'|Did you mean"):
         results.find_cell("ab1000000003")
+
+
+def test_two_processes_read_what_one_reads(results, monkeypatch):
+    """Very many records are read by two; a damaged one is reported as always."""
+    for place in range(8):
+        results.write(record(cell=f"{place:012x}", seed=place))
+    paths = sorted(results.path(f"{place:012x}", record().fingerprint) for place in range(8))
+    paths[1].write_bytes(paths[1].read_bytes()[:-40])
+    expected = Results(results.folder)
+    alone = expected.rows(use_index=False)
+    monkeypatch.setattr("bench.results.index.MANY", 4)
+    both = Results(results.folder)
+    pd.testing.assert_frame_equal(both.rows(use_index=False), alone)
+    assert len(alone) == 21 and both.damaged == expected.damaged and len(both.damaged) == 1
+
+
+def test_where_no_processes_can_be_started_one_reads_all(results, monkeypatch):
+    results.write(record())
+    monkeypatch.setattr("bench.results.index.MANY", 1)
+
+    def refused(*_):
+        raise OSError("no semaphores")
+
+    monkeypatch.setattr("bench.results.index.ProcessPoolExecutor", refused)
+    assert len(results.rows(use_index=False)) == 3
