@@ -37,6 +37,7 @@ FOLDER = "__folder"
 # What decides whether a case must be run again.
 STATE = ("case_index", "status", "stage", "message", "output", "limit_seconds", "limit_memory_gb")
 MANY = 5000  # files that are worth the start of two processes
+PART = 2000  # files after which such a process hands over what it has read
 BATCH = 256  # files read before their small tables are made one: ten thousand of them are mostly overhead
 
 
@@ -160,23 +161,26 @@ def _warn_of_the_future(rivals: pd.DataFrame, folders: Sequence[Results], now: f
 
 
 def _read_all(results: Results, paths: list[Path]) -> tuple[list[pa.Table], set[str]]:
-    """:func:`_read_some` of all files; of very many, each half in a process of its own.
+    """:func:`_read_some` of all files; very many are read by two processes, a part at a time.
 
     Half of the work is Python's, of which threads do one thing at a time.
     """
-    if len(paths) >= MANY and (os.cpu_count() or 1) > 1:
-        half = len(paths) // 2
-        try:
-            with ProcessPoolExecutor(2, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
-                parts = list(pool.map(_read_part, [results] * 2, [paths[:half], paths[half:]]))
-        except (OSError, BrokenExecutor):  # no semaphores, no room for processes, or one that was killed
-            return _read_some(results, paths, 4)
-        known = len(results.damaged)
-        for _, _, read in parts:
-            results.damaged += read.damaged[known:]
-            results._noted |= read._noted
-        return [table for tables, _, _ in parts for table in tables], parts[0][1] | parts[1][1]
-    return _read_some(results, paths, 4)
+    if len(paths) < MANY or (os.cpu_count() or 1) < 2:
+        return _read_some(results, paths, 4)
+    parts = [paths[begin : begin + PART] for begin in range(0, len(paths), PART)]
+    try:
+        with ProcessPoolExecutor(2, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+            done = list(pool.map(_read_part, [results] * len(parts), parts))
+    except (OSError, BrokenExecutor):  # no semaphores, no room for processes, or one that was killed
+        return _read_some(results, paths, 4)
+    known = len(results.damaged)
+    tables, lacking = [], set()
+    for of_part, lacking_there, read in done:
+        tables += of_part
+        lacking |= lacking_there
+        results.damaged += read.damaged[known:]
+        results._noted |= read._noted
+    return tables, lacking
 
 
 def _read_part(results: Results, paths: Sequence[Path]) -> tuple[list[pa.Table], set[str], Results]:

@@ -197,6 +197,7 @@ def test_two_processes_read_what_one_reads(results, monkeypatch):
     expected = Results(results.folder)
     alone = expected.rows(use_index=False)
     monkeypatch.setattr("bench.results.index.MANY", 4)
+    monkeypatch.setattr("bench.results.index.PART", 3)
     both = Results(results.folder)
     pd.testing.assert_frame_equal(both.rows(use_index=False), alone)
     assert len(alone) == 21 and both.damaged == expected.damaged and len(both.damaged) == 1
