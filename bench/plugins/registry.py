@@ -226,15 +226,17 @@ class Registry:
             origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.name
             for module, file in self._plugin_modules(entry.module, origin):
                 plugins = declared(file) if file else None
-                for kind, name in plugins or ():
-                    if kind not in KINDS or name in self.names(kind):  # the import of both says what is wrong
-                        self._load_known(kind, name)
-                        plugins = None
-                        break
-                if plugins is None:
+                taken = [(kind, name) for kind, name in plugins or () if kind not in KINDS or self._has(kind, name)]
+                for kind, name in taken:  # the import of both says what is wrong
+                    self._load_known(kind, name)
+                if plugins is None or taken:
                     self._guarded(origin, module, partial(importlib.import_module, module))
-                for kind, name in plugins or ():
+                    continue
+                for kind, name in plugins:
                     self._known[kind][name] = (module, origin)
+
+    def _has(self, kind: str, name: str) -> bool:
+        return name in self._known[kind] or name in self._plugins[kind]
 
     def _load_known(self, kind: str, name: str) -> None:
         """Import the module of a name that is known from its text."""
