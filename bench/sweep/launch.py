@@ -289,7 +289,7 @@ def _launcher(request: Request, jobs: Sequence[Sequence[str]]) -> Iterator[tuple
     with hydra_ready() as loader:
         with in_words([*own, *jobs[0]]):
             config = loader.load_configuration(CONFIG_NAME, [*own, *jobs[0]], run_mode=RunMode.MULTIRUN)
-            for words in representatives(jobs) if len(jobs) > 1 else ():
+            for words in representatives(jobs)[1:]:  # the first is the one above
                 loader.load_sweep_config(config, list(words))
             callbacks = Callbacks(config)
             launcher = Plugins.instance().instantiate_launcher(
