@@ -5,14 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 
-def between_0_and_1(colors: np.ndarray, whole: bool = False) -> np.ndarray:
-    """Colours (n, 3) as fractions of 1, float64.
+def color_scale(triple: np.ndarray, *, named: bool = False, integers: bool = False) -> float:
+    """What three columns (n, 3) are divided by to be colours in 0..1; 0 if they are none.
 
-    Whole numbers up to 255, or up to 65535, are fractions of these; ``whole`` says that the file stores whole numbers,
-    of which 0 and 1 are dark. Where all are 0 or 1 otherwise, they are fractions of 1. What fits nothing stays.
+    Eight bits that are stored in fields of sixteen are eight bits. Columns that are ``named`` colours may be constant,
+    or means of several. ``integers`` says that the file stores whole numbers, of which 0 and 1 are dark.
     """
-    colors = np.asarray(colors, dtype=np.float64)
-    most = colors.max(initial=0.0)
-    if not (whole or most > 1) or not (colors.min(initial=0.0) >= 0 and (colors == np.rint(colors)).all()):
-        return colors
-    return colors / next((full for full in (255, 65535) if most <= full), 1)
+    known = triple[np.isfinite(triple).all(axis=1)]
+    if not len(known) or known.min() < 0:
+        return 0.0
+    largest, is_whole = known.max(), bool((known == np.rint(known)).all())
+    if largest <= 1 and not integers:
+        return 1.0 if named or not is_whole else 0.0
+    for most in (255.0, 65535.0):
+        if largest <= most and (is_whole or named):
+            return most
+    return 0.0
+
+
+def colors_of(triple: np.ndarray, *, integers: bool = False) -> np.ndarray:
+    """Columns (n, 3) that are named colours, as fractions of 1, float64; what fits no scale stays as it is."""
+    return np.asarray(triple, dtype=np.float64) / (color_scale(triple, named=True, integers=integers) or 1)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ...notices import notice
+from .colors import color_scale
 from .raw import NO_FACES, RawGeometry
 
 # What the three columns of a triple are called, in lower case and with "_" for all that is no letter or digit.
@@ -88,24 +89,6 @@ def geometry_of(table: np.ndarray, names: Sequence[str], name: str, *, lone: str
         if not np.isnan(table[:, k]).all():
             scalars[label] = table[:, k].copy()
     return RawGeometry(table[:, groups["points"]], NO_FACES, normals, colors, scalars)
-
-
-def color_scale(triple: np.ndarray, *, named: bool = False) -> float:
-    """What three columns (n, 3) are divided by to be colours in 0..1; 0 if they are none.
-
-    Eight bits that are stored in fields of sixteen are eight bits. Columns that are ``named`` colours may be constant,
-    or means of several.
-    """
-    known = triple[np.isfinite(triple).all(axis=1)]
-    if not len(known) or known.min() < 0:
-        return 0.0
-    largest, is_whole = known.max(), bool((known == np.rint(known)).all())
-    if largest <= 1:
-        return 1.0 if named or not is_whole else 0.0
-    for most in (255.0, 65535.0):
-        if largest <= most and (is_whole or named):
-            return most
-    return 0.0
 
 
 def are_normals(triple: np.ndarray) -> bool:

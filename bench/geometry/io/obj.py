@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import BadInput
 from ...notices import notice
-from .colors import between_0_and_1
+from .colors import colors_of
 from .plain import numbers, plain_text, without_comments, words_of
 from .polygons import triangulate
 from .raw import NO_FACES, RawGeometry
@@ -141,7 +141,7 @@ def _vertices(block: _Block, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     if not colored.all():
         notice(f"{name}: {int(colored.sum())} of {len(words)} vertices have colours; all colours are left out")
         return points, None
-    return points, between_0_and_1(_columns(values, words, 3))
+    return points, colors_of(_columns(values, words, 3))
 
 
 def _corners(block: _Block) -> tuple[np.ndarray, np.ndarray | None]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import BadInput
 from ...notices import notice
-from .colors import between_0_and_1
+from .colors import colors_of
 from .plain import first_word_that_is_no_number, numbers, plain_text, without_comments, words_of
 from .ply_tables import BinarySource, Columns, Element, NumberSource, Property, Ragged, as_indices
 from .polygons import triangulate
@@ -204,6 +204,6 @@ def _parts(table: np.ndarray, letters: list[str], name: str) -> tuple[np.ndarray
         elif letter == "N":
             normals = np.ascontiguousarray(part)
         elif letter == "C":
-            colors = between_0_and_1(part[:, :3])
+            colors = colors_of(part[:, :3])
         at += widths[letter]
     return points, normals, colors

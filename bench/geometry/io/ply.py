@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import BadInput
 from ...notices import notice
-from .colors import between_0_and_1
+from .colors import colors_of
 from .columns import names_for, smallest_float
 from .plain import decoded, first_word_that_is_no_number, numbers, plain_text, words_of
 from .ply_tables import BinarySource, Columns, Element, NumberSource, Property, Ragged
@@ -237,7 +237,7 @@ def _colors(vertex: Columns) -> np.ndarray | None:
     if colors is None:
         return None
     taken = kinds.keys() - vertex.keys()
-    return between_0_and_1(colors, whole=all(kinds[title] in "ui" for title in taken))
+    return colors_of(colors, integers=all(kinds[title] in "ui" for title in taken))
 
 
 def _indices(face: Columns, name: str) -> Ragged | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import BadInput
 from ...notices import notice
-from .columns import color_scale
+from .colors import color_scale
 from .raw import NO_FACES, RawGeometry
 
 INSTALL = {"laspy": 'pip install "laspy[lazrs]"', "pye57": "pip install pye57"}
@@ -110,10 +110,8 @@ def _joined(scans: list[dict[str, Any]]) -> RawGeometry:
 def _colors(values: np.ndarray) -> np.ndarray | None:
     """Colours in 0..1; eight bits that are stored in fields of sixteen are eight bits, and all black are none."""
     values = values.astype(np.float64)
-    scale = color_scale(values, named=True)
-    if not scale or not values.any():
-        return None
-    return values / (255.0 if scale == 1 and (values == np.rint(values)).all() else scale)
+    scale = color_scale(values, named=True, integers=bool((values == np.rint(values)).all()))
+    return values / scale if scale and values.any() else None
 
 
 def notice_scans(count: int, name: str) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..cloud import PointCloud
-from .columns import color_scale, names_for
+from .colors import color_scale
+from .columns import names_for
 
 PIECE = 100_000  # rows that are written at once
 WHOLE, EXACT = "%d", "%.17g"  # 17 digits bring back the very same float64
