@@ -1,10 +1,10 @@
-"""The frame of a scan is that of its bulk, however far a stray point lies; parts of a scene are no strays."""
+"""Points far from all others, and the frame of a scan in spite of them; parts of a scene are no strays."""
 
 import numpy as np
 import pytest
 
 from bench.geometry.cloud import Frame
-from bench.geometry.stray import frame_of_bulk
+from bench.geometry.stray import frame_of_bulk, strays
 
 
 @pytest.fixture
@@ -22,3 +22,19 @@ def test_what_is_near_or_of_many_points_belongs_to_the_scene(ball):
     clouds = [ball, np.vstack([ball, ball[0] + (30, 0, 0)]), np.vstack([ball, ball[:100] + (1e5, 0, 0)]), ball[:3]]
     for points in (*clouds, np.vstack([np.zeros((500, 3)), [1, 0, 0]])):
         assert frame_of_bulk(points) == Frame.of(points)
+
+
+@pytest.mark.parametrize("distance", [20, 1e6])
+@pytest.mark.parametrize("count", [1, 8])
+def test_strays_are_the_points_far_from_all_others(ball, distance, count):
+    direction = np.random.default_rng(1).normal(size=(count, 3))
+    far = ball.mean(axis=0) + 3 * np.sqrt(3) * distance * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    np.testing.assert_array_equal(np.flatnonzero(strays(np.vstack([far, ball]))), np.arange(count))
+
+
+def test_a_tenth_of_the_points_or_a_few_that_are_near_are_no_strays(ball):
+    center = ball.mean(axis=0)
+    assert strays(ball) is None
+    assert strays(np.vstack([ball, center + 20 * (ball[:200] - center)])) is None
+    assert strays(np.vstack([ball, center + 4 * (ball[:1] - center)])) is None
+    assert strays(np.vstack([ball[:50], center + 99 * (ball[:1] - center)])) is None

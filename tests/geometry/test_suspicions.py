@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from bench.geometry.io.files import load_cloud
-from bench.geometry.suspicions import far_points, single_steps
+from bench.geometry.suspicions import single_steps
 from bench.notices import collected
 
 RNG = np.random.default_rng(0)
@@ -24,16 +23,6 @@ def test_steps_of_single_precision():
     assert single_steps(single(BALL / 10 + UTM)) == [2**-5, 0.5]
     assert single_steps(BALL + UTM) == single_steps(single(BALL)) == []
     assert single_steps(np.rint(BALL) + UTM) == []  # a grid of its own
-
-
-@pytest.mark.parametrize("far", [5, 20, 1e6])
-@pytest.mark.parametrize("count", [1, 8])
-def test_points_far_from_the_others(far, count):
-    direction = RNG.normal(size=(count, 3))
-    strays = 50 * far * direction / np.linalg.norm(direction, axis=1, keepdims=True) * np.sqrt(3)
-    found = far_points(np.concatenate([BALL, strays]) if far > 5 else BALL)
-    assert found is None if far == 5 else found[0] == count and 0 < found[1] < 0.1
-    assert far_points(np.concatenate([BALL, BALL[:300] * 20])) is None  # a tenth are no strays
 
 
 def test_the_reader_says_both(tmp_path):
