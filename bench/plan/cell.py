@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from ..errors import MissingData, UsageError, did_you_mean
-from ..plugins.registry import registry
+from ..plugins.registry import Plugin, registry
 from .choice import NO_SENSOR, Choice, NotSolved, Resolved, digest
 from .devices import check_name
 from .keys import Base
@@ -226,10 +226,15 @@ def _sensor(node: Mapping[str, Any], task: Choice, dataset: Choice) -> Choice:
 
     if taken_by(task.made) == "none":
         return NO_SENSOR
+    return _sensor_fits(sensor_of(node, dataset.plugin), task, dataset)
+
+
+def sensor_of(node: Mapping[str, Any] | None, dataset: Plugin) -> Choice:
+    """The sensor that a dataset is scanned with; scans that came with its shapes are taken as they are by default."""
     sensor = Choice.of("sensor", node)
-    if dataset.plugin.options.get("scans") and sensor == Choice.of("sensor", {"_name_": USUAL_SENSOR}):
-        sensor = Choice.of("sensor", {"_name_": "scan"})
-    return _sensor_fits(sensor, task, dataset)
+    if dataset.options.get("scans") and sensor == Choice.of("sensor", {"_name_": USUAL_SENSOR}):
+        return Choice.of("sensor", {"_name_": "scan"})
+    return sensor
 
 
 def _sensor_fits(sensor: Choice, task: Choice, dataset: Choice) -> Choice:

@@ -75,7 +75,7 @@ class Choice(Resolved):
         return f"{self.name}[{self.variant}]" if self.variant else self.name
 
     @classmethod
-    def of(cls, kind: str, node: Mapping[str, Any], where: str | None = None) -> Choice:
+    def of(cls, kind: str, node: Mapping[str, Any] | None, where: str | None = None) -> Choice:
         """From a config node; every parameter is checked and completed."""
         if not isinstance(node, Mapping) or NAME_KEY not in node:
             raise UsageError(f"{where or kind}: choose a {kind} by name, for instance {kind}={_example(kind)}")

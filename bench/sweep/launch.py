@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..engine.forkserver import CannotStart
 from ..errors import DetailbenchError, StoreError, Terminated, UsageError
-from ..plan.cell import Cell, NotSolved, check_root, settings_of
+from ..plan.cell import Cell, NotSolved, check_root, sensor_of, settings_of
 from ..plan.keys import GROUPS
 from ..plugins import config_files
-from ..plugins.registry import load_plugins
+from ..plugins.registry import load_plugins, registry
 from ..safe_path import isolate_imports, safe_children
 from .composition import CONFIG_NAME, hydra_message, hydra_ready, in_words
 from .request import Request, is_hydras, text_of
@@ -68,7 +68,7 @@ def job(config: DictConfig) -> None:
     alive()
     if not here:
         _leave_with(session)
-    number, title = _number(), _title(values)
+    number = _number()
     name = f"job-{number:06d}"
     if session.has(name):
         return  # the sweep was launched once more, after a process of the launcher was killed
@@ -76,17 +76,17 @@ def job(config: DictConfig) -> None:
     try:
         word = {"kind": "cell", **_run(values, reporter, alive)}
     except NotSolved as error:
-        word = {"kind": "not_solved", "message": str(error)}
+        word = {"kind": "not_solved", "title": _title(values), "message": str(error)}
     except UsageError as error:
-        word = {"kind": "usage", "message": str(error)}
+        word = {"kind": "usage", "title": _title(values), "message": str(error)}
     except CannotStart as error:  # every other job would meet the same; two processes may say so, one line is enough
-        session.leave("stopped", kind="stopped", title=title, message=str(error))
+        session.leave("stopped", kind="stopped", title=_title(values), message=str(error))
         raise SystemExit(1) from error
     except StoreError as error:
         # There is no point in going on: every other job would meet the same disk.
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(1) from error
-    session.leave(name, job=number, **{"title": title, **word})
+    session.leave(name, job=number, **word)
 
 
 def _run(values: Mapping[str, Any], reporter: Progress | None, alive: Callable[[], None]) -> dict[str, Any]:
@@ -136,8 +136,10 @@ def _leave_with(session: Session) -> None:
 
 
 def _title(values: Mapping[str, Any]) -> str:
-    names = [(values.get(kind) or {}).get("_name_", "?") for kind in ("task", "dataset", "sensor", "method")]
-    return " ".join([*names, f"seed={values.get('seed')}"])
+    names = {kind: (values.get(kind) or {}).get("_name_", "?") for kind in ("task", "dataset", "sensor", "method")}
+    with contextlib.suppress(UsageError):  # which is what the message below the title is about
+        names["sensor"] = sensor_of(values.get("sensor"), registry().find("dataset", names["dataset"])).name
+    return " ".join([*names.values(), f"seed={values.get('seed')}"])
 
 
 def _ignore_interrupts() -> None:
