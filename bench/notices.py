@@ -42,9 +42,12 @@ def notice(text: str) -> None:
 
 
 @contextlib.contextmanager
-def collected() -> Iterator[list[str]]:
-    """The notices of what is done inside, in the order of their coming; those around get none of them."""
-    found: list[str] = []
+def collected(into: list[str] | None = None) -> Iterator[list[str]]:
+    """The notices of what is done inside, in the order of their coming; those around get none of them.
+
+    They are added to ``into`` where that is given.
+    """
+    found: list[str] = [] if into is None else into
     token = _collector.set(found)
     try:
         yield found

@@ -147,12 +147,13 @@ def call(spec: Mapping[str, Any], channel: Channel) -> None:
     from .worker import failure
 
     clock = _StageClock(channel)
+    notes: list[str] = []
     try:
         with listening(clock):
-            row = _applied(spec, channel)
+            row = _applied(spec, channel, notes)
         row |= {"status": "ok", "stages": clock.seconds}
     except BaseException as error:  # the boundary: shown as one message
-        row = {"stage": channel.stage} | failure(error, channel.stage)
+        row = {"stage": channel.stage} | failure(error, channel.stage, notes)
     channel.send("result", row=plain(bounded(row)))
 
 
@@ -171,8 +172,8 @@ class _StageClock:
         self._channel.send("doing", what=name)
 
 
-def _applied(spec: Mapping[str, Any], channel: Channel) -> dict[str, Any]:
-    """The row of one call, whose output is written."""
+def _applied(spec: Mapping[str, Any], channel: Channel, notes: list[str]) -> dict[str, Any]:
+    """The row of one call, whose output is written; ``notes`` gets what is to be known about it, also if it fails."""
     from ..geometry.io.files import check_target
     from ..notices import collected
     from ..plugins.weights import load
@@ -188,7 +189,7 @@ def _applied(spec: Mapping[str, Any], channel: Channel) -> dict[str, Any]:
     solver = task.build()
     check_target(asked["output"], solver.output)  # nobody should wait for what cannot be written
     channel.enter("case", 0)
-    with collected() as notices, stage("reading"):
+    with collected(notes), stage("reading"):
         inputs, frame = solver.read(asked["inputs"])
         inputs = {name: _with_normals_of(asked["normals"], value) for name, value in inputs.items()}
     call = MeasuredCall(
@@ -202,10 +203,13 @@ def _applied(spec: Mapping[str, Any], channel: Channel) -> dict[str, Any]:
         channel=channel,
         weights=load(asked["weights"]) if asked.get("weights") else None,
     )
-    with stage("solving"):
-        output = call()
+    try:
+        with stage("solving"):
+            output = call()
+    finally:
+        notes.extend(filter(None, [call.columns.get("message")]))
     channel.enter("write", 0)
-    with collected() as written:
+    with collected(notes):
         restored = solver.restore(_with_attributes_of(inputs, output), frame)
         if asked["simplify"]:
             restored = _simplified(restored, asked)
@@ -213,7 +217,6 @@ def _applied(spec: Mapping[str, Any], channel: Channel) -> dict[str, Any]:
             restored = _colored(restored, [solver.restore(v, frame) for v in inputs.values() if _has_colors(v)])
         with stage("writing"):
             solver.save(restored, asked["output"], asked["inputs"])
-    notes = list(filter(None, [*notices, call.columns["message"], *written]))
     return call.columns | _sizes(inputs, restored) | {"message": "; ".join(notes), "notes": notes}
 
 

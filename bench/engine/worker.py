@@ -14,7 +14,7 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -162,10 +162,11 @@ class Session:
     def run_case(self, index: int, recipe: Any, task: Any) -> dict[str, Any]:
         """The row of one case; whatever is raised on the way is its status."""
         row: dict[str, Any] = {}
+        read: list[str] = []  # notices of the user's own files, say
         self.case = None
         try:
             self.channel.enter("case", index)
-            with collected() as read:  # of the user's own files, say
+            with collected(read):
                 self.case = case = self.made(recipe)
                 row["tags"] = ",".join(self.tags(case))
                 row |= conditions(task, case)
@@ -191,7 +192,8 @@ class Session:
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
                 os._exit(1)
-            return row | {"stage": self.channel.stage} | failure(error, self.channel.stage)
+            notes = [*read, row.get("message", "")]
+            return row | {"stage": self.channel.stage} | failure(error, self.channel.stage, notes)
         return {"message": ""} | row | {"status": "ok", "stage": "", "traceback": ""}
 
     def check_training(self, case: Case) -> None:
@@ -330,9 +332,10 @@ class Session:
 # -- failures ----------------------------------------------------------------------------------------------------------
 
 
-def failure(error: BaseException, stage: str) -> dict[str, str]:
-    """Status, message and traceback of what was raised."""
-    notes = "".join(f" ({note})" for note in getattr(error, "__notes__", ()))
+def failure(error: BaseException, stage: str, notes: Iterable[str] = ()) -> dict[str, str]:
+    """Status, message and traceback of what was raised; ``notes`` were given before, and may explain it."""
+    added = [f"note: {note}" for note in notes if note]
+    remarks = "".join(f" ({remark})" for remark in (*getattr(error, "__notes__", ()), *added))
     try:
         text = str(error).strip()
     except Exception as inner:  # whatever a method's own class of exceptions does
@@ -352,7 +355,7 @@ def failure(error: BaseException, stage: str) -> dict[str, str]:
         message = f"called sys.exit({error.code!r})"
     told = status in ("invalid", "skipped") or isinstance(error, (BadInput, UsageError))  # by the message, wholly
     trace = "" if told else "".join(traceback.format_exception(error))
-    return {"status": status, "message": message + notes, "traceback": trace}
+    return {"status": status, "message": message + remarks, "traceback": trace}
 
 
 def _is_ours(error: ImportError) -> bool:

@@ -99,6 +99,15 @@ def test_many_files_with_a_bad_one_and_nothing_is_made_twice(here, capsys):
         assert InProcess.made == [f"out/{name}.ply" for name in made]
 
 
+def test_a_call_that_fails_reports_what_the_reader_of_its_file_noted(here, capsys):
+    points = (20 * sphere(2000) + [500_000.0, 5_400_000.0, 350.0]).astype(np.float32)
+    np.savetxt(here / "survey.xyz", points.astype(np.float64), "%.17g")
+    words = ["method=external", "method.command='false {input} {output}'", "task=denoise"]
+    assert main(["apply", *words, "survey.xyz", "out.ply"]) == 1
+    printed = capsys.readouterr().err
+    assert "exit" in printed and "note: survey.xyz: its coordinates have steps of 0.5" in printed
+
+
 def test_a_mesh_is_simplified_and_coloured_and_says_what_that_costs(here, capsys):
     points = sphere()
     np.savetxt(here / "scan.xyz", np.hstack([points, np.rint((points + 1) * 127)]))

@@ -381,3 +381,16 @@ def test_a_run_is_kept_explained_and_reproduced(folder, shell):
     save(scan_of(trimesh.creation.icosphere(1), 50), folder / "scans" / "b_noisy.ply")
     why = shell.call("why", cell_id, f"results={shell.results}")
     assert "file b scan (b_noisy.ply) has other content" in why.stdout, why.stdout + why.stderr
+
+
+def test_messages_name_the_scan_and_failures_report_what_its_reader_noted(folder, shell):
+    words = ["dataset=paired", f"dataset.path={folder}", "dataset.reference=mesh/*.off", "task=denoise"]
+    missing = shell.call("run", *words, "method=identity", "dataset.input=none/*.ply", f"results={shell.results}")
+    assert missing.stderr.startswith("error: denoise paired scan identity seed=0: "), missing.stderr
+    points = scan_of(trimesh.creation.icosphere(1, radius=50), 2000).points + [500_000.0, 5_400_000.0, 350.0]
+    np.savetxt(folder / "scans" / "a_noisy.xyz", points.astype(np.float32).astype(np.float64), "%.17g")
+    words += ["dataset.input=scans/*_noisy.xyz", "method=external", "method.command='false {input} {output}'"]
+    shell.call("run", *words, f"results={shell.results}")
+    (row,) = shell.rows().to_dict("records")
+    assert row["status"] == "error"
+    assert "exit code 1" in row["message"] and "a_noisy.xyz: its coordinates have steps of" in row["message"]
