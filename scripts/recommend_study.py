@@ -6,7 +6,7 @@ Each case is a shape of a dataset seen by a sensor. It is subsampled to --points
 the truth; then the mesh that each method made of the whole subsample is scored by chamfer_l1_mean against the true
 surface. What was found is stored in FOLDER, a file for each case, and is not computed again. The table that is printed
 has Spearman's rank correlation of the two rankings, the true rank of the method in first place, and how often a method
-that was called surely better was truly worse. A case takes about half a minute of one core.
+that was called significantly better was truly worse. A case takes about half a minute of one core.
 """
 
 from __future__ import annotations
@@ -110,23 +110,22 @@ def verdicts(row: dict[str, Any]) -> dict[str, float]:
     errors = np.array([truth[entry["method"]] for entry in ranking])
     ranks = rankdata(errors)
     low, high = np.array([entry["rank"] for entry in ranking]).T
-    surely = high[:, None] < low
+    significantly = high[:, None] < low
     return {
         "rho": float(spearmanr([entry["score"] for entry in ranking], errors)[0]),
         "first": float(ranks[0]),
         "of": len(ranking),
         "excess": float(errors[0] / errors.min()),
         "tied": int((low == 1).sum()),
-        "sure": int(surely.sum()),
-        "wrong": int((surely & (errors[:, None] > errors)).sum()),
-        "clearly": int((surely & (errors[:, None] > CLEARLY * errors)).sum()),
+        "sure": int(significantly.sum()),
+        "wrong": int((significantly & (errors[:, None] > errors)).sum()),
+        "clearly": int((significantly & (errors[:, None] > CLEARLY * errors)).sum()),
     }
 
 
 def _show(which: str, rows: list[dict[str, Any]]) -> None:
-    print(
-        f"\n{which}\n\n| case | rank correlation | first | true rank of it | its error / least | tied | surely better |"
-    )
+    columns = ("case", "rank correlation", "first", "true rank of it", "its error / least", "tied")
+    print(f"\n{which}\n\n| {' | '.join(columns)} | significantly better |")
     print("| --- | --: | --- | --: | --: | --: | --: |")
     found = [verdicts(row) for row in rows]
     for row, v in zip(rows, found, strict=True):
@@ -140,7 +139,9 @@ def _show(which: str, rows: list[dict[str, Any]]) -> None:
     print(
         f"\nmean rank correlation {mean:.2f}; {worst} of {len(rows)} have a method of the worst third in first place;"
     )
-    print(f"of {sure} pairs that are called surely ordered, {wrong} are wrong, {clearly} of them by more than 5 %.")
+    print(
+        f"of {sure} pairs that are called significantly ordered, {wrong} are wrong, {clearly} of them by more than 5 %."
+    )
     sensors = sorted({row["sensor"] for row in rows})
     means = {s: np.mean([v["rho"] for row, v in zip(rows, found, strict=True) if row["sensor"] == s]) for s in sensors}
     print("by sensor: " + ", ".join(f"{sensor} {value:.2f}" for sensor, value in means.items()))

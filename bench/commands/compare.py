@@ -1,8 +1,8 @@
-"""Compare two results, then and now: what got worse, surely, what failed, what is slower. A gate for CI.
+"""Compare two results, then and now: what got significantly worse, what failed, what is slower. A gate for CI.
 
-  detailbench compare baseline results                       exit code 3 where something is surely worse by over 2 %
+  detailbench compare baseline results                       exit code 3 if something is significantly worse (over 2 %)
   detailbench compare baseline results --fail-worse 5% --metric chamfer_l1_mean,p2f_mean
-  detailbench compare baseline results --fail-slower 20%     and where a method is surely slower by over 20 %
+  detailbench compare baseline results --fail-slower 20%     and if a method is significantly slower (over 20 %)
   detailbench compare baseline results --format markdown >> "$GITHUB_STEP_SUMMARY"
 
 A and B are results folders of `detailbench run`, A the older one. Their cases are paired by dataset, sensor, seed,
@@ -10,8 +10,9 @@ case and method with its parameters. For each method and metric the mean relativ
 against the threshold, and the tests are corrected for their number (Holm): many methods and metrics do not make false
 alarms. Seconds are divided by the time of a fixed workload that ran just before each call.
 
-Exit code 3 where a line is surely worse than --fail-worse, where a case fails that was solved, or, with --fail-slower,
-where a method is surely slower; with --fail-gone also where cases are missing. docs/compare.md has a recipe for CI.
+Exit code 3 where a line is significantly worse than --fail-worse, where a case fails that was solved, or, with
+--fail-slower, where a method is significantly slower; with --fail-gone also where cases are missing. docs/compare.md
+has a recipe for CI.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     for line in reasons:
         print(f"worse: {line}", file=sys.stderr)
     if not reasons:
-        print("nothing is surely worse", file=sys.stderr)
+        print("nothing is significantly worse", file=sys.stderr)
     return 3 if reasons else 0
 
 

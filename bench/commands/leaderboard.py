@@ -1,4 +1,4 @@
-"""Rank finished results: who is better, by how much, how surely, at what cost.
+"""Rank finished results: who is better, by how much, how certain that is, at what cost.
 
   detailbench leaderboard                                  of the folder `results`
   detailbench leaderboard DIR [DIR ...] --task denoise --metric p2f_mean

@@ -11,10 +11,10 @@ experiment tune_METHOD. All other words are those of `detailbench run`: each dat
 each trial runs all of them. The score that decides is the task's own, or --score; a setting counts by its geometric
 mean over cases, and a failed case counts as the worst output that takes no method.
 
-The first trial is the default, so the best is never worse than it on the trial cases. A trial that is surely worse than
-the best one after some of its cells (0.5 %, over shapes) is stopped. At the end the default and the best are run on
-further train shapes (--held-out), which the search did not see: only these say what the setting is worth. The test
-split is refused.
+The first trial is the default, so the best is never worse than it on the trial cases. A trial that is significantly
+worse than the best one after some of its cells (0.5 %, over shapes) is stopped. At the end the default and the best are
+run on further train shapes (--held-out), which the search did not see: only these say what the setting is worth. The
+test split is refused.
 
 Trials are ordinary cells in the results folder: nothing is computed twice, and after Ctrl-C the same command goes on.
 With --trials N and --seed the same trials come each time; with --budget how many there are depends on the machine.

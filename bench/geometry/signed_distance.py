@@ -18,7 +18,7 @@ def signed_distances(mesh: Trimesh, points: np.ndarray) -> np.ndarray:
     """How far points are from a mesh: the exact Euclidean distance, negative inside.
 
     The sign is that of :func:`bench.geometry.winding.inside`, so a mesh may have holes, doubled vertices or parts that
-    cross, where normals of the closest face would mislead. It is sure but for points within single precision of the
+    cross, where normals of the closest face would mislead. It is right but for points within single precision of the
     surface, and, on a mesh with holes, for those where the winding number is near one half. Faces without an area are
     no part of the surface.
 

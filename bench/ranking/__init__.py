@@ -1,1 +1,1 @@
-"""From rows to tables: who is better, by how much, how surely."""
+"""From rows to tables: who is better, by how much, and how certain that is."""

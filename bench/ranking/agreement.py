@@ -1,16 +1,16 @@
-"""Whether one test set orders the methods as another one does: Kendall's tau of two orders, and how sure it is.
+"""Whether one test set orders the methods as another one does: Kendall's tau of two orders, and how certain it is.
 
 The orders are those of the means over all units (case, seed and sensor) that every method was to solve. Tau-b
 (Kendall, "The Treatment of Ties in Ranking Problems", *Biometrika* 33, 1945) is the number of pairs of methods that
 both sets order alike, less those that they order the other way, over the number of pairs; ties are taken out of that
 number.
 
-Two statements say how sure it is:
+Two statements say how certain it is:
 
 * ``low`` to ``high`` is a confidence interval. Each two methods are compared on each set by the paired relative
   differences of which ranks are made (:mod:`statistics`), with Holm's correction over all pairs of both sets; what
-  follows from sure comparisons (a before b, b before c) is sure too. With the chosen level no sure comparison is wrong,
-  and tau of the true orders lies between what it is if all other pairs disagree and if all of them agree. The
+  follows from significant comparisons (a before b, b before c) is significant too. With the chosen level none of them
+  is wrong, and tau of the true orders lies between what it is if all other pairs disagree and if all of them agree. The
   interval is wide where methods are nearly as good, for then many orders fit the data; no honest one is narrow there.
 * ``spread`` is the middle part of tau over resampled shapes (bootstrap of the clusters of both sets). It says how tau
   varies with the choice of shapes, but is no confidence interval: two sets with one and the same true order rarely
@@ -59,7 +59,7 @@ class Tau:
     high: float
     spread_low: float  # over resampled shapes
     spread_high: float
-    agree: int  # pairs of methods that both sets surely order alike
+    agree: int  # pairs of methods that both sets significantly order alike
     reverse: int  # and the other way
     open: int  # and those of which the shapes do not tell
     shapes: int  # of the first set
@@ -78,7 +78,9 @@ class Agreement:
     families: tuple[str, ...]  # the datasets of the first side
     methods: pd.DataFrame  # CONTENDER, and the columns RANK with ``_1`` and ``_2`` behind them, in the first order
     taus: tuple[Tau, ...]  # of all, of each sensor, of each family alone, and without each family
-    reversed: tuple[tuple[int, int], ...]  # lines of ``methods``: the first set surely prefers a, the second surely b
+    reversed: tuple[
+        tuple[int, int], ...
+    ]  # lines of ``methods``: the first set significantly prefers a, the second significantly b
     halves: tuple[float, float]
     left_out: int  # units that not all of the methods were to solve
 
@@ -185,8 +187,8 @@ def _of_table(rows: pd.DataFrame, key: tuple[str, str], wanted: Names, other: st
         taus.append(compare(taken(a), taken(b), rng, level, part=part, name=name, without=without))
     both = [taken(side) for side in sides]
     order = np.lexsort([both[1].means, places(both[0].means)])
-    sure = _sure(both, level)
-    first = [(i, j) for i in order for j in order if sure[0][i, j] > 0 > sure[1][i, j]]
+    significant = _significant(both, level)
+    first = [(i, j) for i in order for j in order if significant[0][i, j] > 0 > significant[1][i, j]]
     line = {contender: number for number, contender in enumerate(order)}
     board = _boards(rows, scores.units[complete], metric, level)
     methods = scores.contenders.iloc[order].reset_index(drop=True)
@@ -256,9 +258,9 @@ def compare(first: Scores, second: Scores, rng: np.random.Generator, level: floa
     from scipy.stats import kendalltau
 
     a, b = places(first.means), places(second.means)
-    sure = _sure((first, second), level)
+    significant = _significant((first, second), level)
     pairs = np.triu_indices(len(a), 1)
-    product = (sure[0] * sure[1])[pairs]
+    product = (significant[0] * significant[1])[pairs]
     agree, reverse = int((product > 0).sum()), int((product < 0).sum())
     n, unclear = len(product), int((product == 0).sum())
     tau = float(kendalltau(a, b, variant="b").statistic) if len(set(a)) > 1 and len(set(b)) > 1 else float("nan")
@@ -333,8 +335,8 @@ def _halves(side: Scores, rng: np.random.Generator) -> float:
     return float(np.nanmedian(tau_b(*halves)))
 
 
-def _sure(sides: tuple[Scores, Scores] | list[Scores], level: float) -> list[np.ndarray]:
-    """For each set a (k, k) array: 1 where the first method is surely better than the second, -1 where worse, else 0.
+def _significant(sides: tuple[Scores, Scores] | list[Scores], level: float) -> list[np.ndarray]:
+    """For each set a (k, k) array: 1 where the first method is significantly better, -1 where the second is, else 0.
 
     With probability ``level`` or more, none of both arrays is wrong.
     """
@@ -346,9 +348,12 @@ def _sure(sides: tuple[Scores, Scores] | list[Scores], level: float) -> list[np.
     p = np.concatenate([p[i, j, 0] for _, p in tests])
     rejected = (holm(p[None], 1 - level)[0] & (p < 1)).reshape(2, -1)
     found = []
-    for (difference, _), surely in zip(tests, rejected, strict=True):
+    for (difference, _), significantly in zip(tests, rejected, strict=True):
         before = np.zeros((k, k), dtype=bool)
-        before[i, j], before[j, i] = surely & (difference[i, j, 0] < 0), surely & (difference[i, j, 0] > 0)
+        before[i, j], before[j, i] = (
+            significantly & (difference[i, j, 0] < 0),
+            significantly & (difference[i, j, 0] > 0),
+        )
         for middle in range(k):  # a before b and b before c: a before c
             before |= before[:, middle, None] & before[None, middle]
         found.append(before.astype(int) - before.T)

@@ -46,7 +46,7 @@ class Variant:
 
     @property
     def is_tied(self) -> bool:
-        """Whether the interval of the ratio holds 1: not surely worse than the winner."""
+        """Whether the interval of the ratio holds 1: not significantly worse than the winner."""
         return self.low <= 1 <= self.high
 
 

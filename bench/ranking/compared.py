@@ -1,4 +1,4 @@
-"""Two sets of results, then and now: what got worse, surely; what is new, gone, failed; what is slower.
+"""Two sets of results, then and now: what got significantly worse; what is new, gone, failed; what is slower.
 
 Units (shape, seed and sensor) are paired by all that names a row but its machine. Of each method and metric the mean
 paired relative difference is held against a threshold by a one-sided test of Student's t over shapes, and Holm's
@@ -46,7 +46,7 @@ class Compared:
     quality : DataFrame
         One line per task, split, method and metric: ``shapes``, ``units``, ``then``, ``now`` (means over the units that
         both solved), ``change`` (0.05: 5 % worse; negative: better) with ``low`` and ``high``, ``verdict`` (``worse``
-        and ``better`` surely, by more than the threshold; ``same`` within it; ``open``).
+        and ``better`` significantly, by more than the threshold; ``same`` within it; ``open``).
     speed : DataFrame
         One line per task, split and method: ``time`` (``processor`` or ``wall``), ``then``, ``now`` (median seconds),
         ``ratio`` (the median of the paired ratios) with ``low`` and ``high``, ``normalised``, ``verdict`` (``slower``,
@@ -260,7 +260,7 @@ def _verdicts(
     level: float,
     words: tuple[str, str],
 ) -> list[str]:
-    """Above or below the threshold surely, by Holm over all lines; ``same`` within it surely; else ``open``."""
+    """Significantly above or below the threshold, by Holm over all lines, ``same`` within it, or ``open``."""
     mean, low, high = interval
     # Lines in which no pair differs can raise no false alarm, so they are none of the hypotheses.
     equal = (abs(mean) <= SAME) & ~(high - low > SAME)
@@ -329,7 +329,7 @@ def _notes(quality: pd.DataFrame, speed: pd.DataFrame) -> tuple[str, ...]:
     few = int((quality["shapes"] < 4).sum())
     if few:
         notes.append(
-            f"{few} of {len(quality)} lines of quality are of fewer than four shapes: only a large loss is sure there."
+            f"{few} of {len(quality)} lines of quality have fewer than four shapes: only a large loss is significant."
         )
     unnormalised = speed[~speed["normalised"].astype(bool)]
     if len(unnormalised):

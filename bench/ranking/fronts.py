@@ -38,7 +38,7 @@ def front(board: pd.DataFrame, criteria: tuple[str, ...], group: Sequence[str], 
     """The column ``front`` of a board: 1 in the lines of the methods on the front, NaN in the others.
 
     A method is off the front only if another of its table is better in both criteria; one that is equally good in one
-    of them does not push it off. Means are compared as they are printed, not how sure their order is: see the
+    of them does not push it off. Means are compared as they are printed, not how certain their order is: see the
     intervals. A method without a mean in one of the criteria, as one that solved nothing, is not on the front.
 
     Parameters

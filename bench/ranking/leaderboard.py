@@ -1,4 +1,4 @@
-"""From rows, one per planned case, to a leaderboard: who is better, by how much, how surely, at what cost.
+"""From rows, one per planned case, to a leaderboard: who is better, by how much, how certain that is, at what cost.
 
 ::
 
@@ -34,7 +34,7 @@ from .fronts import COSTS, criteria_of, front
 from .places import places
 from .resolution import EQUAL, Standings, check_region, rankable, resolve
 from .selection import CONTENDER, GROUP, UNIT, Names, completed, metrics_of, pool, prepared, select
-from .statistics import mean_intervals, ranks_of, sure_differences
+from .statistics import mean_intervals, ranks_of, significant_differences
 
 COLUMNS = (
     "task",
@@ -68,11 +68,11 @@ COLUMNS = (
     "not_run",  # on how many units (case and seed) of the table the method was not run
     "undefined",  # on how many units the metric is not defined for this output, where it is for another's
     "score_mean",  # of a reference metric: the mean of the score itself, as `mean` is over solved and imputed units
-    "versus_next",  # against the next line: better (surely) or open
+    "versus_next",  # against the next line: better (significantly) or open
     "detectable",  # the relative difference to the next line found with 80 % power; 0.1: one is 1.1 times the other
     "more_shapes",  # first line: how many more shapes separate the first two; infinite above 1,000, empty: none would
-    "versus_first",  # first, equal (the difference is surely smaller than `equal`), worse (surely) or open
-    "place",  # best (mean), tied (not surely worse than the best), second (best mean); empty for all others
+    "versus_first",  # first, equal (significantly less apart than `equal`), worse (significantly) or open
+    "place",  # best (mean), tied (not significantly worse than the best), second (best mean); empty for all others
 )
 FAR = 1e6  # times the largest score: what a failure counts in the ranks where its worth is not known
 
@@ -427,12 +427,12 @@ def _standings(
 
     Where there are too few shapes to rank methods, all that solved something share the first places.
     """
-    difference, sure = sure_differences(values, planned & some, clusters, level)
-    sure &= rankable(shapes)
-    low, high, order = ranks_of(difference, sure, planned & some)
+    difference, significant = significant_differences(values, planned & some, clusters, level)
+    significant &= rankable(shapes)
+    low, high, order = ranks_of(difference, significant, planned & some)
     last, everyone = some.sum(axis=0) + 1, planned.any(axis=0).sum(axis=0)
     low, high, order = np.where(some, low, last), np.where(some, high, everyone), np.where(some, order, len(some))
-    return Standings(values, planned & some, clusters, low, high, order, sure, shapes)
+    return Standings(values, planned & some, clusters, low, high, order, significant, shapes)
 
 
 def _mean(scores: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -1,8 +1,9 @@
-"""Which means of a table stand out: the best one, those that are not surely worse, and the second best.
+"""Which means of a table stand out: the best one, those that are not significantly worse, and the second best.
 
 They are two statements. The best mean is what it says, the first in the order of the printed numbers. Whether another
 method is worse is a question of the paired test behind the ranks: a mean can be behind on eight shapes by chance, and
-a mean close by can be surely worse. Tables therefore print the best mean bold and mark those that share the first rank.
+a mean close by can be significantly worse. Tables therefore print the best mean bold and mark those that share the
+first rank.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a table can tell: who is surely different, who is equal for practical purposes, what more shapes would show.
+"""What a table can tell: who differs significantly, who is equal for practical purposes, what more shapes would show.
 
 All is about the paired relative differences d = (a - b) / (|a| + |b|) that the ranks are made of, see
 :mod:`statistics`, over n clusters (shapes), whose spread is s. To a reader they are given as a ratio: "12 %" is
@@ -145,8 +145,8 @@ class Standings:
     """How the methods of a group stand by each metric: what :func:`resolve` works with.
 
     ``values`` (units, k, m; lower is better), ``planned`` (the same shape) and ``starts`` are what the ranks were made
-    from; ``low``, ``high`` and ``order`` (k, m) the ranks; ``sure`` (k, k, m) says who is surely different from whom in
-    the family of the first; ``shapes`` (k, m) on how many shapes a method was run.
+    from; ``low``, ``high`` and ``order`` (k, m) the ranks; ``significant`` (k, k, m) says who differs from whom in the
+    family of the first; ``shapes`` (k, m) on how many shapes a method was run.
     """
 
     values: np.ndarray
@@ -155,7 +155,7 @@ class Standings:
     low: np.ndarray
     high: np.ndarray
     order: np.ndarray
-    sure: np.ndarray
+    significant: np.ndarray
     shapes: np.ndarray
 
 
@@ -192,7 +192,7 @@ def resolve(standings: Standings, taking_part: np.ndarray, level: float, equal: 
     here, following = line[:-1], line[1:]
     next_one = pairs(s.values, s.planned, s.starts, here, following)
     known = there[1:] & (next_one.n > 1) & rankable(s.shapes)
-    apart = known & s.sure[here, following, layer] & s.sure[following, here, layer]
+    apart = known & s.significant[here, following, layer] & s.significant[following, here, layer]
     # Holm's step: the comparisons of either method that are open, this one among them.
     left = np.maximum(s.high - s.low, 1)
     open_ones = np.maximum(left[here, layer], left[following, layer])
@@ -204,7 +204,7 @@ def resolve(standings: Standings, taking_part: np.ndarray, level: float, equal: 
     more = np.where(apart[:1], 0.0, np.where(more == 0, np.nan, more))
     first = pairs(s.values, s.planned, s.starts, np.broadcast_to(line[:1], (k, m)), line)
     alike = first.within(as_difference(equal), level)
-    worse = s.sure[line[0], line, layer] & s.sure[line, line[0], layer]
+    worse = s.significant[line[0], line, layer] & s.significant[line, line[0], layer]
     standing = np.where(alike, "equal", np.where(worse, "worse", "open"))
     standing[0] = "first"
 

@@ -15,8 +15,8 @@ count the units as independent would make intervals too narrow (Field and Welsh,
   relative difference (a - b) / (|a| + |b|) and Student's t over the clusters. Relative, because the error on a hard
   case is a multiple of that on an easy one, and so is the difference of two methods: the plain difference would mostly
   measure how unlike the cases are (Fleming and Wallace, *Comm. ACM* 29, 1986, on normalised results). A method is
-  surely better only if its mean is better too. No skewness is removed here: the relative difference of two equally
-  good methods is as often negative as positive.
+  significantly better only if its mean is better too. No skewness is removed here: the relative difference of two
+  equally good methods is as often negative as positive.
 * Each rank interval holds at the chosen level for its own method, as each mean's interval does: Holm's correction
   (*Scand. J. Statist.* 6, 1979) runs over the comparisons that involve this method (Mogstad, Romano, Shaikh and
   Wilhelm, "Inference for Ranks", *Review of Economic Studies* 91, 2024).
@@ -197,10 +197,10 @@ def holm_p(p: Sequence[float]) -> list[float]:
     return found
 
 
-def sure_differences(
+def significant_differences(
     values: np.ndarray, planned: np.ndarray, starts: np.ndarray, level: float = 0.95
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which two methods surely differ, for each metric.
+    """Which two methods significantly differ, for each metric.
 
     Parameters
     ----------
@@ -211,9 +211,9 @@ def sure_differences(
     -------
     difference : (k, k, m) array
         Of :func:`paired_differences`.
-    sure : (k, k, m) bool array
-        ``sure[i, j]``: i and j differ, by Holm's procedure over the comparisons of method i. It need not be
-        ``sure[j, i]``, whose family is another one.
+    significant : (k, k, m) bool array
+        ``significant[i, j]``: i and j differ, by Holm's procedure over the comparisons of method i. It need not be
+        ``significant[j, i]``, whose family is another one.
     """
     k, m = values.shape[1:]
     difference, p = paired_differences(values, planned, starts)
@@ -235,27 +235,28 @@ def rank_intervals(
     Returns
     -------
     low, high : (k, m) int arrays
-        ``low = 1 + number of methods surely better``, ``high = k - number surely worse``, of the k that take part.
+        ``low = 1 + number of methods significantly better``, ``high = k - number significantly worse``, of the k that
+        take part.
     beaten_by : (k, m) int array
-        How many methods have the better paired mean, sure or not: the order to print ties in.
+        How many methods have the better paired mean, significantly or not: the order to print ties in.
     """
-    return ranks_of(*sure_differences(values, planned, starts, level), planned)
+    return ranks_of(*significant_differences(values, planned, starts, level), planned)
 
 
 def ranks_of(
-    difference: np.ndarray, sure: np.ndarray, planned: np.ndarray
+    difference: np.ndarray, significant: np.ndarray, planned: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """:func:`rank_intervals` from the :func:`sure_differences` of the same ``planned``."""
+    """:func:`rank_intervals` from the :func:`significant_differences` of the same ``planned``."""
     taking_part = planned.any(axis=0).sum(axis=0)
-    low = 1 + (sure & (difference > 0)).sum(axis=1)
-    high = taking_part - (sure & (difference < 0)).sum(axis=1)
+    low = 1 + (significant & (difference > 0)).sum(axis=1)
+    high = taking_part - (significant & (difference < 0)).sum(axis=1)
     return low, high, (difference > 0).sum(axis=1)
 
 
 def beyond(
     sums: np.ndarray, counts: np.ndarray, bound: float | np.ndarray, level: float = 0.95
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Means over clusters with Student's intervals, and how surely each mean is above a bound.
+    """Means over clusters with Student's intervals, and how certain it is that each mean is above a bound.
 
     For paired relative differences, whose skewness is not removed (see above).
 

@@ -10,7 +10,7 @@ the points of the other, so these judge it; and methods that err in different wa
     point of a gap      <-> the mesh of the scan with gaps  how holes are filled, where the scan has any
 
 One direction alone is pleased by the wrong mesh: by one that fills the space near the points, or by one that is
-missing where points are few. The scan is cut into patches, whose means are kept apart: they tell how sure a
+missing where points are few. The scan is cut into patches, whose means are kept apart: they tell how certain a
 difference is.
 """
 

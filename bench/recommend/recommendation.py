@@ -61,7 +61,7 @@ class Recommendation:
 
     @property
     def tied(self) -> list[Candidate]:
-        """The candidates that nothing is surely better than, best first."""
+        """The candidates that nothing is significantly better than, best first."""
         return [candidate for place, candidate in self.ranked if self.verdict.low[place] == 1]
 
     def command(self, candidate: Candidate) -> str:

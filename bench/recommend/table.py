@@ -14,13 +14,14 @@ from .scan import Scan
 WIDTH = 100  # of notes
 MOST_MESSAGE = 200  # letters of a failure's message
 LEGEND = (
-    "A rank of 1-3: no method is surely better than this one, and all but two others are surely worse. Lower is "
-    "better throughout; distances are in thousandths of the radius. score: three quarters of to mesh, a quarter of to "
-    "points, others, and gaps by the share of the surface in holes; relative to the best. to mesh, to points: from "
-    "the points of one half of the scan to the mesh of the other, and back. others: to the meshes of other methods. "
-    "halves: between the meshes of the two halves. gaps: between the points of holes that were cut into the scan and "
-    "the mesh of the rest. x noise: median distance of held-out points over what the noise alone makes it. halves, x "
-    "noise and what is right of it do not count; pieces, open edges, seconds and memory are of the tried points."
+    "A rank of 1-3: no method is significantly better than this one, and all but two others are significantly worse. "
+    "Lower is better throughout; distances are in thousandths of the radius. score: three quarters of to mesh, a "
+    "quarter of to points, others, and gaps by the share of the surface in holes; relative to the best. to mesh, to "
+    "points: from the points of one half of the scan to the mesh of the other, and back. others: to the meshes of "
+    "other methods. halves: between the meshes of the two halves. gaps: between the points of holes that were cut "
+    "into the scan and the mesh of the rest. x noise: median distance of held-out points over what the noise alone "
+    "makes it. halves, x noise and what is right of it do not count; pieces, open edges, seconds and memory are of "
+    "the tried points."
 )
 
 
@@ -115,7 +116,11 @@ def _most(values: Iterable[int]) -> str:
 
 def _notes(found: Recommendation) -> list[str]:
     tied = found.tied
-    rest = f", tied with {', '.join(c.label for c in tied[1:])}" if len(tied) > 1 else ", surely better than the others"
+    rest = (
+        f", tied with {', '.join(c.label for c in tied[1:])}"
+        if len(tied) > 1
+        else ", significantly better than the others"
+    )
     tried = max(len(scan.cloud) for scan in found.scans)
     largest = max(scan.total for scan in found.scans)
     seconds = found.costs(found.ranked[0][0])[0] * largest / tried

@@ -1,4 +1,4 @@
-"""From evidence to ranks: what is surely better, and what is tied."""
+"""From evidence to ranks: what is significantly better, and what is tied."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ class Verdict:
     score : (k,) array
         Over all scans, relative to the best method, which has 1.
     low, high : (k,) int arrays
-        Between which ranks a method lies: 1 + how many are surely better, and k - how many it is surely better than.
+        Between which ranks a method lies: 1 + how many are significantly better, and k - how many it is significantly
+        better than.
     criteria : (k, 5) array
         The distances of :data:`CRITERIA`, in radii; geometric means over the scans: of held-out points to the mesh, of
         the mesh to held-out points, to the other methods' meshes, between the meshes of the two halves, and of the
@@ -60,9 +61,9 @@ def verdict(found: Sequence[Evidence], families: Sequence[str], seed: int) -> Ve
     smooth too much are the most repeatable of all. The weights were chosen on train shapes
     (scripts/recommend_study.py).
 
-    How sure a difference is, a Bayesian bootstrap says (Rubin, *Ann. Statist.* 9, 1981): patches, scans and the three
-    parts get random weights. A method is surely better than another if its score is a hundredth less in 95 % of the
-    draws.
+    A Bayesian bootstrap gives the certainty of a difference (Rubin, *Ann. Statist.* 9, 1981): patches, scans and the
+    three parts get random weights. A method is significantly better than another if its score is a hundredth less in
+    95 % of the draws.
 
     Parameters
     ----------

@@ -180,7 +180,7 @@ def _head(override: str) -> str:
     return re.split(r"[./=@]", override.lstrip("+~"), maxsplit=1)[0]
 
 
-# As Hydra's grammar has them; what is not surely a number there is composed as it stands.
+# As Hydra's grammar has them; what may not be a number there is composed as it stands.
 NUMBERS = {
     "int": re.compile(r"[+-]?(0|[1-9](_?[0-9])*)"),
     "float": re.compile(r"[+-]?([0-9]+\.[0-9]*|[0-9]*\.[0-9]+|[0-9]+(?=[eE]))([eE][+-]?[0-9]+)?"),

@@ -58,7 +58,7 @@ def _head(word: str) -> str:
 
 @functools.lru_cache(maxsize=100_000)
 def _number(word: str) -> tuple[str, int | float] | None:
-    """The override without its value, and the number that is its value; None where that is surely none."""
+    """The override without its value, and the number that is its value; None where that cannot be one."""
     key, _, value = word.partition("=")
     if key.startswith("+"):
         return None

@@ -33,7 +33,7 @@ class Trial:
     changed : dict
         The parameters that are not at their defaults.
     stopped : bool
-        Whether it was given up after some cells, surely worse than the best.
+        Whether it was given up after some cells, significantly worse than the best.
     seconds : float
         Wall-clock seconds of its cells; near 0 where they were finished before.
     """

@@ -58,7 +58,7 @@ def verdict(held: Ratio | None) -> str:
         return "On held-out cases the tuned setting is better."
     if held.low > 1:
         return "On held-out cases the tuned setting is worse than the default: the search fitted its trial cases."
-    return "On held-out cases no difference is sure: use the default, or search on more cases."
+    return "On held-out cases no difference is significant: use the default, or search on more cases."
 
 
 def parameters(search: Search) -> list[str]:

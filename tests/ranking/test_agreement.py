@@ -20,7 +20,7 @@ METHODS = "abcde"
 
 
 def results(orders: dict[str, str], shapes: int = 8, sensors=("clean", "noisy"), seed: int = 0, **options):
-    """Rows in which each dataset orders the methods as a word has them, best first, surely."""
+    """Rows in which each dataset orders the methods as a word has them, best first, significantly."""
     rng = np.random.default_rng(seed)
     return rows(
         *(

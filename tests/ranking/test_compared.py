@@ -87,7 +87,7 @@ def test_the_threshold_decides():
 def test_the_same_rows_are_the_same():
     found = compared(side(), side())
     assert set(found.quality["verdict"]) == {"same"} and (found.quality["change"] == 0).all()
-    one = compared(side(shapes=1), side(shapes=1))  # nothing can be sure of one shape, but that it is the same
+    one = compared(side(shapes=1), side(shapes=1))  # nothing is significant of one shape, but that it is the same
     assert set(one.quality["verdict"]) == {"same"}
     assert line(compared(side(shapes=1), side(0.5, shapes=1)))["verdict"] == "open"
 
@@ -168,7 +168,7 @@ def test_time_of_a_busy_machine_is_not_the_method_s():
 
 @pytest.mark.parametrize(("most", "verdict"), [(1.1, "open"), (1.3, "slower")])
 def test_a_few_calls_that_had_to_wait_make_no_method_slower(most, verdict):
-    """Ten of 21 took five times as long: the mean is surely more than a fifth larger, whatever the median says."""
+    """Ten of 21 took five times as long: the mean is significantly larger by a fifth, the median is not."""
     then, now = side(seconds=2.0, shapes=21, methods=("a",)), side(seconds=2.0, shapes=21, methods=("a",))
     for name in ("seconds", "cpu_seconds"):
         now[name] *= np.where(np.arange(21) < 11, most, 5.0)

@@ -74,7 +74,7 @@ def test_failing_half_of_the_cases_is_no_tie_for_the_first_place():
 
 @pytest.mark.parametrize("known", [True, False])
 def test_the_order_of_two_methods_does_not_depend_on_a_third(known):
-    """10 % better on ten, failing on six: first with b alone, surely second when noise was there too."""
+    """10 % better on ten, failing on six: first with b alone, significantly second when noise was there too."""
     rng = np.random.default_rng(1)
     hard, worst = world(rng)
     worst = worst if known else [None] * len(worst)

@@ -210,7 +210,7 @@ def test_the_resolution_line_says_what_the_columns_say(rng):
     text = printed(scores)
     apart = (board["versus_next"] == "better").sum()
     share = 100 * board["detectable"].median()
-    assert f"Resolution by d: {apart} of 3 pairs of neighbours surely differ; 12 shapes detect" in text
+    assert f"Resolution by d: {apart} of 3 pairs of neighbours significantly differ; 12 shapes detect" in text
     assert float(re.search(r"a difference of ([\d.]+) %", text)[1]) == pytest.approx(share, rel=0.06)
     assert f"about {board['more_shapes'].iloc[0]:.0f} more would separate the first two." in text
 
@@ -245,7 +245,7 @@ def test_those_tied_for_first_are_told_apart_by_what_is_known():
 
 
 def test_a_small_sure_difference_is_said_to_be_small(rng):
-    assert "b: surely worse, but by less than 2 %." in printed(noisy(rng, {"a": 1.0, "b": 1.01}, sigma=0.002))
+    assert "b: significantly worse, but by less than 2 %." in printed(noisy(rng, {"a": 1.0, "b": 1.01}, sigma=0.002))
 
 
 def test_what_a_rank_is_and_what_of_a_whole_table_stands_below_once(rng):

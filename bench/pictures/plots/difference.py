@@ -55,8 +55,8 @@ def table(scores: Scores, options: Options) -> pd.DataFrame:
             "p": found.p,
         }
     )
-    sure = found.p < 1 - scores.level
-    verdict = "the methods differ" if sure else "it does not show that the methods differ at all"
+    significant = found.p < 1 - scores.level
+    verdict = "the methods differ" if significant else "it does not show that the methods differ at all"
     table.attrs["notes"] = [
         f"critical difference {found.critical:.3g} of {found.blocks} shapes (Nemenyi, {scores.level:.0%})",
         f"Friedman's test: p = {found.p:.2g}: {verdict}",

@@ -90,10 +90,10 @@ def draw(table: pd.DataFrame, scores: Scores, options: Options) -> Figure:
     for row in table.to_dict("records"):
         i, j = names.index(row["method"]), names.index(row["other"])
         picture[i, j] = shade(row["rate"])
-        sure = np.isfinite(row["low"]) and (row["low"] > 0.5 or row["high"] < 0.5)
+        significant = np.isfinite(row["low"]) and (row["low"] > 0.5 or row["high"] < 0.5)
         text = f"{100 * row['rate']:.0f}" if np.isfinite(row["rate"]) else "–"
         dark = abs(row["rate"] - 0.5) > 0.42 and row["rate"] > 0.5
-        weight = "bold" if sure else "normal"
+        weight = "bold" if significant else "normal"
         axes.text(j, i, text, ha="center", va="center", fontsize=small, weight=weight, color="white" if dark else INK)
     axes.imshow(picture, aspect="auto", interpolation="none")
     axes.set_xticks(range(n), titles)

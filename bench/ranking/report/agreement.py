@@ -109,9 +109,9 @@ def _taus(one: Agreement, title: str, level: float) -> Grid:
     names = names_of(one)
     against = [f"{names[a]} before {names[b]}" for a, b in one.reversed]
     said = (
-        f"Surely reversed: on {one.sides[0]} {'; '.join(against)}; on {one.sides[1]} the other way."
+        f"Significantly reversed: on {one.sides[0]} {'; '.join(against)}; on {one.sides[1]} the other way."
         if against
-        else ("No pair is surely reversed.")
+        else ("No pair is significantly reversed.")
     )
     halves = " and ".join(f"{_tau(tau)} ({side})" for tau, side in zip(one.halves, one.sides, strict=True))
     return Grid(
@@ -122,8 +122,8 @@ def _taus(one: Agreement, title: str, level: float) -> Grid:
             said,
             f"Tau of two random halves of one set, the median: {halves}. Sets of so few shapes do not agree better.",
             "tau: Kendall's tau-b of the two orders: 1 the same, 0 unrelated, -1 reversed.",
-            f"{level:.0%} interval: from the pairs of methods that both sets surely order alike (agree) or the other "
-            "way (reverse); the others (open) may be either.",
+            f"{level:.0%} interval: from the pairs of methods that both sets order significantly, alike (agree) or the "
+            "other way (reverse); the others (open) may be either.",
             f"spread: the middle {level:.0%} of tau over resampled shapes; no confidence interval.",
         ),
     )

@@ -44,12 +44,12 @@ def frame_of(found: Iterable[Best]) -> pd.DataFrame:
 def _variants(one: Best, look: Look) -> Table:
     shown = one.variants[:MOST]
     first = shown[0]
-    sure = not math.isnan(first.low)
-    ratios = [_ratio(v, i == 0, sure) for i, v in enumerate(shown)]
+    significant = not math.isnan(first.low)
+    ratios = [_ratio(v, i == 0, significant) for i, v in enumerate(shown)]
     what = f"geometric mean over all cases, {counted(one.shapes, 'shape')}; a failed case has the worst pseudo-method's"
     notes = [
         f"{what} score.",
-        *([_tie_note(one, shown)] if sure else [f"Fewer than 4 shapes: no interval of a ratio ({one.shapes})."]),
+        *([_tie_note(one, shown)] if significant else [f"Fewer than 4 shapes: no interval of a ratio ({one.shapes})."]),
         *one.edges,
         *([f"{len(one.variants) - MOST} more variants are in the CSV."] if len(one.variants) > MOST else []),
         *one.notes,
@@ -102,13 +102,13 @@ def _means(one: Best, shown: Iterable[Variant | Effect], look: Look) -> Metric:
     return Metric(one.metric, one.better, exponent, tuple(cells), title=look.names.get(one.metric, ""))
 
 
-def _ratio(variant: Variant, first: bool, sure: bool) -> Cell:
+def _ratio(variant: Variant, first: bool, significant: bool) -> Cell:
     if first:
         return Cell("1", best=True)
     if not math.isfinite(variant.ratio):
         return Cell("-")
-    interval = f" [{variant.low:.3f}, {variant.high:.3f}]" if sure else ""
-    return Cell(f"{variant.ratio:.3f}{interval}", tied=sure and variant.is_tied)
+    interval = f" [{variant.low:.3f}, {variant.high:.3f}]" if significant else ""
+    return Cell(f"{variant.ratio:.3f}{interval}", tied=significant and variant.is_tied)
 
 
 def _tie_note(one: Best, shown: tuple[Variant, ...]) -> str:

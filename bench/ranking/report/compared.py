@@ -81,8 +81,8 @@ def _quality(found: Compared, full: bool) -> Grid | None:
         for line in lines
     )
     notes = [
-        f"worse, better: surely by more than {100 * found.worse:.3g}%, all "
-        f"lines together at {found.level:.0%} (Holm); same: within that; open: neither is sure.",
+        f"worse, better: significantly, by more than {100 * found.worse:.3g}%, all "
+        f"lines together at {found.level:.0%} (Holm); same: within that; open: neither is shown.",
         f"change: of the badness, + is worse [{found.level:.0%} interval over shapes].",
         *found.notes,
     ]
@@ -129,7 +129,8 @@ def _speed(found: Compared) -> Grid | None:
     notes = (
         f"change: the median of the paired ratios, of seconds in units of a fixed workload timed before each call; "
         f"time: processor seconds of one thread, wall seconds of several and of GPUs. "
-        f"slower, faster: surely by more than {100 * found.slower:.3g}%; short: less than {SHORTEST:g} s, not judged.",
+        f"slower, faster: significantly, by more than {100 * found.slower:.3g}%; "
+        f"short: less than {SHORTEST:g} s, not judged.",
     )
     head = ("method", "then (s)", "now (s)", "change", "time", "normalised", "pairs", "verdict")
     return Grid("speed", head, cells, notes)

@@ -46,7 +46,7 @@ def resolution(metric: str, lines: Sequence[Line]) -> list[str]:
         return []
     apart = sum(line["versus_next"] == "better" for line in compared)
     return [
-        f"Resolution by {metric}: {apart} of {counted(len(compared), 'pair')} of neighbours surely differ; "
+        f"Resolution by {metric}: {apart} of {counted(len(compared), 'pair')} of neighbours significantly differ; "
         f"{shapes} shapes detect {_size(median(line['detectable'] for line in compared))} between neighbours "
         f"(median, power 80 %); {_first_two(compared[0])}."
     ]
@@ -99,7 +99,7 @@ def equality(lines: Sequence[Line], names: Sequence[str], equal: float) -> list[
     said = [
         (groups["equal"], f"equal within {size}"),
         (groups["open"], "too few shapes to tell"),
-        (groups["less"], f"surely worse, but by less than {size}"),
+        (groups["less"], f"significantly worse, but by less than {size}"),
     ]
     parts = [f"{_named(members)}: {what}" for members, what in said if members]
     return [f"Compared with {names[0]}: {'; '.join(parts)}."] if parts else []

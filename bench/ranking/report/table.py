@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 # Behind a method: it was given the truth, it was trained beforehand, a search chose its parameters.
 GIVEN, LEARNED, TUNED = "‡", "§", "¶"
-TIED = "≈"  # behind a mean that is not surely worse than the best
+TIED = "≈"  # behind a mean that is not significantly worse than the best
 FLOOR = "floor / reference"
 TITLES = {"rank": "rank", "front": "front", "solved": "solved", "seconds": "seconds", "peak_mb": "peak MB"}
 
@@ -20,7 +20,7 @@ class Cell:
     best: bool = False  # the best mean of its column (or line)
     mark: str = ""  # what to read in the notes
     second: bool = False  # the second best mean
-    tied: bool = False  # not surely worse than the best
+    tied: bool = False  # not significantly worse than the best
     below: str = ""  # the interval, where it stands in a line below
 
     @property
@@ -203,14 +203,14 @@ def standing_notes(tables: Sequence[Table], best: str, second: str = "") -> list
     """
     is_best, is_tied, is_second = (any(flags) for flags in zip(*(t.best_notes for t in tables), strict=True))
     if any(table.head.startswith("parameter") for table in tables):
-        tied = [f"{TIED}: not surely worse: the interval of its ratio holds 1."] if is_tied else []
+        tied = [f"{TIED}: not significantly worse: the interval of its ratio holds 1."] if is_tied else []
         return [*([f"{best}: the best."] if is_best else []), *tied]
     of_line = any(table.head == "case" for table in tables)
     what = "the best of a line" if of_line else "the best mean"
     notes = [f"{best}: {what}; what failed anywhere is never the best."] if is_best else []
     if is_tied:
         notes.append(
-            f"{TIED}: tied for first: by a paired test over the shapes not surely worse than the best, however far the "
-            "means are apart."
+            f"{TIED}: tied for first: by a paired test over the shapes not significantly worse than the best, however "
+            "far the means are apart."
         )
     return [*notes, *([f"{second}: the second best mean."] if is_second and second else [])]

@@ -77,10 +77,10 @@ def _tags(found: Worst) -> Table:
 
 
 def _finding(tags: Sequence[Tag]) -> str:
-    sure = [tag.name for tag in tags if tag.p_holm <= 0.05]
-    if sure:
-        return f"Over-represented among the worst shapes: {', '.join(map(one_line, sure))}."
-    return "No tag is surely over-represented among the worst shapes; these shapes may be too few to tell."
+    significant = [tag.name for tag in tags if tag.p_holm <= 0.05]
+    if significant:
+        return f"Over-represented among the worst shapes: {', '.join(map(one_line, significant))}."
+    return "No tag is significantly over-represented among the worst shapes; these shapes may be too few to tell."
 
 
 def _p(value: float) -> str:
