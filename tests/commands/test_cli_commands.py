@@ -286,7 +286,8 @@ def test_what_a_method_notes_is_shown_where_it_is_applied_and_below_leaderboards
     assert done.stdout.splitlines()[-1] == "noting: note: half as many; half as far"
     done = shell.run("method=noting", "method.fails=false,true", plugins=(TOYS, plugin), board=True)
     messages = dict(shell.rows()[["status", "message"]].itertuples(index=False))
-    assert messages == {"ok": "half as many; half as far", "error": "ArithmeticError: no pivot"}
+    noted = "half as many; half as far"
+    assert messages == {"ok": noted, "error": f"ArithmeticError: no pivot (note: {noted})"}
     told = done.stdout.partition("Solved, with a note")[2].splitlines()[1]
     assert told.startswith("  noting: ") and told.endswith(": half as many; half as far")
 

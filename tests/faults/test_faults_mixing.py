@@ -166,7 +166,9 @@ def test_text_that_no_file_can_hold_is_stored_escaped(shell):
     rows = shell.rows()
     assert set(rows["case"]) == {r"a\udcff/\x00b", ".."}
     assert set(rows["tags"]) == {r"smooth,t\udcff", r"smooth,\x00"}
-    assert set(rows[rows["status"] == "error"]["message"]) == {r"ValueError: bad \ud800 \udcff \x00 end"}
+    assert set(rows[rows["status"] == "error"]["message"]) == {
+        r"ValueError: bad \ud800 \udcff \x00 end (note: note \udcff \x00 end)"
+    }
     assert set(rows[rows["status"] == "ok"]["message"]) == {r"note \udcff \x00 end"}
     record = Results(shell.results).records(rows["cell"].iloc[0])[0]
     for row in record.rows:

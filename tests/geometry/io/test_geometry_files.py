@@ -396,9 +396,10 @@ def test_normals_are_left_out_with_a_warning_when_most_have_no_direction(write):
     assert cloud.normals is None and len(cloud) == 3
 
 
-def test_colours_out_of_range_are_left_out_with_a_warning(write):
+@pytest.mark.parametrize("red", [-0.5, 70000.5])
+def test_colours_out_of_range_are_left_out_with_a_warning(write, red):
     with pytest.warns(UserWarning, match="colours"):
-        rows = "0 0 0 9.5 0 0\n1 0 0 0 0 0\n0 1 0 0 0 0\n"
+        rows = f"0 0 0 {red} 0 0\n1 0 0 0 0 0\n0 1 0 0 0 0\n"
         cloud = load_cloud(write("c.ply", ply(rows, columns="x y z red green blue")))
     assert cloud.colors is None
 
