@@ -153,6 +153,7 @@ class Chain:
         offered = getattr(self._parts[-1].made, "ratios", None)
         enough = [r for r in offered if r >= least] if offered is not None else [least]
         if not enough:
+            assert offered is not None  # or there would be the least
             raise InvalidOutput(
                 f"{self._name(len(self._parts))}: {len(denoised)} of {len(cloud)} points came to it, and {ratio} x "
                 f"{len(cloud)} are asked for: that takes a ratio of {least}, and it has {sorted(offered)}"
@@ -256,7 +257,8 @@ def _add_parameters(run: Run, own: Run) -> None:
 
 def _chosen(cloud: PointCloud, chosen: Any) -> PointCloud:
     """The points ``chosen`` (k,) of a cloud, with what belongs to them."""
-    return PointCloud(*(p if p is None else p[chosen] for p in (cloud.points, cloud.normals, cloud.colors)))
+    normals, colors = (part if part is None else part[chosen] for part in (cloud.normals, cloud.colors))
+    return PointCloud(cloud.points[chosen], normals, colors)
 
 
 def _files(value: Any) -> Iterator[Path]:

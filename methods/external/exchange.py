@@ -58,7 +58,7 @@ def read_output(path: Path, task: str, cloud: PointCloud, name: str) -> PointClo
         output = load_mesh(path) if task == "reconstruct" else load_cloud(path)
     except BadInput as error:
         raise InvalidOutput(str(error).replace(str(path), name)) from error
-    points = used_vertices(output) if task == "reconstruct" else output.points
+    points = output.points if isinstance(output, PointCloud) else used_vertices(output)
     check_place(np.asarray(points), cloud, name)
     return output
 

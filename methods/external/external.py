@@ -157,7 +157,7 @@ class External:
             with run.exchange():
                 _write(cloud if self.normals else replace(cloud, normals=None), source)
             places = {"input": source, "output": target, "folder": folder, "seed": run.seed, "threads": run.threads}
-            places |= {"seconds": f"{run.seconds:g}", "points": len(cloud), "ratio": 1} | values
+            places |= {"seconds": f"{run.seconds:g}", "points": len(cloud), "ratio": 1, **values}
             words = [word.format_map(places) for word in _split(self.command, "command")]
             words[0] = self._find(words[0], "command")
             try:
@@ -189,6 +189,7 @@ class External:
             stdout=sys.__stderr__.fileno() if sys.__stderr__ else None,
             stderr=subprocess.PIPE,
         )
+        assert process.stderr is not None  # a pipe was asked for
         tail = _Tail(process.stderr)
         peak = 0.0
         while (code := process.poll()) is None:
@@ -371,7 +372,7 @@ def _write(cloud: PointCloud, path: Path) -> None:
     from bench.geometry.io.files import save
     from bench.geometry.io.table_writer import EXACT, lines
 
-    plain = replace(cloud, colors=None, scalars=None)
+    plain = replace(cloud, colors=None, scalars={})
     if path.suffix not in (".off", ".obj"):
         save(plain, path)
         return

@@ -32,8 +32,9 @@ class Identity:
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Every point ``ratio`` times."""
         check_points(cloud.points, "identity")
-        parts = (cloud.points, cloud.normals, cloud.colors)
-        return PointCloud(*(None if part is None else np.repeat(part, ratio, axis=0) for part in parts))
+        parts = (cloud.normals, cloud.colors)
+        normals, colors = (None if part is None else np.repeat(part, ratio, axis=0) for part in parts)
+        return PointCloud(np.repeat(cloud.points, ratio, axis=0), normals, colors)
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
         """A tiny triangle around every point, in its tangent plane: its distances are those of the cloud."""
@@ -43,6 +44,7 @@ class Identity:
 
         check_points(cloud.points, "identity", at_least=3)
         normals = with_normals(cloud).normals
+        assert normals is not None
         return triangles_around(cloud.points, normals, self.size * mean_spacing(cloud.points))
 
     def detail_transfer(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, run: Run) -> Trimesh:
