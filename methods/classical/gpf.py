@@ -86,7 +86,7 @@ def neighbours_for(points: np.ndarray, normals: np.ndarray) -> int:
 class Nearby(NamedTuple):
     """The data around centres."""
 
-    index: np.ndarray
+    indices: np.ndarray
     """(n, k) int array"""
     weights: np.ndarray
     """(n, k) float64 array: by distance and by the angle between normals"""

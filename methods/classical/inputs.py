@@ -61,6 +61,7 @@ def distinct_oriented(cloud: PointCloud, method: str, at_least: int) -> tuple[np
     first = np.full(len(distinct), len(inverse))
     np.minimum.at(first, inverse, np.arange(len(inverse)))
     normals = with_normals(cloud).normals
+    assert normals is not None
     return distinct, np.array(normals[first]), inverse
 
 

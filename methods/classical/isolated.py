@@ -63,8 +63,8 @@ def without_isolated(cloud: PointCloud, method: str, run: Run) -> tuple[PointClo
         return cloud, kept
     count = int((~kept).sum())
     run.note(f"{method}: {count} isolated point{'s' * (count > 1)}, far from all others, left out")
-    parts = (cloud.points, cloud.normals, cloud.colors)
-    return PointCloud(*(None if part is None else part[kept] for part in parts)), kept
+    normals, colors = (None if part is None else part[kept] for part in (cloud.normals, cloud.colors))
+    return PointCloud(cloud.points[kept], normals, colors), kept
 
 
 def put_back(cloud: PointCloud, kept: np.ndarray, points: np.ndarray, normals: np.ndarray | None = None) -> PointCloud:

@@ -143,7 +143,7 @@ def _upright(points: np.ndarray, resolution: int) -> np.ndarray:
     extent = np.ptp(points, axis=0)
     if extent.min() > FEW * extent.max() / resolution:
         return np.eye(3)
-    diagonal = np.array([[1.0, -1, 0], [1, 1, -2], [1, 1, 1]]) / np.sqrt([[2.0], [6], [3]])
+    diagonal = np.array([[1.0, -1, 0], [1, 1, -2], [1, 1, 1]]) / np.sqrt([[2.0], [6.0], [3.0]])
     return diagonal.T @ plane_axes(points)[0]
 
 

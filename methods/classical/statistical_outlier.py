@@ -45,8 +45,8 @@ class StatisticalOutlier:
 
 def select(cloud: PointCloud, kept: np.ndarray) -> PointCloud:
     """The points of ``cloud`` where the (n,) bool array ``kept`` holds, with what belongs to them."""
-    parts = (cloud.points, cloud.normals, cloud.colors)
-    return PointCloud(*(None if part is None else part[kept] for part in parts))
+    normals, colors = (None if part is None else part[kept] for part in (cloud.normals, cloud.colors))
+    return PointCloud(cloud.points[kept], normals, colors)
 
 
 def refuse_none(kept: np.ndarray, method: str, advice: str) -> None:

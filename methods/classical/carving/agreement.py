@@ -43,8 +43,11 @@ def agreement(views: Views, share: float, reach: int) -> Callable[[np.ndarray], 
     directions = golden_spiral(CANDIDATES)
     table = shades(directions, views.light_directions, views.light_colors, ambient)
     known = (views.light_directions, views.light_colors, ambient, directions, table)
-    arrays = [np.array(array, order="C") for array in known]  # and writeable: as the loops were compiled for
-    return lambda pixels: one_normal(pixels, images, *arrays, float(share), views.width, int(reach))
+    # Writeable, too: as the loops were compiled for.
+    lights, colors, ambient, directions, table = (np.array(array, order="C") for array in known)
+    return lambda pixels: one_normal(
+        pixels, images, lights, colors, ambient, directions, table, float(share), views.width, int(reach)
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -55,7 +55,7 @@ def test_edges_of_a_cube_are_kept_better_than_by_plain_projection():
     noisy = exact + rng.normal(0, 0.02, exact.shape)
     near = np.sort(np.abs(exact), axis=1)[:, 1] > 0.9  # less than a tenth of the cube's half width from an edge
     output = Gpf(k=32).denoise(PointCloud(noisy), Run()).points
-    mean, index = noisy.copy(), around(noisy, noisy, exact, 32, 90.0).index
+    mean, index = noisy.copy(), around(noisy, noisy, exact, 32, 90.0).indices
     for row, of in enumerate(index):  # the plain projection: onto the plane through as many neighbours
         centre = noisy[of].mean(axis=0)
         normal = np.linalg.svd(noisy[of] - centre)[2][2]
