@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 
 
@@ -10,5 +12,6 @@ def use(threads: int) -> None:
 
     Numba's own pool is taken: it is everywhere, and other pools warn of versions that they do not like.
     """
-    numba.config.THREADING_LAYER = "workqueue"
-    numba.set_num_threads(max(1, min(threads, numba.config.NUMBA_NUM_THREADS)))
+    config: Any = numba.config  # a module that fills itself when it is imported
+    config.THREADING_LAYER = "workqueue"
+    numba.set_num_threads(max(1, min(threads, config.NUMBA_NUM_THREADS)))

@@ -56,7 +56,8 @@ class Trained:
         if self.sine_sphere and self.first_sphere:
             from ..networks.sphere import keep
 
-            keep(self.omega, self.hidden_layers, self.width, self.first_sphere)
+            method: Any = self  # which has the parameters of a sine network
+            keep(method.omega, method.hidden_layers, method.width, self.first_sphere)
 
     # -- what a method adds ----------------------------------------------------------------------------------------
 
@@ -78,7 +79,8 @@ class Trained:
     @property
     def first_sphere(self) -> float:
         """The radius of the sphere that a network begins as: 0 when weights are loaded, which saves making it."""
-        return 0.0 if self.load else self.sphere  # a parameter of those who ask
+        method: Any = self
+        return 0.0 if self.load else method.sphere  # a parameter of those who ask
 
     def form(self) -> dict[str, Any]:
         """The parameters of this method alone that a field is loaded with: they say which function its weights make."""

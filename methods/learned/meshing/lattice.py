@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 BASE = 32  # cells along the shortest side of a lattice at its coarsest level, which is evaluated everywhere
 CHUNK = 1 << 16  # cells at a time
@@ -50,8 +47,8 @@ class Lattice:
 
     def level(self, number: int) -> Level:
         """Every ``2 ** number``-th point."""
-        shape = tuple((n >> number) + 1 for n in self.cells)
-        return Level(self.origin, self.axes, self.spacing * 2**number, shape)
+        a, b, c = ((n >> number) + 1 for n in self.cells)
+        return Level(self.origin, self.axes, self.spacing * 2**number, (a, b, c))
 
 
 class Level(NamedTuple):
@@ -71,7 +68,7 @@ class Level(NamedTuple):
         """The integer coordinates of nodes: (3, n)."""
         return np.stack(np.unravel_index(nodes, self.shape))
 
-    def points(self, nodes: np.ndarray, shift: ArrayLike = 0.0) -> np.ndarray:
+    def points(self, nodes: np.ndarray, shift: np.ndarray | float = 0.0) -> np.ndarray:
         """Where nodes are, moved by ``shift`` spacings (a number or (3, n)) along the axes: (n, 3)."""
         x, y, z = self.spacing * (self.coordinates(nodes) + shift)
         # Not as a product of matrices: a node must not lie elsewhere in another batch, by as little as a last digit.

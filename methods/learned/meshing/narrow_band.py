@@ -99,8 +99,9 @@ def finest_band(
     below it, once there is a surface. What a level takes is told by the one before it, for each of its cells.
     """
     level = lattice.level(lattice.levels)
-    cells = numbers_of(level, np.indices(np.array(level.shape) - 1).reshape(3, -1))
-    nodes, values, bound = np.empty(0, dtype=np.int64), np.empty(0), None
+    cells = numbers_of(level, np.indices([n - 1 for n in level.shape]).reshape(3, -1))
+    nodes, values = np.empty(0, dtype=np.int64), np.empty(0)
+    bound: float | None = None
     share, begin = (span[1] - span[0]) * 3 / (4 ** (lattice.levels + 1) - 1), span[0]
     for step in range(lattice.levels + 1):
         end = begin + share * 4**step  # each level has about four times as many cells
@@ -118,6 +119,7 @@ def finest_band(
         # Corners of cells have even coordinates in the next level, where they are corners again.
         nodes, values = numbers_of(level, 2 * band.level.coordinates(band.nodes)), band.values
         begin = end
+    assert bound is not None  # of the coarsest level, which there always is
     return band, bound
 
 
@@ -199,7 +201,8 @@ def _slopes(values: np.ndarray, spacing: float) -> np.ndarray:
 def children_of(band: Band, bound: float) -> tuple[Level, np.ndarray]:
     """The next level, and the half-sized cells there that may hold surface."""
     spacing = band.level.spacing
-    level = band.level._replace(spacing=spacing / 2, shape=tuple(2 * n - 1 for n in band.level.shape))
+    a, b, c = (2 * n - 1 for n in band.level.shape)
+    level = band.level._replace(spacing=spacing / 2, shape=(a, b, c))
     kept = []
     for cells in chunks(band.cells):
         values = band.values[band.corners(cells)]

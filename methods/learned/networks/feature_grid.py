@@ -29,6 +29,11 @@ class FeatureGrid(nn.Module):
         The table's gradient holds the rows of the batch alone.
     """
 
+    sides: Tensor
+    strides: Tensor
+    corners: Tensor
+    offsets: Tensor
+
     def __init__(
         self,
         levels: int,

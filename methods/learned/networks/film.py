@@ -51,22 +51,25 @@ class FilmNetwork(nn.Module):
         super().__init__()
         self.omega = float(omega)
         sizes = [condition, width, width, width, 2 * layers * width]
-        self.mapping = nn.ModuleList(nn.Linear(*pair) for pair in zip(sizes, sizes[1:], strict=False))
-        self.layers = nn.ModuleList(nn.Linear(width if i else 1, width) for i in range(layers))
+        mapping = [nn.Linear(*pair) for pair in zip(sizes, sizes[1:], strict=False)]
+        sines = [nn.Linear(width if i else 1, width) for i in range(layers)]
+        self.mapping, self.layers = nn.ModuleList(mapping), nn.ModuleList(sines)
         self.last = nn.Linear(width, 1)
-        self._draw(width, gain, generator)
+        self._draw(mapping, sines, gain, generator)
 
     @torch.no_grad()
-    def _draw(self, width: int, gain: float, generator: torch.Generator | None) -> None:
+    def _draw(
+        self, mapping: list[nn.Linear], sines: list[nn.Linear], gain: float, generator: torch.Generator | None
+    ) -> None:
         def uniform(tensor: Tensor, bound: float) -> None:
             tensor.uniform_(-bound, bound, generator=generator)
 
-        for layer in self.mapping:
+        for layer in mapping:
             layer.weight.normal_(0, math.sqrt(2 / (1 + 0.2**2) / layer.in_features), generator=generator)
             uniform(layer.bias, 1 / math.sqrt(layer.in_features))
-        self.mapping[-1].weight.mul_(gain)
-        for layer in (*self.layers, self.last):
-            uniform(layer.weight, 1.0 if layer is self.layers[0] else math.sqrt(6 / width) / 25)
+        mapping[-1].weight.mul_(gain)
+        for layer in (*sines, self.last):
+            uniform(layer.weight, 1.0 if layer is sines[0] else math.sqrt(6 / layer.in_features) / 25)
             uniform(layer.bias, 1 / math.sqrt(layer.in_features))
 
     def forward(self, c: Tensor, f: Tensor) -> Tensor:

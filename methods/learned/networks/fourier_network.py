@@ -54,6 +54,9 @@ class FourierNetwork(nn.Module):
     then say nothing, and the beginning is a sphere whichever of them are.
     """
 
+    frequencies: Tensor
+    window: Tensor
+
     def __init__(
         self,
         bands: int = 8,

@@ -40,6 +40,10 @@ class HashGrid(nn.Module):
     table : (features, sum of rows) parameter
     """
 
+    _strides: Tensor
+    _first: Tensor
+    _cells: Tensor
+
     def __init__(
         self,
         levels: int,

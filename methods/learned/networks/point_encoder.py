@@ -36,10 +36,11 @@ class PointEncoder(nn.Module):
     def __init__(self, features: int = 16, generator: torch.Generator | None = None):
         super().__init__()
         self.first = nn.Linear(3, 2 * features)
-        self.blocks = nn.ModuleList(_Block(2 * features, features) for _ in range(BLOCKS))
+        blocks = [_Block(2 * features, features) for _ in range(BLOCKS)]
+        self.blocks = nn.ModuleList(blocks)
         self.last = nn.Linear(features, features)
         draw_weights(self, generator)
-        for block in self.blocks:
+        for block in blocks:
             nn.init.zeros_(block.second.weight)
 
     def forward(self, normals: Tensor, cells: Tensor) -> tuple[Tensor, Tensor]:

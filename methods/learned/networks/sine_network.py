@@ -143,10 +143,11 @@ def _backward(ctx: Any, df: Tensor, dg: Tensor) -> tuple[Tensor | None, ...]:
     by_weights = any(ctx.needs_input_grad[3 : 3 + layers])
     dW: list[Tensor | None] = [None] * layers
     db: list[Tensor | None] = [None] * layers
+    along_g: list[Tensor] = []  # what of dW comes along g's way, below the top first
 
     # Along g's way: ds_1 = dg W_0^T, du_k = ds_k * a_k, ds_{k+1} = du_k W_k^T.
     if by_weights:
-        dW[0] = s[0].t() @ dg
+        along_g.append(s[0].t() @ dg)
     ds = dg @ W[0].t()
     da = []
     for k in range(layers - 1):
@@ -155,22 +156,22 @@ def _backward(ctx: Any, df: Tensor, dg: Tensor) -> tuple[Tensor | None, ...]:
         du = ds.mul_(a[k])
         if top:
             if by_weights:
-                dW[-1] = du.sum(0, keepdim=True)
+                along_g.append(du.sum(0, keepdim=True))
             break
         if by_weights:
-            dW[k + 1] = s[k + 1].t() @ du
+            along_g.append(s[k + 1].t() @ du)
         ds = du @ W[k + 1].t()
 
     # Along f's way: dz_k = dh_k * a_k - w^2 h_k * da_k.
     if by_weights:
-        dW[-1] = torch.addmm(dW[-1], df[None], h[-1])
+        dW[-1] = torch.addmm(along_g.pop(), df[None], h[-1])
         db[-1] = df.sum(0, keepdim=True)
     dh = df[:, None] * W[-1]
     for k in range(layers - 2, -1, -1):
         dz = dh.mul_(a[k]).addcmul_(da[k], h[k + 1], value=-(omega**2))
         # a holds the derivative by the unscaled sum, so dz is the adjoint of W h + b.
         if by_weights:
-            dW[k] = torch.addmm(dW[k], dz.t(), h[k])
+            dW[k] = torch.addmm(along_g.pop(), dz.t(), h[k])
             db[k] = dz.sum(0)
         if k > 0 or ctx.needs_input_grad[0]:
             dh = dz @ W[k]

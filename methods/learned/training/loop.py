@@ -174,7 +174,8 @@ class _Best:
 
     def __init__(self, field: Field, batch: Batch, chunk: int):
         self._field, self._batch, self._chunk = field, batch, chunk
-        self.loss, self._state = math.inf, None
+        self.loss = math.inf
+        self._state: dict[str, Tensor] | None = None
 
     def look(self) -> None:
         """Keep the state of now if it is better."""

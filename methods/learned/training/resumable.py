@@ -152,7 +152,7 @@ class _State:
 
     def arrays(self, step: int) -> dict[str, np.ndarray]:
         """All that the steps from ``step`` on depend on."""
-        arrays = {"step": np.int64(step), "score": np.float64(self.score)}
+        arrays: dict[str, np.ndarray | np.generic] = {"step": np.int64(step), "score": np.float64(self.score)}
         arrays |= {NETWORK + name: _array(tensor) for name, tensor in self.network.state_dict().items()}
         arrays |= {BEST + name: _array(tensor) for name, tensor in (self._best or {}).items()}
         for number, state in self.optimizer.state_dict()["state"].items():

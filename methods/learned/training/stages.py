@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import timeit
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,7 +72,7 @@ def seconds_to_extract(field: Field, points: np.ndarray, resolution: int, run: R
     # A field begins as a sphere of half the radius, and may do more near its surface than elsewhere. Of three times the
     # least counts: others may be busy, too.
     probes = (some, some / np.maximum(2 * np.linalg.norm(some, axis=1, keepdims=True), 1e-9))
-    seconds = max(min(timeit.repeat(lambda x=x: field.values(x), number=1, repeat=3)) for x in probes)
+    seconds = max(min(timeit.repeat(partial(field.values, x), number=1, repeat=3)) for x in probes)
     per_point = seconds / min(PROBES, len(points)) + MESHING
     extents = np.ptp(points, axis=0)
     shortest = max(extents.min(), extents.max() / 5)  # no side gets more than five times the shortest's samples
