@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from bench import register
@@ -45,5 +46,5 @@ class DSdf(Supervised):
         """Both networks."""
         from .fields.warped_field import ReluNetwork, WarpedField
 
-        form = {"bands": self.bands, "layers": self.layers, "width": self.width, "generator": generator}
-        return WarpedField(self.oriented_loss(), ReluNetwork(1, **form), ReluNetwork(3, **form))
+        network = partial(ReluNetwork, bands=self.bands, layers=self.layers, width=self.width, generator=generator)
+        return WarpedField(self.oriented_loss(), network(1), network(3))

@@ -19,6 +19,8 @@ class ReluNetwork(nn.Module):
     the output is linear. Weights and biases come from U(+-1/sqrt(fan_in)), a linear layer's default.
     """
 
+    frequencies: Tensor
+
     def __init__(
         self,
         outputs: int,

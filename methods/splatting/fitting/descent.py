@@ -28,8 +28,8 @@ class Descent:
     def step(self, values: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         """The values after a step."""
         gradient = np.clip(gradient, -self._largest, self._largest)
-        first = self._velocity is None
-        self._velocity = gradient if first else self._momentum * self._velocity + gradient
+        before = self._velocity
+        self._velocity = gradient if before is None else self._momentum * before + gradient
         return values - self.rate * (gradient + self._momentum * self._velocity)
 
     def begin(self) -> None:
