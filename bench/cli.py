@@ -17,7 +17,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from .errors import DetailbenchError, Terminated, code_of, did_you_mean
 from .notices import show_as_lines
@@ -72,10 +72,17 @@ MOST_NAMES = 5  # of which it is said that they are in two places
 MOST_NAME = 500  # letters of a file's name in a message
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """argparse ends with 2; our code for a usage error is 1."""
+        print(f"error: {message}\n{self.format_usage().strip()}\nMore: {self.prog} --help", file=sys.stderr)
+        raise SystemExit(1)
+
+
 def parser_for(command: str) -> argparse.ArgumentParser:
     """The parser of one command; its help is the docstring of the command's module."""
     module = importlib.import_module(f".commands.{command}", __package__)
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog=f"detailbench {command}",
         description=module.__doc__,
         epilog=EXIT_CODES,
@@ -245,10 +252,10 @@ def _main(arguments: list[str]) -> int:
         print(f"error: there is no command {command!r}. {did_you_mean(command, COMMANDS)}", file=sys.stderr)
         return 1
     parser = parser_for(command)
-    parser.error = _usage_error(parser)  # type: ignore[method-assign]
     module = importlib.import_module(f".commands.{command}", __package__)
     if getattr(module, "PASSES_ON", False):  # what the parser does not know is Hydra's
-        args, args.rest = parser.parse_known_args(arguments[1:])
+        args, rest = parser.parse_known_args(arguments[1:])
+        args.rest = rest
     else:
         args = parser.parse_intermixed_args(arguments[1:])
     if hasattr(args, "config_dir"):
@@ -269,15 +276,6 @@ def _warn_of_names() -> None:
         print(f"warning: {line}", file=sys.stderr)
     if len(lines) > MOST_NAMES:
         print(f"warning: {len(lines) - MOST_NAMES} more names are in two places", file=sys.stderr)
-
-
-def _usage_error(parser: argparse.ArgumentParser) -> Callable[[str], None]:
-    def error(message: str) -> None:
-        """argparse ends with 2; our code for a usage error is 1."""
-        print(f"error: {message}\n{parser.format_usage().strip()}\nMore: {parser.prog} --help", file=sys.stderr)
-        raise SystemExit(1)
-
-    return error
 
 
 def add_plugin_argument(parser: argparse.ArgumentParser) -> None:

@@ -43,7 +43,8 @@ def run(args: argparse.Namespace) -> int:
     request = checked(overrides, "plan", multirun=args.multirun, sweeps=True)
     results = Results(request.folder)
     pace = Pace.of(results)
-    lines, seconds, refused, stale = [], [], [], []
+    lines, seconds, stale = [], [], []
+    refused: list[str] = []
     planned = finished = unknown = 0
     devices = set()
     trainings: dict[str, str] = {}

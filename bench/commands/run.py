@@ -198,7 +198,8 @@ def _show_board(
     with reader_may_leave():
         for experiment in tables:
             show(rows, published=experiment, missing=missing)
-        for convention in [] if tables else conventions_of(request) or [None]:
+        chosen: list[str | None] = [] if tables else [*conventions_of(request)] or [None]
+        for convention in chosen:
             show(rows, convention=convention, missing=missing)
 
 

@@ -116,7 +116,7 @@ def pack(shape: PackedShape) -> bytes:
         new, a, b, d = stored.parallelograms()
         corners = shape.positions.astype(np.int64)
         predicted[new] = corners[a] + corners[b] - corners[d]
-        if mean is not None:
+        if mean is not None and shape.errors is not None:
             mean[new] = (shape.errors[a].astype(np.int64) + shape.errors[b] + 1) // 2
     if n:
         predicted[0] = 0
@@ -124,7 +124,7 @@ def pack(shape: PackedShape) -> bytes:
     zigzag = (difference << 1 ^ difference >> 31).astype(np.uint16)
     body = [struct.pack("<4I4f", flags, n, m, roots, *shape.low, shape.step)]
     body += [plane for axis in range(3) for plane in _planes(zigzag[:, axis], 2)]
-    if mean is not None:
+    if mean is not None and shape.errors is not None:
         if n:
             mean[0] = 0
         body.append((shape.errors - mean).astype(np.uint8).tobytes())

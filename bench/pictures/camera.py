@@ -52,7 +52,7 @@ class Camera:
                 f"--camera {text}: expected AZIMUTH,ELEVATION in degrees, and ZOOM above 0 if wanted, like -52,24 or "
                 "30,10,1.5; the elevation is between -90 and 90"
             )
-        return cls(*values, up=up)
+        return cls(**dict(zip(("azimuth", "elevation", "zoom"), values, strict=False)), up=up)
 
     @property
     def axes(self) -> np.ndarray:

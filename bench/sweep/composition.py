@@ -107,7 +107,8 @@ def resolved(overrides: Sequence[str]) -> dict[str, Any]:
 
     config = compose(overrides)
     with in_words(overrides):
-        return OmegaConf.to_container(config, resolve=True)
+        values: Any = OmegaConf.to_container(config, resolve=True)
+        return values
 
 
 @contextmanager
@@ -148,9 +149,11 @@ def _no_parameter(*texts: str) -> str:
     What the words of a command line say is checked before; this is for those of an experiment that chooses plugins.
     """
     text = "\n".join(texts)
-    key, name = re.search(r"'(\w+)\.[\w.]+'", text), re.search(r"Key '(\w+)' (?:is )?not in '(\w+)'", text)
-    file = re.search(r"In '(\w+/\w+)'", text)
-    for plugin in registry().loaded() if name else ():
+    name = re.search(r"Key '(\w+)' (?:is )?not in '(\w+)'", text)
+    if name is None:
+        return ""
+    key, file = re.search(r"'(\w+)\.[\w.]+'", text), re.search(r"In '(\w+/\w+)'", text)
+    for plugin in registry().loaded():
         if plugin.cls.__name__ == name[2] and (not key or plugin.kind == key[1]):
             hint = did_you_mean(name[1], [f.name for f in plugin.fields])
             where = f"{file[1]}.yaml: " if file else ""

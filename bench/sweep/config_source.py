@@ -58,7 +58,7 @@ class OwnConfigs(ConfigSource):
         path = self.files[name]
         text = Path(path).read_text(encoding="utf-8")
         check(name.partition("/")[0], path, text)
-        config = OmegaConf.create(text) if text.strip() else OmegaConf.create()
+        config: Any = OmegaConf.create(text) if text.strip() else OmegaConf.create()
         config.pop(TIER, None)  # no parameter
         return ConfigResult(provider=self.provider, path=path, config=config, header=self._get_header_dict(text[:512]))
 

@@ -62,7 +62,8 @@ def _of_experiment(request: Request) -> str:
     where = f"{', '.join(text_of(override) for override in request.about('experiment'))}: results"
     if DEFAULT in swept:
         raise UsageError(f"{where}={swept['results']}: {ONE}")
-    folder = str(OmegaConf.to_container(config, resolve=False)["results"])
+    values: Any = OmegaConf.to_container(config, resolve=False)
+    folder = str(values["results"])
     return _resolved(folder, f"{where}={folder}")
 
 

@@ -47,7 +47,7 @@ def job(config: DictConfig) -> None:
     from .composition import register_resolvers
 
     register_resolvers()
-    values = OmegaConf.to_container(config, resolve=True)
+    values: Any = OmegaConf.to_container(config, resolve=True)
     session = Session(Path(os.path.expanduser(values["results"])).absolute(), values["session"])
     here = session.owner[0] == os.getpid()
     if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
@@ -120,7 +120,8 @@ def _number() -> int:
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 
-    return OmegaConf.select(HydraConfig.get(), "job.num", default=None) or 0
+    config: Any = HydraConfig.get()  # a node, and not what Hydra's types call it
+    return OmegaConf.select(config, "job.num", default=None) or 0
 
 
 @functools.cache
@@ -341,6 +342,7 @@ def show(flags: Mapping[str, str], request: Request) -> int:
     words = request.words
     with hydra_ready(), in_words(words):
         hydra = GlobalHydra.instance().hydra
+        assert hydra is not None
         try:
             if "--cfg" in flags:
                 hydra.show_cfg(CONFIG_NAME, words, flags["--cfg"], flags.get("--package"), "--resolve" in flags)

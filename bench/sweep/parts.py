@@ -128,7 +128,8 @@ def _composed(job: Words, *, resolve: bool = False) -> Values:
         config = compose(CONFIG_NAME, overrides=list(job))
         if resolve and "cases" in config:
             config.cases = config.cases
-        return OmegaConf.to_container(config, resolve=resolve)
+        values: Any = OmegaConf.to_container(config, resolve=resolve)
+        return values
 
 
 class _Assembly:
@@ -152,7 +153,8 @@ class _Assembly:
 
     @staticmethod
     def _split(job: Sequence[str]) -> tuple[Words, dict[str, Words]]:
-        outer, inner = [], {}
+        outer: list[str] = []
+        inner: dict[str, Words] = {}
         for word in job:
             if head := _head(word):
                 inner[head] = (*inner.get(head, ()), word)
@@ -193,7 +195,7 @@ class _Family:
         if words == self.first[head]:
             return self._known(head, words, self.base[head])
         key, number = _template(words)
-        if known := self._templates.get((head, key)):
+        if number is not None and (known := self._templates.get((head, key))):
             return _with_number(known[1], known[0], number)
         values = _composed(self._job({head: words}))
         if values.keys() != self.base.keys() or any(

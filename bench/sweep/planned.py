@@ -103,7 +103,7 @@ class Stands:
 
     Attributes
     ----------
-    rows : list
+    rows : sequence of mappings
         Its rows that need not be made again.
     complete : bool
         Whether they are all of its record, so that nothing is left to do.
@@ -113,7 +113,7 @@ class Stands:
         What keeps its newest record from being current.
     """
 
-    rows: list[Mapping[str, Any]]
+    rows: Sequence[Mapping[str, Any]]
     complete: bool
     fingerprint: str
     stale: tuple[str, ...] = ()
