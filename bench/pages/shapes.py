@@ -54,7 +54,9 @@ class _Panel:
     @property
     def size(self) -> int:
         """Faces of a mesh, points of a cloud."""
-        return 0 if self.shape is None else len(self.shape.faces) if self.is_mesh else len(self.shape)
+        if self.shape is None:
+            return 0
+        return len(self.shape) if isinstance(self.shape, PointCloud) else len(self.shape.faces)
 
     @property
     def amount(self) -> tuple[int, float]:
@@ -236,11 +238,11 @@ def _smaller(panel: _Panel, cap: int) -> _Panel:
 
     if panel.shape is None or panel.size <= cap:
         return panel
-    if not panel.is_mesh:
+    if isinstance(panel.shape, PointCloud):
         kept = np.linspace(0, panel.size - 1, cap).astype(np.int64)
         normals = panel.shape.normals
-        shape = PointCloud(panel.shape.points[kept], None if normals is None else normals[kept])
-        return _Panel(panel.item, shape, None if panel.errors is None else panel.errors[kept], panel.full)
+        cloud = PointCloud(panel.shape.points[kept], None if normals is None else normals[kept])
+        return _Panel(panel.item, cloud, None if panel.errors is None else panel.errors[kept], panel.full)
     shape = simplify(panel.shape, max(cap, 4))
     errors = panel.errors
     if errors is not None:
@@ -310,9 +312,11 @@ def _first_cap(parts: Sequence[pd.DataFrame], budget: int) -> int:
 
 
 def _pack(panel: _Panel) -> bytes:
-    if panel.is_mesh:
-        return pack(quantised(panel.shape.vertices, panel.shape.faces, panel.errors))
-    return pack(quantised(panel.shape.points, None, panel.errors, panel.shape.normals))
+    shape = panel.shape
+    assert shape is not None
+    if isinstance(shape, PointCloud):
+        return pack(quantised(shape.points, None, panel.errors, shape.normals))
+    return pack(quantised(shape.vertices, shape.faces, panel.errors))
 
 
 def _panel(panel: _Panel, packed: _Packed | None) -> dict[str, Any]:

@@ -100,7 +100,8 @@ class CaseShapes:
 def places(rows: pd.DataFrame) -> Iterator[tuple[Place, pd.DataFrame]]:
     """The cases of some rows, in the order of their first rows, each with its rows."""
     for key, part in rows.groupby(PLACE, sort=False, dropna=False):
-        yield Place(*key[:4], int(key[4]), key[5]), part
+        task, dataset, sensor, split, seed, case = key
+        yield Place(task, dataset, sensor, split, int(seed), case), part
 
 
 def case_shapes(folders: Sequence[Results], place: Place, rows: pd.DataFrame) -> CaseShapes:
@@ -145,7 +146,7 @@ def case_of(results: Results, row: Mapping[str, Any]) -> Case:
 
     record: Record | None = results.read(row["cell"], row["fingerprint"])
     missing = ["a readable file"] if record is None else lacks(record.meta)
-    if missing:
+    if record is None or missing:
         raise UsageError(f"the record of cell {row['cell']} lacks {', '.join(missing)}")
     stored = Stored(results, [record], record, {})
     if stored.missing:

@@ -234,6 +234,7 @@ class Sheet:
         """The place that is shown larger, framed in the tile, and the inset in a corner."""
         from matplotlib.patches import Rectangle
 
+        assert tile.region is not None and tile.inset is not None
         (x, y), (half_width, half_height) = tile.region
         low = np.clip([x - half_width, y - half_height], 0.004, 1)
         high = np.clip([x + half_width, y + half_height], 0, 0.996)

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from .gaps import Gaps
     from .scan import Scan
 
-    Meshes = tuple[Trimesh, Trimesh, Trimesh]
 
 SAMPLES = 2000  # of each mesh
 PATCHES = 24  # of a scan
@@ -75,7 +74,7 @@ class Evidence:
 
 def evidence(
     scan: Scan,
-    meshes: Sequence[Meshes],
+    meshes: Sequence[Sequence[Trimesh]],
     seed: int,
     gaps: Gaps | None = None,
     filled: Sequence[Trimesh] = (),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from .priors import nearest
 from .scan import NORMAL_MEDIAN, Scan
 from .trials import Setup, Trial, trials
 from .verdict import CRITERIA, Verdict, verdict
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 OUTPUT = "OUT.ply"  # what the command line writes to
 
@@ -106,21 +109,25 @@ def recommend(
     solved = _solved(found, chosen)
     names = [candidate.choice.name for candidate in chosen]
     gaps = [
-        gaps_of(scan, [row[i].meshes[0] for i in solved], [names[i] for i in solved], setup.seed)
+        gaps_of(scan, [_meshes(row[i])[0] for i in solved], [names[i] for i in solved], setup.seed)
         for scan, row in zip(scans, found, strict=True)
     ]
-    with_gaps = [number for number, gap in enumerate(gaps) if gap is not None]
+    with_gaps = [(number, gap) for number, gap in enumerate(gaps) if gap is not None]
     if with_gaps:
         count.total += len(with_gaps) * len(solved)
-        clouds = [(gaps[number].rest(scans[number]),) for number in with_gaps]
+        clouds = [(gap.rest(scans[number]),) for number, gap in with_gaps]
         filled = trials(clouds, [chosen[i] for i in solved], setup, count.one_more)
-        for number, row in zip(with_gaps, filled, strict=True):
+        for (number, _), row in zip(with_gaps, filled, strict=True):
             for i, trial in zip(solved, row, strict=True):
                 found[number][i] = found[number][i].then(trial)
         solved = _solved(found, chosen)
     held = [
         evidence(
-            scan, [row[i].meshes[:3] for i in solved], setup.seed, gap, [m for i in solved for m in row[i].meshes[3:]]
+            scan,
+            [_meshes(row[i])[:3] for i in solved],
+            setup.seed,
+            gap,
+            [mesh for i in solved for mesh in _meshes(row[i])[3:]],
         )
         for scan, row, gap in zip(scans, found, gaps, strict=True)
     ]
@@ -150,6 +157,12 @@ def _solved(found: list[list[Trial]], chosen: Sequence[Candidate]) -> tuple[int,
         f"{len(solved)} of {len(chosen)} methods solved all scans; a ranking needs two. Raise --limit or --memory, "
         f"lower --points, or name other methods. {listed}"
     )
+
+
+def _meshes(trial: Trial) -> tuple[Trimesh, ...]:
+    """Of a trial that solved its scan."""
+    assert trial.meshes is not None
+    return trial.meshes
 
 
 def as_json(found: Recommendation) -> dict[str, Any]:

@@ -78,9 +78,13 @@ def chart(
 
 def settle(axes: Axes) -> None:
     """Move the left edge and the lower one of a diagram to where its numbers and words have just room."""
+    from matplotlib.figure import Figure
+
     figure = axes.figure
+    assert isinstance(figure, Figure)  # not a part of one
     drawn(figure)
-    renderer, edge, place = figure.canvas.get_renderer(), 0.03 * figure.dpi, axes.get_window_extent()
+    canvas: Any = figure.canvas  # of Agg, whose renderer the base class does not name
+    renderer, edge, place = canvas.get_renderer(), 0.03 * figure.dpi, axes.get_window_extent()
     words = [box for axis in (axes.yaxis, axes.xaxis) if (box := axis.get_tightbbox(renderer)) is not None]
     left = place.x0 - min((box.x0 for box in words), default=place.x0) + edge
     bottom = place.y0 - min((box.y0 for box in words), default=place.y0) + edge
@@ -220,15 +224,14 @@ def names_at_points(
     inside = Box(0.0, 0.0, float(size[0]), float(size[1]))
     placed = []
     for name in sorted(at, key=lambda name: -at[name][1]):
-        width = text_width(titles[name], FONT)
-        best = min(_candidates(*at[name], width, line), key=lambda box: _cost(box, taken, inside))
+        (x, y), width = at[name], text_width(titles[name], FONT)
+        best = min(_candidates(x, y, width, line), key=lambda box: _cost(box, taken, inside))
         taken.append(best)
         placed.append(best)
         axes.text(
             best.left / size[0], (best.bottom + best.top) / 2 / size[1], titles[name], transform=axes.transAxes,
             fontsize=FONT, va="center", ha="left", clip_on=False,
         )  # fmt: skip
-        x, y = at[name]
         near = (np.clip(x, best.left, best.right), np.clip(y, best.bottom, best.top))
         if np.hypot(near[0] - x, near[1] - y) > 0.1:  # inches
             ends = np.array([[x, y], near]) / size
