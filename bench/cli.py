@@ -26,31 +26,31 @@ from .text import shortened, shown_streams
 
 # Name -> one line. The module is imported when its command is called: help and listings stay quick.
 COMMANDS = {
-    "run": "run cells: one, or with -m a sweep, and print the leaderboard",
+    "run": "run one cell, or a sweep with -m, and print the leaderboard",
     "plan": "what a run would do: cells, what is finished already, how long the rest may take",
     "list": "tasks, datasets, sensors, methods and metrics, and plugins that are broken",
     "fetch": "download the data of a dataset that is not procedural",
     "leaderboard": "rank finished results: terminal, Markdown, LaTeX or CSV",
-    "figure": "a figure of kept outputs for a paper: PDF, SVG or PNG",
-    "compare": "two results, then and now: what got worse, what failed, what is slower",
+    "figure": "a figure of saved outputs for a paper: PDF, SVG or PNG",
+    "compare": "compare two results, old and new: what got worse, failed or is slower",
     "inputs": "write the inputs of cases to files, for code that runs elsewhere",
     "import": "score outputs that were made elsewhere",
     "report": "results as one page for a browser: tables, charts, cases, shapes",
     "site": "results as a folder of pages for a static host",
     "plot": "a plot of scores for a paper, with its numbers as CSV",
     "worst": "the worst cases of a method, and what they share",
-    "train": "train a learned method, and keep its weights",
-    "tune": "search good parameters of a method on train shapes, and write a preset",
-    "apply": "one method on one file, or on many",
-    "recommend": "which method serves a scan: a ranking without ground truth",
-    "score": "two files: an output held against its reference",
-    "check": "hold a plugin against the contract",
+    "train": "train a learned method, and save its weights",
+    "tune": "search for good parameters of a method on train shapes, and write a preset",
+    "apply": "apply one method to one file, or to many",
+    "recommend": "rank methods for a scan, without ground truth",
+    "score": "score an output file against its reference file",
+    "check": "check that a plugin keeps the contract",
     "new": "write a new plugin and its test",
-    "why": "what differs between a stored result and today",
+    "why": "what changed between a stored result and today",
     "reproduce": "run a stored cell again and compare",
     "completion": "a script that lets bash, zsh or fish complete commands, options, names and parameters",
 }
-EXIT_CODES = """exit codes: 0 all well, 1 usage or configuration error, 3 finished but not everything was solved,
+EXIT_CODES = """exit codes: 0 success, 1 usage or configuration error, 3 finished but not everything was solved,
 130 interrupted (143 by SIGTERM, 129 by SIGHUP)"""
 
 # Those that read files of the user's own configs, in which a name may be in two places.
@@ -107,7 +107,7 @@ def usage() -> str:
             "",
             *lines,
             "",
-            "detailbench COMMAND --help tells more; --plugin FILE adds a plugin file to any command.",
+            "`detailbench COMMAND --help` describes a command; --plugin FILE adds a plugin file to any command.",
             EXIT_CODES,
         ]
     )
@@ -142,12 +142,12 @@ def _ended(arguments: list[str]) -> int:
             print(f"error: {shortened(str(error.filename), MOST_NAME)}: {error.strerror}", file=sys.stderr)
             return 1
         if isinstance(error, FileNotFoundError):
-            where = "the working folder is gone; change to one that is there, then run this again"
+            where = "the working folder no longer exists; change to another folder, then run this again"
             print(f"error: {where}", file=sys.stderr)
             return 1
         if error.errno not in CANNOT_PRINT:
             raise
-        reason = f"{error.strerror}; what was computed is stored, and shown by `detailbench leaderboard results=DIR`"
+        reason = f"{error.strerror}; finished cells are stored; `detailbench leaderboard DIR` shows them"
         print(f"error: cannot write to the standard output: {reason}", file=sys.stderr)
         forget_output()
         return 1
@@ -275,7 +275,7 @@ def _warn_of_names() -> None:
     for line in lines[:MOST_NAMES]:
         print(f"warning: {line}", file=sys.stderr)
     if len(lines) > MOST_NAMES:
-        print(f"warning: {len(lines) - MOST_NAMES} more names are in two places", file=sys.stderr)
+        print(f"warning: {len(lines) - MOST_NAMES} more names are defined in two files", file=sys.stderr)
 
 
 def add_plugin_argument(parser: argparse.ArgumentParser) -> None:
@@ -286,7 +286,7 @@ def add_plugin_argument(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         action="append",
         default=[],
-        help="also find experiments, conventions and presets in DIR, as those in ./conf are (DIR/experiment/NAME.yaml)",
+        help="also read experiments, conventions and presets in DIR, as in ./conf (DIR/experiment/NAME.yaml)",
     )
 
 

@@ -7,24 +7,24 @@
   detailbench apply method=identity task=detail_transfer source.ply source_base.ply target_base.ply out.ply
   detailbench apply method=NAME task=multiview FOLDER mesh.ply
 
-INPUT is a point cloud (PLY, PCD, LAS, E57, NPY, or text: XYZ, CSV, PTS, ...) or a mesh whose vertices are taken.
+INPUT is a point cloud (PLY, PCD, LAS, E57, NPY, or text: XYZ, CSV, PTS, ...) or a mesh, whose vertices are the points.
 OUTPUT is in the coordinates of INPUT, a mesh as PLY, OBJ, STL, OFF or GLB, a cloud as PLY, PCD, XYZ, TXT or CSV.
-Colours, intensity and other numbers of the points of INPUT go to the points of OUTPUT. Parameters that are lengths
-refer to the frame in which the input has radius 1.
+Colours, intensity and other numbers of the points of INPUT are copied to the points of OUTPUT. Parameters that are
+lengths refer to the frame in which the input has radius 1.
 
-Many files: INPUT is a folder, a pattern in quotes, or several files, and OUTPUT a folder or a word that ends in /; as
-'OUT/*.obj' it says which kind of file, with the name of the input for the *. A file that cannot be done is told and
-the others are done. What is there, of the same input with the same settings, is not made again (--again does that).
+Many files: INPUT is a folder, a pattern in quotes, or several files; OUTPUT is a folder, or a name that ends in /, or a
+pattern such as 'OUT/*.obj', which sets the file type; * is the name of the input. A file that fails is reported, and
+the others are processed. An output of the same input with the same settings is not made again, except with --again.
 
 A detail transfer takes three meshes that are aligned with each other, or two where the source has no base; OUTPUT and
 that frame are the target base's.
 FOLDER has images with masks and cameras: transforms.json, cameras.npz, or a COLMAP model as text (docs/multiview.md).
-What other tasks take, their `read` says (detailbench list task NAME).
-Where a method solves several tasks, task= says which; a file that may be a mesh or a cloud becomes a mesh
-(task=reconstruct). normals=file (the default) takes the normals of a cloud from its file, where it has any;
-normals=estimate takes none of them. A learned method takes the weights that come with it, or those of
-training.weights=FILE (detailbench train). All processors are used unless threads= says how many. Further keys: seed,
-device, limit.seconds, limit.memory_gb.
+`detailbench list task NAME` describes the inputs of other tasks.
+Where a method solves several tasks, task= chooses one; an output file that may be a mesh or a cloud becomes a mesh
+(task=reconstruct). normals=file (the default) reads the normals of a cloud from its file, if it has any;
+normals=estimate ignores them. A learned method uses the weights that come with it, or those of
+training.weights=FILE (detailbench train). All processors are used unless threads= sets their number. Further keys:
+seed, device, limit.seconds, limit.memory_gb.
 """
 
 from __future__ import annotations
@@ -55,10 +55,10 @@ DEFAULT_TASK = "reconstruct"  # that of `run`, too
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     parser.add_argument("words", nargs="+", metavar="method=NAME INPUT OUTPUT [key=value ...]")
-    text = "reduce a mesh to so many faces, and tell the distance between both"
+    text = "reduce a mesh to this number of faces, and report the distance between the two"
     parser.add_argument("--simplify", type=int, default=0, metavar="FACES", help=text)
     parser.add_argument("--colors", action="store_true", help="give vertices the colours of the nearest input points")
-    parser.add_argument("--again", action="store_true", help="of many files, make those again that are there already")
+    parser.add_argument("--again", action="store_true", help="with many files: make cached outputs again")
     add_plugin_argument(parser)
 
 
@@ -124,11 +124,11 @@ def jobs_of(
     if not method.solves(task.name):
         raise UsageError(f"method {method.label} does not solve {task.name}")
     if simplify and task.made.output != "mesh":
-        raise UsageError(f"--simplify {simplify}: task {task.name} gives no mesh")
+        raise UsageError(f"--simplify {simplify}: task {task.name} does not output a mesh")
     targets = targets_of(inputs, output, task.made)
     folder = Path(output).absolute().parent
     if not folder.is_dir() and len(targets) == 1 and targets[0].output == output:
-        raise UsageError(f"{output}: there is no folder {folder}")
+        raise UsageError(f"{output}: no such folder: {folder}; create it first")
     # A file of one's own may take its time; a benchmark's limits are for those who ask for them.
     asked = {w.lstrip("+").split("=")[0] for w in overrides}
     limit = {name: value for name, value in values["limit"].items() if f"limit.{name}" in asked}
@@ -220,10 +220,10 @@ def _task_for(method: Any, output: str, inputs: Sequence[str], parameters: list[
     if len(fitting) == 1:
         return fitting[0]
     if not tasks:
-        raise UsageError(f"method {method.name} solves no task that is known here")
+        raise UsageError(f"method {method.name} solves none of the known tasks")
     if DEFAULT_TASK in fitting:
         others = " or ".join(f"task={t}" for t in fitting if t != DEFAULT_TASK)
-        print(f"task={DEFAULT_TASK}; {method.name} also takes {others}", file=sys.stderr)
+        print(f"task={DEFAULT_TASK}; {method.name} also solves {others}", file=sys.stderr)
         return DEFAULT_TASK
     choice = " or ".join(f"task={t}" for t in (fitting or tasks))
     raise UsageError(f"method {method.name} solves {', '.join(tasks)}: add {choice}")
@@ -297,7 +297,7 @@ def _many(jobs: list[Application], again: bool) -> int:
     there = sum(row["is_cached"] for row in rows)
     print(
         f"{jobs[0].method.label}: {len(jobs) - failed} of {len(jobs)} files done"
-        + (f", {there} of them there already (--again makes them again)" if there else "")
+        + (f", {there} of them cached (--again makes them again)" if there else "")
     )
     return 3 if failed else 0
 
@@ -306,7 +306,7 @@ def _line(job: Application, row: dict[str, Any]) -> str:
     """What became of one file."""
     if row["status"] != "ok":
         return f"{job.inputs[0]}: {_note(job, row).splitlines()[0]}"
-    there = "there already" if row["is_cached"] else f"in {row['seconds']:.3g} s"
+    there = "cached" if row["is_cached"] else f"in {row['seconds']:.3g} s"
     return f"{job.inputs[0]} -> {job.output} ({row['output']}) {there}"
 
 
@@ -335,7 +335,7 @@ def _table(jobs: list[Application], rows: list[dict[str, Any]]) -> str:
         counts = [f"{row[key]:,}" if row.get(key) is not None else "" for key in columns.values()]
         costs = [f"{row[key]:{form}}" if row.get(key) is not None else "" for key, form in COSTS.items()]
         note = "see below" if _note(job, row) else ""
-        note = row["status"] if row["status"] != "ok" else "there already" if row["is_cached"] else note
+        note = row["status"] if row["status"] != "ok" else "cached" if row["is_cached"] else note
         table.add_row(Text(one_line(job.inputs[0])), *counts, *costs, note)
     text = io.StringIO()
     Console(file=text, width=160, highlight=False).print(table)

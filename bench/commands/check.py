@@ -1,4 +1,4 @@
-"""Hold plugins against the contract: config, determinism under a seed, the promised output, poor input, time.
+"""Check that plugins keep the contract: config, determinism under a seed, the promised output, poor input, time.
 
   detailbench check my_method.py        every plugin in the file
   detailbench check poisson jet         plugins by name
@@ -7,7 +7,7 @@
   detailbench check fscore metric.t=0.02          of a metric, as of any other kind of plugin: dataset., sensor., task.
 
 Every trial runs in a child process: a plugin that crashes or hangs is a failed check. It hangs when it takes longer
-than limit.seconds, 300 unless you say otherwise. Exit code 0 when nothing failed, 3 otherwise.
+than limit.seconds (default: 300). Exit code 0 when nothing failed, 3 otherwise.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def _refuse_foreign(overrides: Sequence[str], plugins: Sequence[Plugin]) -> None
     for word in overrides:
         if not word.lstrip("+").startswith("limit.") and not any(_own([word], plugin) for plugin in plugins):
             known = ", ".join(f"{kind}.PARAMETER=..." for kind in sorted({p.kind for p in plugins})) or "nothing"
-            raise UsageError(f"{word}: expected limit.seconds=..., or for what is checked here: {known}")
+            raise UsageError(f"{word}: expected limit.seconds=..., or a parameter of the checked plugins: {known}")
 
 
 def _own(overrides: Sequence[str], plugin: Plugin) -> list[str]:

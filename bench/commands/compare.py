@@ -1,4 +1,4 @@
-"""Compare two results, then and now: what got significantly worse, what failed, what is slower. A gate for CI.
+"""Compare two results, old and new: what got significantly worse, what failed, what is slower. A gate for CI.
 
   detailbench compare baseline results                       exit code 3 if something is significantly worse (over 2 %)
   detailbench compare baseline results --fail-worse 5% --metric chamfer_l1_mean,p2f_mean
@@ -42,13 +42,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fail-worse", metavar="SHARE", default="2%", help="loss of quality that fails: 2%% or 0.02 (default: 2%%)"
     )
-    parser.add_argument("--fail-slower", metavar="SHARE", help="loss of speed that fails (default: none does)")
+    parser.add_argument("--fail-slower", metavar="SHARE", help="loss of speed that fails (default: no limit)")
     parser.add_argument(
-        "--most-failed", type=int, default=0, metavar="N", help="cases that may fail now and not then (default: 0)"
+        "--most-failed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="number of new failed cases that is allowed (default: 0)",
     )
     parser.add_argument("--fail-gone", action="store_true", help="fail where B lacks cases that A has")
     parser.add_argument("--level", type=float, default=0.95, help="of intervals and of the tests (default: 0.95)")
-    parser.add_argument("--full", action="store_true", help="show the lines that are the same, too, and all cases")
+    parser.add_argument("--full", action="store_true", help="also show lines without a change, and all cases")
     parser.add_argument("--format", choices=FORMATS, default="terminal", help="how to print (default: terminal)")
     add_plugin_argument(parser)
 
@@ -77,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         **{name: getattr(args, name) for name in FILTERS},
     )
     for line in other_questions(args.then, args.now, found):
-        print(f"warning: not the same question: {line}", file=sys.stderr)
+        print(f"warning: the settings differ: {line}", file=sys.stderr)
     width = shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 160
     print(render_compared(found, args.format, full=args.full, width=width).rstrip("\n"))
     reasons = reasons_to_fail(found, speed=slower is not None, most_failed=args.most_failed, gone=args.fail_gone)
@@ -140,5 +144,5 @@ def reasons_to_fail(found: Compared, *, speed: bool, most_failed: int, gone: boo
     if len(found.failed) > most_failed:
         lines.append(f"{len(found.failed)} cases failed that were solved before")
     if gone and len(found.gone):
-        lines.append(f"{found.gone['cases'].sum()} cases are not there any more")
+        lines.append(f"{found.gone['cases'].sum()} cases are missing in the new results")
     return lines

@@ -4,7 +4,7 @@
   eval "$(detailbench completion zsh)"       in ~/.zshrc, after compinit
   detailbench completion fish | source       in ~/.config/fish/config.fish
 
-Names come from the listing that the last command has kept, and from ./conf: no plugin is imported, and no file that
+Names come from the listing that the last command cached, and from ./conf: no plugin is imported, and no file that
 --plugin names is run.
 """
 
@@ -76,7 +76,9 @@ PRIVATE = ("plugins", "config_dirs", "session", "published", "sizes")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("shell", choices=[*SCRIPTS, "words"], help="whose script to print; the scripts call `words`")
+    parser.add_argument(
+        "shell", choices=[*SCRIPTS, "words"], help="the shell whose script is printed; the scripts call `words`"
+    )
     parser.add_argument("words", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
 
 

@@ -1,11 +1,11 @@
-"""Fetch the data of a dataset that is not procedural. Nothing of it is part of this package.
+"""Fetch the data of a dataset that is not procedural. The data are not part of this package.
 
-  detailbench fetch                               which datasets are fetched, and whether they are there
+  detailbench fetch                               list the datasets that can be fetched, and whether they are there
   detailbench fetch real                          download, check and unpack what is missing
-  detailbench fetch real dataset.path=FOLDER      to another place; the same words then go to `run`
+  detailbench fetch real dataset.path=FOLDER      to another folder; give `run` the same arguments
 
-Versions are pinned and held against their SHA-256. A download that was cut off goes on where it ended; a file that was
-brought by other means, and put into FOLDER/downloads, is taken. No root is needed.
+Versions are pinned and checked by their SHA-256. An interrupted download continues where it ended; a file that you
+put into FOLDER/downloads yourself is used. No root is needed.
 """
 
 from __future__ import annotations

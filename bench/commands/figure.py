@@ -1,16 +1,16 @@
-"""A figure of kept outputs for a paper: cases in rows; the input, each method and the reference in columns.
+"""A figure of saved outputs for a paper: cases in rows; the input, each method and the reference in columns.
 
   detailbench figure DIR -o figure.pdf --dataset bumps,cad --method poisson,apss
   detailbench figure DIR -o figure.pdf --case 0,1 --names poisson=Poisson,mine=Ours --metric p2f_mean --width page
   detailbench figure DIR -o figure.png --case menger --limit 0.01 --zoom 0.2,-0.5,0.3,0.15 --camera 30,20
   detailbench figure DIR -o column.pdf --method apss,rimls --width column --no-insets --mesh-edges
-  detailbench figure DIR --recompute                          where a run kept no outputs
+  detailbench figure DIR --recompute                          where a run saved no outputs
 
-Shows the outputs that a run with outputs=all (or first) kept, or that --recompute makes again, coloured by the
-distance of each vertex to the reference, in radii of the reference, with one scale for all; what failed is a sentence
-in its tile. All tiles of a row have the same camera. Insets show the place where the methods differ most. Text in PDF
-and SVG is text; tiles are pictures of 300 dots per inch. Order: as the options name datasets, sensors, cases and
-methods. --recompute has the seed, parameters and limits of the records, and touches no results.
+Shows the outputs that a run with outputs=all (or first) saved, or that --recompute makes again, coloured by the
+distance of each vertex to the reference, in radii of the reference, with one scale for all; the tile of a failure
+shows its message. All tiles of a row have the same camera. Insets show the place where the methods differ most. Text
+in PDF and SVG is text; tiles are pictures of 300 dots per inch. Order: as the options name datasets, sensors, cases
+and methods. --recompute uses the seed, parameters and limits of the records, and changes no results.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     add_shared_arguments(parser, "figure.pdf")
     parser.add_argument("--case", metavar="CASES", help="numbers, or parts of names, with commas (default: 0)")
-    parser.add_argument("--seed", type=int, metavar="N", help="whose outputs are shown (default: the smallest)")
+    parser.add_argument("--seed", type=int, metavar="N", help="show the outputs of this seed (default: the smallest)")
     parser.add_argument("--metric", metavar="NAMES", help="scores beneath each tile; the best of a row is bold")
     parser.add_argument("--limit", type=float, metavar="RADII", help="distance at the end of the colour scale")
     parser.add_argument("--camera", metavar="AZ,EL[,ZOOM]", help="degrees around and above (default: -52,24)")
@@ -41,14 +41,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--zoom", metavar="X,Y,Z,R", help="what the insets show (default: where methods differ most)")
     parser.add_argument("--no-insets", action="store_true", help="without insets")
     parser.add_argument("--mesh-edges", action="store_true", help="draw the edges of meshes")
+    parser.add_argument("--surfaces", action="store_true", help="draw clouds as their screened Poisson surface")
     parser.add_argument(
-        "--surfaces", action="store_true", help="of clouds: the screened Poisson surface that they give"
+        "--size", type=int, metavar="PIXELS", help="width of a tile (default: 300 per inch of the width)"
     )
-    parser.add_argument("--size", type=int, metavar="PIXELS", help="across a tile (default: 300 per inch of the width)")
     parser.add_argument(
-        "--recompute", action="store_true", help="run cases again whose outputs no run kept; results stay as they are"
+        "--recompute",
+        action="store_true",
+        help="run cases again whose outputs are not saved; the results do not change",
     )
-    parser.add_argument("--allow-program", action="store_true", help="with --recompute: start programs of records")
+    parser.add_argument(
+        "--allow-program", action="store_true", help="with --recompute: start the programs that records name"
+    )
     add_plugin_argument(parser)
 
 
@@ -60,7 +64,9 @@ def add_shared_arguments(parser: argparse.ArgumentParser, output: str) -> None:
     )
     for name in ("task", "dataset", "sensor", "split", "method"):
         parser.add_argument(f"--{name}", metavar="NAMES", help=f"only these {name}s: one, or several with commas")
-    parser.add_argument("--names", metavar="NAME=TITLE,...", help="what methods are called: poisson=Poisson,mine=Ours")
+    parser.add_argument(
+        "--names", metavar="NAME=TITLE,...", help="names of methods in the figure: poisson=Poisson,mine=Ours"
+    )
     parser.add_argument("--width", metavar="WIDTH", help="column (3.3in), page (7in), or a length like 84mm")
 
 
@@ -84,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     if args.size is not None and not 32 <= args.size <= 4000:
         raise UsageError(f"--size {args.size}: expected 32 to 4000 pixels")
     if args.zoom and args.no_insets:
-        raise UsageError("--zoom says what the insets show, and --no-insets leaves them out: choose one")
+        raise UsageError("--zoom sets what the insets show, and --no-insets leaves them out: choose one")
     matplotlib(), pyvista()  # said before anything is read, where one is missing
     camera, zoom = Camera.of(args.camera, args.up), zoom_of(args.zoom) if args.zoom else None
     load_plugins(args.plugin)

@@ -6,8 +6,8 @@
   detailbench import FOLDER --method my_method results=results limit.setup_seconds=600
 
 Each case becomes a row of the results folder, scored by the same metrics as any method, in child processes with limits.
-The rows claim no time and no memory, and say whose they are. An output that is missing, damaged, or in other
-coordinates is a failed case. Run it again when outputs were added or changed: what is unchanged is not scored again.
+The rows have no time and no memory, and name the method. An output that is missing, damaged, or in other coordinates
+is a failed case. Run it again when outputs were added or changed: unchanged outputs are not scored again.
 
 Exit code 0 where every case was solved, 3 where some were not.
 """

@@ -8,7 +8,7 @@
 FOLDER/manifest.json lists the cases: for each the file of its input (PLY, float64), the file that its output is to be
 written to (PLY, OBJ, OFF or STL for meshes; PLY, XYZ, CSV or NPY for clouds), a seed, and numbers such as `ratio`.
 Files are in the frame of the shape: its bounding box centred at the origin, its farthest vertex at radius 1; outputs
-are to be in the same coordinates. The words are those of `detailbench run`; which method they name makes no difference.
+are to be in the same coordinates. The overrides are those of `detailbench run`; the method makes no difference.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def cells_of(words: list[str], refused: list[str]) -> list[Any]:
     from ..sweep.overrides import check_jobs, checked
     from .plan import cells_of as planned
 
-    overrides = only_overrides(words, "no option of this command")
+    overrides = only_overrides(words, "not an option of this command")
     if not any(word.startswith(("method=", "experiment=")) for word in overrides):
         overrides.append("method=identity")  # which solves whatever has a file for its input
     jobs = [job for request in checked(overrides, "inputs", multirun=True).parts() for job in request.jobs]

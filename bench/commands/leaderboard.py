@@ -1,25 +1,25 @@
-"""Rank finished results: who is better, by how much, how certain that is, at what cost.
+"""Rank finished results: which method is better, by how much, with what confidence, at what cost.
 
   detailbench leaderboard                                  of the folder `results`
   detailbench leaderboard DIR [DIR ...] --task denoise --metric p2f_mean
-  detailbench leaderboard DIR --by tag                     who is best on thin sheets, on sharp edges, ...
+  detailbench leaderboard DIR --by tag                     which is best on thin sheets, on sharp edges, ...
   detailbench leaderboard DIR --by case                    one line for each shape, one column for each method
   detailbench leaderboard DIR --across tag                 the same for one metric, side by side
   detailbench leaderboard DIR --agreement real             do real shapes order the methods as the others do?
   detailbench leaderboard DIR --convention mpu             a paper's columns, in its units
   detailbench leaderboard DIR --published table_4_1        the table of an experiment, the paper's numbers beside ours
-  detailbench leaderboard DIR --pareto p2f_mean,seconds    who is on the front of quality and cost
+  detailbench leaderboard DIR --pareto p2f_mean,seconds    the Pareto front of quality and cost
   detailbench leaderboard DIR --best                       which parameters of a method are best, on train shapes
   detailbench leaderboard DIR --format csv -o board.csv    markdown, latex and csv besides the terminal
   detailbench leaderboard DIR --format latex --columns p2f_mean,seconds --names mine=Ours --intervals below
 
-Means have 95 % intervals over shapes, whatever seeds and sensors each was met with; rank 1-2 is the 95 % confidence
-interval of the rank. A failed case enters mean and rank with the score of the worst pseudo-method, and solved/planned
-stands beside the mean. Train shapes have tables of their own. Below each table stands what it can show: which
-differences this many shapes detect, and who is equal for practical purposes. docs/metrics.md has the formulas.
+Means have 95 % intervals over shapes, across all their seeds and sensors; rank 1-2 is the 95 % confidence interval of
+the rank. A failed case enters mean and rank with the score of the worst pseudo-method, and solved/planned stands
+beside the mean. Train shapes have tables of their own. Below each table are the smallest differences that its shapes
+can detect, and the methods that are equal for practical purposes. docs/metrics.md has the formulas.
 
-Where one place in a table has several records (of edited sources, of other versions), the one that is current with
-today's sources is shown, the newest where none is: `detailbench why CELL` says which.
+Where one cell has several records (of edited sources, of other versions), the table shows the one that is current with
+today's sources, or the newest if none is: `detailbench why CELL` says which.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def check_preset(name: str) -> None:
     if name in registry().names("method"):
         raise UsageError(f"--preset {name}: is a method itself; choose another name")
     if name in files("method"):
-        raise UsageError(f"--preset {name}: {files('method')[name].path} is there already; choose another name")
+        raise UsageError(f"--preset {name}: {files('method')[name].path} already exists; choose another name")
 
 
 def write_preset(name: str, found: Sequence[Best], rows: pd.DataFrame, folders: Sequence[str]) -> Path:

@@ -37,13 +37,13 @@ def _add_views(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--agreement", metavar="DATASETS", help=agreement)
     group.add_argument("--best", action="store_true", help="which parameters of a method are best, on train shapes")
     group.add_argument("--preset", metavar="NAME", help="with --best: write the winner to conf/method/NAME.yaml")
-    pareto = "mark who is on the front of two metrics, or of one and seconds or peak_mb"
+    pareto = "mark the Pareto front of two metrics, or of one metric and seconds or peak_mb"
     group.add_argument("--pareto", metavar="A,B", help=pareto)
     equal = "differences below count as equal (default: 0.02)"
     group.add_argument("--equal", type=float, default=0.02, metavar="SHARE", help=equal)
     group.add_argument("--convention", metavar="NAME", help="print the columns of a paper in its units")
-    group.add_argument("--published", metavar="NAME", help="an experiment whose paper's numbers stand beside ours")
-    group.add_argument("--level", type=float, default=0.95, help="of the intervals (default: 0.95)")
+    group.add_argument("--published", metavar="NAME", help="show the numbers of an experiment's paper beside ours")
+    group.add_argument("--level", type=float, default=0.95, help="confidence level of the intervals (default: 0.95)")
 
 
 def _add_look(group: argparse._ArgumentGroup) -> None:
@@ -51,18 +51,18 @@ def _add_look(group: argparse._ArgumentGroup) -> None:
     group.add_argument("-o", "--output", metavar="FILE", help="write to this file, wholly or not at all")
     columns = f"these columns in this order: metrics, and {', '.join(OTHERS)}"
     group.add_argument("--columns", metavar="A,B,...", help=columns)
-    names = "what to call methods and metrics: poisson=Poisson,mine=Ours"
+    names = "names of methods and metrics in the table: poisson=Poisson,mine=Ours"
     group.add_argument("--names", metavar="OLD=NEW,...", help=names)
     order = "methods by their rank, or in the order given by --method (default: rank)"
     group.add_argument("--order", choices=ORDERS, default=ORDERS[0], help=order)
     digits = "decimals of every number (default: what the intervals support, the same within a column)"
     group.add_argument("--digits", type=int, metavar="N", help=digits)
-    intervals = "where the intervals stand: inside the line, below it, as plusminus half their width, or none"
+    intervals = "where to print the intervals: in the line, below it, as plusminus half their width, or none"
     group.add_argument("--intervals", choices=INTERVALS, default=INTERVALS[0], help=intervals)
     group.add_argument("--no-intervals", action="store_true", help="the same as --intervals none")
-    caption = "in place of the title; in LaTeX with its commands, as it is"
+    caption = "replaces the title; in LaTeX, commands are not escaped"
     group.add_argument("--caption", metavar="TEXT", help=caption)
-    group.add_argument("--label", metavar="TEXT", help="LaTeX: of the table, for \\ref")
+    group.add_argument("--label", metavar="TEXT", help="LaTeX: label of the table, for \\ref")
     group.add_argument("--wide", action="store_true", help="LaTeX: table*, over both columns of a page")
     cite = "LaTeX: \\cite each method, by a key such as kazhdan2013"
     group.add_argument("--cite", action="store_true", help=cite)
@@ -80,9 +80,13 @@ def check(args: argparse.Namespace) -> None:
     from ..ranking.selection import GROUPINGS, matching
 
     if args.published and (args.convention or args.across):
-        raise UsageError(f"--published {args.published}: says itself which columns are shown")
+        raise UsageError(
+            f"--published {args.published}: the experiment chooses the columns; leave out --convention and --across"
+        )
     if args.convention and args.metric:
-        raise UsageError(f"--metric {args.metric}: the convention {args.convention} says which metrics are shown")
+        raise UsageError(
+            f"--metric {args.metric}: the convention {args.convention} chooses the metrics; leave one of the two out"
+        )
     others = {name: getattr(args, name) for name in ("by", "convention", "pareto") if getattr(args, name)}
     _alone(args, "across", "shows one metric in all groups", others)
     others |= {name: getattr(args, name) for name in ("across", "published") if getattr(args, name)}
@@ -92,7 +96,7 @@ def check(args: argparse.Namespace) -> None:
             if value:
                 raise UsageError(f"--best: compares the variants of a method, which does not go with --{name} {value}")
     elif args.preset:
-        raise UsageError(f"--preset {args.preset}: writes the winner of --best, which is not given")
+        raise UsageError(f"--preset {args.preset}: writes the winner of --best; add --best")
     if args.by:
         matching("by", args.by, (*GROUPINGS, "case"))
     if is_by_case(args):

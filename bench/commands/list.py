@@ -1,4 +1,4 @@
-"""List what there is: plugins, presets, experiments, conventions and profiles, where they come from, what is broken.
+"""List plugins, presets, experiments, conventions and profiles, where they come from, and what is broken.
 
 detailbench list                    everything
 detailbench list methods            one kind

@@ -1,9 +1,9 @@
-"""Say what a run would do: which cells, how many of their cases are finished, how long the rest may take.
+"""Show what a run would do: which cells, how many of their cases are finished, how long the rest may take.
 
   detailbench plan -m method=poisson,rimls dataset=bumps,cad seed=0,1,2 results=DIR
 
 takes the overrides of `detailbench run` and runs nothing. Times are estimated from finished cells in the same folder,
-and where nothing like a cell was timed, from its method's parameter `seconds`.
+or, if no similar cell was timed, from the parameter `seconds` of the method.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from ..sweep.planned import Shelf
 
     plugins = load_plugins(args.plugin)
-    overrides = only_overrides(args.rest, "no option of plan; `detailbench run --cfg job ...` shows a config")
+    overrides = only_overrides(args.rest, "not an option of plan; `detailbench run --cfg job ...` shows a config")
     request = checked(overrides, "plan", multirun=args.multirun, sweeps=True)
     results = Results(request.folder)
     pace = Pace.of(results)

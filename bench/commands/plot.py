@@ -8,9 +8,9 @@
   detailbench plot wins DIR -o wins.pdf                                  how often the row is better than the column
   detailbench plot profile DIR -o profile.pdf --names poisson=Poisson    cases within a factor of the best
 
-All cases, datasets and sensors that the options leave are one table, as in `detailbench leaderboard --by task`, and
-means, intervals and what failures are worth are the same. The CSV file has every number that is drawn. Colours are
-those of Okabe and Ito; markers and lines differ too. Fonts are embedded as text. docs/figures.md shows all kinds.
+All cases, datasets and sensors that the options select are one table, as in `detailbench leaderboard --by task`, with
+the same means, intervals and scores of failures. The CSV file has every number that is drawn. Colours are those of
+Okabe and Ito; markers and lines differ too. Fonts are embedded as text. docs/figures.md shows all kinds.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Which reconstruction method serves a scan: a ranking without ground truth.
+"""Rank reconstruction methods for a scan, without ground truth.
 
   detailbench recommend scan.ply
   detailbench recommend scan1.ply scan2.ply --points 20000
   detailbench recommend scan.ply --methods 'poisson,poisson[depth=6],apss' --json
 
-Each method reconstructs two random halves of the scan apart, in a child process with limits. The held-out half, the
-mesh of the other half, and the meshes of the other methods judge each mesh: docs/recommend.md says how, and how often
-this agrees with the truth where that is known. A rank like 1-3 says that the methods between which it lies are tied.
+Each method reconstructs two random halves of the scan separately, in a child process with limits. Each mesh is compared
+with the held-out half, the mesh of the other half, and the meshes of the other methods: docs/recommend.md says how, and
+how often this agrees with ground truth. Methods with a rank like 1-3 are tied.
 Several scans are ranked together: one answer for all of them.
 """
 
@@ -33,17 +33,19 @@ LEAST_POINTS = 200
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     parser.add_argument("scans", nargs="+", metavar="SCAN", help="point clouds, as `detailbench apply` reads them")
-    parser.add_argument("--methods", metavar="A,B[key=value],...", help="what to choose from (docs/recommend.md)")
-    parser.add_argument("--task", default="reconstruct", choices=["reconstruct"], help="what the methods are to do")
-    tried = f"points of each scan that are tried, at random; 0: all (default: {POINTS:,})"
+    parser.add_argument("--methods", metavar="A,B[key=value],...", help="methods to choose from (docs/recommend.md)")
+    parser.add_argument("--task", default="reconstruct", choices=["reconstruct"], help="the task of the methods")
+    tried = f"number of random points of each scan; 0: all (default: {POINTS:,})"
     parser.add_argument("--points", type=int, default=POINTS, metavar="N", help=tried)
-    limit = f"for one method on half of those points (default: {SECONDS:g})"
+    limit = f"time limit for one method on half of those points (default: {SECONDS:g})"
     parser.add_argument("--limit", type=float, default=SECONDS, metavar="SECONDS", help=limit)
-    parser.add_argument("--memory", type=float, metavar="GB", help="for one method (default: 4)")
-    parser.add_argument("--jobs", type=int, default=0, metavar="N", help="methods side by side (default: 2 at most)")
-    normals = "take the normals of the file, or none of them (default: file)"
+    parser.add_argument("--memory", type=float, metavar="GB", help="memory limit for one method (default: 4)")
+    parser.add_argument(
+        "--jobs", type=int, default=0, metavar="N", help="methods that run in parallel (default: 2 at most)"
+    )
+    normals = "use the normals of the file, or ignore them (default: file)"
     parser.add_argument("--normals", default="file", choices=["file", "estimate"], help=normals)
-    parser.add_argument("--seed", type=int, default=0, help="of the halves and the samples (default: 0)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the halves and the samples (default: 0)")
     parser.add_argument("--json", action="store_true", help="print JSON, in full precision")
     add_plugin_argument(parser)
 

@@ -6,8 +6,8 @@
   detailbench report DIR --published table_4_2             a paper's numbers beside ours
 
 The page has the numbers of `detailbench leaderboard`, with intervals of means and ranks; it opens from the disk, and
-can be sent as it is. A link to it restores the view. Outputs that the results keep (outputs=first or all) are shown in
-3-D, simplified so that all shapes stay within --shapes megabytes. docs/report.md shows the page.
+can be sent as it is. A link to it restores the view. Saved outputs (outputs=first or all) are shown in 3-D, simplified
+so that all shapes stay within --shapes megabytes. docs/report.md shows the page.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@
   detailbench reproduce CELL results=DIR dataset.path=FOLDER     where its data are here
 
 Seed, parameters and limits are those of the record. A plugin file that it names is not imported, since importing runs
-it: name one that you trust. The result goes to a temporary folder: the stored one is not touched, and what the record
-would have written elsewhere (method.save=FILE) is not written. A program that the record names (method=external) is
-not started, unless --allow-program says that you trust it. Exit code 0 when all cases agree, 3 when some do not.
+it: name one that you trust. The result goes to a temporary folder: the stored one does not change, and files that the
+record writes elsewhere (method.save=FILE) are not written. A program that the record names (method=external) is started
+only with --allow-program, which says that you trust it. Exit code 0 when all cases agree, 3 when some do not.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def compare(stored: Record, again: Record, rtol: float) -> list[str]:
     for then in stored.rows:
         row = now.get(then["case"])
         if row is None:
-            lines.append(f"{then['case']}: is not there any more")
+            lines.append(f"{then['case']}: the dataset no longer has this case")
         elif row["status"] != then["status"]:
             lines.append(f"{then['case']}: was {then['status']}, is {row['status']}: {row['message']}")
         else:

@@ -10,11 +10,11 @@
 Everything after the options is a Hydra override. The keys: task, dataset, sensor, method, metric (plugins, with their
 parameters behind a dot), seed, cases, split, threads, device, results, outputs=none|first|all,
 rerun=never|failed|always, convention (a paper's metrics, printed as its columns), limit.seconds, limit.memory_gb,
-limit.setup_seconds, profile=quick|study|paper, experiment, verbose. `--cfg job` shows them all as they would be, and
-runs nothing.
+limit.setup_seconds, profile=quick|study|paper, experiment, verbose. `--cfg job` shows the values of all, and runs
+nothing.
 
 A finished case is never run twice: start the same command again after an interruption, or with more methods, and it
-goes on from there. `detailbench plan ...` with the same words says what would be run.
+continues. `detailbench plan ...` with the same arguments shows what would run.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def _sweep(args: argparse.Namespace, request: Request, results: Results, plugins
     if interrupted:
         print(
             f"interrupted: {len(cells)} of {len(jobs)} cells are finished and stored in {results.folder}; "
-            "the same command goes on from there",
+            "the same command continues",
             file=sys.stderr,
         )
         if cells:

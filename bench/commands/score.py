@@ -1,4 +1,4 @@
-"""Score two files on the spot: an output held against its reference.
+"""Score an output file against its reference file.
 
   detailbench score output.ply reference.ply
   detailbench score clean.xyz scan.ply --metric p2f_mean,chamfer_l1_mean
@@ -10,10 +10,11 @@
 
 OUTPUT and REFERENCE are meshes or point clouds (PLY, OBJ, STL, OFF, GLB, XYZ, ...) in the same coordinates. Both are
 scaled to the frame of the reference, whose bounding box is centred at the origin and whose farthest vertex is at radius
-1; the output is not normalised by itself. A reference that is a cloud is taken as it is: what needs a surface is left
-out. --units file prints lengths in the units of the files, millimetres say, and squares in their squares.
+1; the output is not normalised by itself. A reference that is a cloud is used as it is: metrics that need a surface are
+left out.
 
---metric takes names from `detailbench list metrics` and sets of them (standard, full); --convention a paper's columns.
+--metric takes names from `detailbench list metrics` and sets of them (standard, full); --convention takes a paper's
+columns.
 The floor is the score of a perfect output: the reference itself, or a fresh sample of it as large as the output.
 --units file prints lengths in the units of the files, millimetres say, and squares of lengths in their squares.
 
@@ -54,7 +55,7 @@ UNITS = ("radius", "file")  # of the reference's bounding sphere, or those of th
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("output", metavar="OUTPUT", help="what is to be scored")
+    parser.add_argument("output", metavar="OUTPUT", help="the file to score")
     parser.add_argument("reference", metavar="REFERENCE", help="the truth")
     parser.add_argument("--metric", metavar="NAMES", help=f"metrics or sets of them, with commas (default: {DEFAULT})")
     parser.add_argument("--convention", metavar="NAME", help="print the columns of a paper in its units")

@@ -5,7 +5,7 @@
   detailbench site DIR --task reconstruct --shapes 40      with 40 MB of shapes, which load when they are looked at
 
 The pages are those of `detailbench report`, and open from the disk too. The folder must be new, empty, or hold an
-earlier site, whose stale pages go. docs/report.md shows the pages.
+earlier site, whose old pages are deleted. docs/report.md shows the pages.
 """
 
 from __future__ import annotations

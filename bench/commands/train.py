@@ -1,15 +1,15 @@
-"""Train a learned method, and keep its weights.
+"""Train a learned method, and save its weights.
 
   detailbench train method=mpu training=quick results=DIR
   detailbench train method=mpu dataset=files dataset.path=FOLDER dataset.train_share=1 --save mine.safetensors
   detailbench apply method=mpu training.weights=mine.safetensors scan.ply dense.ply task.ratio=16
 
-A run trains by itself what its cells need, once, with the same words; this command does it before, and says more. The
-keys of the group: training.weights, training.dataset and training.sensor (the cell's own without them; always shapes of
+A run trains what its cells need, once, with the same overrides; this command trains in advance and prints more. The
+keys of the group: training.weights, training.dataset and training.sensor (default: those of the cell; always shapes of
 the train split), training.cases, training.seed, training.seconds, training.threads, training.device. Further keys:
 those of `detailbench run` for one cell, such as task, method.PARAMETER, limit.train_memory_gb, results, rerun=always.
 
-A training that was interrupted goes on from its last checkpoint when the same command is given again.
+An interrupted training continues from its last checkpoint when the same command is given again.
 
 On a machine that has a GPU, and torch and numpy alone:
   detailbench train method=mpu training=quick --export-examples mpu.safetensors       here: makes the examples
@@ -40,7 +40,7 @@ PASSES_ON = True
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
     parser.add_argument("--save", metavar="FILE", help="also write the weights to FILE (safetensors)")
-    parser.add_argument("--half", action="store_true", help="with --save: numbers of 16 bits, as shipped files have")
+    parser.add_argument("--half", action="store_true", help="with --save: write 16-bit numbers, as in shipped files")
     parser.add_argument("--export-examples", metavar="FILE", help="only make the examples, and write them to FILE")
     parser.add_argument("--examples", metavar="FILE", help="train on the examples of FILE instead of making some")
     add_plugin_argument(parser)
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--half: is for --save FILE")
     for target in (args.save, args.export_examples):
         if target and not Path(os.path.expanduser(target)).absolute().parent.is_dir():
-            raise UsageError(f"{target}: there is no folder {Path(os.path.expanduser(target)).absolute().parent}")
+            raise UsageError(f"{target}: no such folder: {Path(os.path.expanduser(target)).absolute().parent}")
     if args.examples and not Path(os.path.expanduser(args.examples)).is_file():
         raise UsageError(f"--examples {args.examples}: no such file")
     training, settings, folder = job_of(overrides, plugins)
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
             print(failed.row["traceback"], file=sys.stderr)
         raise DetailbenchError(str(failed)) from failed
     except KeyboardInterrupt:
-        print("interrupted: the same command goes on from the last checkpoint", file=sys.stderr)
+        print("interrupted: the same command continues from the last checkpoint", file=sys.stderr)
         return 130
     if args.export_examples:
         shutil.copyfile(weights.path, Path(os.path.expanduser(args.export_examples)))
@@ -113,12 +113,12 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
     check_root(values)
     weights = values["training"]["weights"]
     if weights not in (AUTO, TRAINED):
-        raise UsageError(f"training.weights={weights}: this command trains; leave the key out")
+        raise UsageError(f"training.weights={weights}: this command trains new weights; leave the key out")
     values["training"]["weights"] = TRAINED
     values["split"] = "train"  # there need not be a test split
     cell = Cell.from_config(values)
     if cell.training is None:
-        raise UsageError(f"method {cell.method.name} does not learn: there is nothing to train")
+        raise UsageError(f"method {cell.method.name} is not a learned method: there is nothing to train")
     return cell.training, replace(settings_of(values), plugins=plugins), request.folder
 
 
@@ -146,7 +146,7 @@ class Shown:
         if event["event"] == "begin":
             self._stage, self._said = {"examples": "examples", "method": "steps"}.get(event["stage"], ""), -1
         elif event["event"] == "waits":
-            print(f"{event['title']}: another process is at it; waiting", file=sys.stderr)
+            print(f"{event['title']}: another process trains it; waiting", file=sys.stderr)
         elif event["event"] == "progress" and not sys.stderr.isatty():
             tenth = self.EVERY * event["done"] // max(event["total"], 1)
             if tenth > self._said:

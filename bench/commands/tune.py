@@ -1,22 +1,22 @@
-"""Search good parameters of a method, on train shapes alone, and write them as a preset.
+"""Search for good parameters of a method, on train shapes alone, and write them as a preset.
 
   detailbench tune method=poisson --budget 30m
   detailbench tune method=poisson 'method.depth=range(6,10)' 'method.point_weight=log(0.3,10)' --trials 40
   detailbench tune method=apss task=denoise dataset=bumps,cad,knots sensor=noisy,scanned cases=4 --trials 25
-  detailbench run -m method=apss,apss_tuned task=denoise dataset=bumps,cad sensor=noisy      and what it is worth
+  detailbench run -m method=apss,apss_tuned task=denoise dataset=bumps,cad sensor=noisy      measures the gain
 
-The parameters that are searched: those that the words name, by range(5,9), interval(0.1,10), log(0.1,10) or a list of
-values; without any, those with declared ranges or choices (`detailbench list method NAME`) and the grid of the
-experiment tune_METHOD. All other words are those of `detailbench run`: each dataset, sensor and seed is a cell, and
-each trial runs all of them. The score that decides is the task's own, or --score; a setting counts by its geometric
-mean over cases, and a failed case counts as the worst output that takes no method.
+Searched are the parameters that get range(5,9), interval(0.1,10), log(0.1,10) or a list of values; without any, those
+with declared ranges or choices (`detailbench list method NAME`) and the grid of the experiment tune_METHOD. All other
+overrides are those of `detailbench run`: each dataset, sensor and seed is a cell, and each trial runs all of them.
+Settings are compared by the score of the task, or --score, as a geometric mean over cases; a failed case has the score
+of the worst pseudo-method.
 
 The first trial is the default, so the best is never worse than it on the trial cases. A trial that is significantly
 worse than the best one after some of its cells (0.5 %, over shapes) is stopped. At the end the default and the best are
-run on further train shapes (--held-out), which the search did not see: only these say what the setting is worth. The
+run on further train shapes (--held-out), which the search did not see: only these give a fair score of the setting. The
 test split is refused.
 
-Trials are ordinary cells in the results folder: nothing is computed twice, and after Ctrl-C the same command goes on.
+Trials are ordinary cells in the results folder: nothing is computed twice, and after Ctrl-C the same command continues.
 With --trials N and --seed the same trials come each time; with --budget how many there are depends on the machine.
 """
 
@@ -51,13 +51,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget", metavar="TIME", help="wall clock: 90s, 30m, 2h (default: 30m, or none with --trials)"
     )
-    parser.add_argument("--trials", type=int, metavar="N", help="how many settings at most, the default one included")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the search; of the cells it is seed=N")
-    parser.add_argument("--score", metavar="KEY", help="the score that decides (default: the one that ranks the task)")
+    parser.add_argument("--trials", type=int, metavar="N", help="largest number of settings, the default one included")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of the search; the seed of the cells is seed=N"
+    )
+    parser.add_argument("--score", metavar="KEY", help="the score to optimise (default: the one that ranks the task)")
     parser.add_argument(
         "--held-out", type=int, metavar="N", help="further train shapes of each dataset at the end (default: cases)"
     )
-    parser.add_argument("--preset", metavar="NAME", help="of the file conf/method/NAME.yaml (default: METHOD_tuned)")
+    parser.add_argument("--preset", metavar="NAME", help="write conf/method/NAME.yaml (default: METHOD_tuned)")
     add_plugin_argument(parser)
 
 
@@ -92,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
             held = search.judged(held_out) if held_out and search.best is not search.default else None
         except KeyboardInterrupt:
             best = f"; the best so far: {search.best.text}" if search.done else ""
-            print(f"interrupted: {counted(len(search.done), 'trial')} done{best}. The same command goes on from there",
+            print(f"interrupted: {counted(len(search.done), 'trial')} done{best}. The same command continues",
                   file=sys.stderr)  # fmt: skip
             raise
         finally:
@@ -148,7 +150,7 @@ def _completed(words: Sequence[str]) -> list[str]:
     split = [word for word in words if word.partition("=")[0].lstrip("+") == "split"]
     if any(word.partition("=")[2] != "train" for word in split):
         raise UsageError(
-            f"{split[-1]}: a search sees train shapes alone; `detailbench run` judges its preset on test shapes"
+            f"{split[-1]}: a search uses train shapes only; `detailbench run` scores its preset on test shapes"
         )
     return [*words, *more, *([] if split else ["split=train"])]
 
@@ -167,7 +169,7 @@ def _configs(words: list[str], plugins: tuple[str, ...]) -> tuple[list[dict[str,
         values = resolved(job)
         check_root(values)
         if values["split"] != "train":
-            raise UsageError(f"split={values['split']}: a search sees train shapes alone")
+            raise UsageError(f"split={values['split']}: a search uses train shapes only; leave it out")
         try:
             Cell.from_config(values)
             configs.append(values)
@@ -179,7 +181,7 @@ def _configs(words: list[str], plugins: tuple[str, ...]) -> tuple[list[dict[str,
         raise UsageError("nothing to run: no combination of these overrides is a cell")
     for key in ("task", "method"):
         if any(values[key] != configs[0][key] for values in configs):
-            raise UsageError(f"{key}: a search is about one {key}; give one, with one value for each parameter")
+            raise UsageError(f"{key}: a search takes one {key}; give one, with one value for each parameter")
     return configs, replace(settings_of(configs[0]), plugins=plugins), request.folder
 
 

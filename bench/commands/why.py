@@ -1,4 +1,4 @@
-"""Say why a stored cell is current or not: what differs between the day it was run and today.
+"""Show why a stored cell is current or not: what changed since it was run.
 
   detailbench why CELL results=DIR
   detailbench why CELL results=DIR --plugin FILE           of a cell that was run with a plugin file
@@ -35,7 +35,10 @@ def add_cell_arguments(parser: argparse.ArgumentParser) -> None:
     """A cell, the folder it is in, and what stands in place of the record's paths."""
     parser.add_argument("cell", metavar="CELL", help="a cell id, or its beginning")
     parser.add_argument(
-        "words", metavar="results=DIR", nargs="*", help="where to look; dataset.path=FOLDER: where the data are here"
+        "words",
+        metavar="results=DIR",
+        nargs="*",
+        help="the folder of results; dataset.path=FOLDER: where the data are here",
     )
     add_plugin_argument(parser)
 
@@ -50,8 +53,8 @@ def run(args: argparse.Namespace) -> int:
     if args.source:
         lines = list(lines_of_source(record.meta))
         if not lines:
-            why = "it was run with installed plugins alone, or by an earlier version"
-            raise UsageError(f"cell {record.cell}: its record keeps no source: {why}")
+            why = "it was run with installed plugins only, or by an earlier version"
+            raise UsageError(f"cell {record.cell}: its record has no source: {why}")
         print("\n".join(lines))
         return 0
     cell = None if stored.missing else stored.cell

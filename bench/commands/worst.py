@@ -1,4 +1,4 @@
-"""The worst cases of a method: where it fails or falls behind, what these shapes share, how to look at them.
+"""The worst cases of a method: where it fails or falls behind, what these shapes share, how to see them.
 
   detailbench worst poisson results/mine
   detailbench worst poisson results/mine --metric normal_angle_deg --sensor noisy --count 5
@@ -7,7 +7,7 @@
   detailbench worst poisson results/mine --format csv -o worst.csv
 
 Each case stands beside the best other method on the same case. Below the table are the command that runs a cell again,
-the kept output (`detailbench run ... outputs=all`), and the message of what failed. A failed case has the score of the
+the saved output (`detailbench run ... outputs=all`), and the message of a failure. A failed case has the score of the
 worst pseudo-method. Tags that are more frequent among the worst quarter of the shapes are listed with a test.
 """
 
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, default=COUNT, metavar="N", help=f"how many cases (default: {COUNT})")
     parser.add_argument("--format", choices=FORMATS, default="terminal", help="how to print (default: terminal)")
     parser.add_argument("-o", "--output", metavar="FILE", help="write to this file, wholly or not at all")
-    picture = f"draw the {PICTURED} worst with `detailbench figure`; their outputs must have been kept"
+    picture = f"draw the {PICTURED} worst with `detailbench figure`; their outputs must be saved (outputs=all)"
     parser.add_argument("--picture", metavar="FILE", help=picture)
     parser.add_argument("--no-index", action="store_true", help="read every file, do not use or write the index")
     add_plugin_argument(parser)

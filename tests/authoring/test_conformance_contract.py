@@ -97,7 +97,7 @@ def test_the_name_of_a_metric_may_be_left_out():
     [
         (("fscore", "metric.t=far"), "metric.fscore.t=far: expected a number (float), got the text 'far'"),
         (("fscore", "metric.r=0.1"), "metric fscore has no parameter 'r'"),
-        (("fscore", "metric.hausdorff.x=0.1"), "metric.hausdorff.x=0.1: expected limit.seconds=..., or for what"),
+        (("fscore", "metric.hausdorff.x=0.1"), "metric.hausdorff.x=0.1: expected limit.seconds=..., or a parameter"),
         (("gaussian", "sensor.unit=radiis"), "sensor.unit=radiis: expected one of radius, diagonal. Did you mean 'rad"),
         (("mixture", "dataset.of=[cda]"), "of: number 1: no dataset is called 'cda'"),
     ],

@@ -85,7 +85,7 @@ def test_many_files_with_a_bad_one_and_nothing_is_made_twice(here, capsys):
     InProcess.made.clear()
     assert main(words) == 3
     assert InProcess.made == ["out/bad.ply"]
-    assert "3 of 4 files done, 3 of them there already (--again makes them again)" in capsys.readouterr().out
+    assert "3 of 4 files done, 3 of them cached (--again makes them again)" in capsys.readouterr().out
     np.savetxt(here / "scans" / "s2.xyz", sphere(seed=9))
     os.unlink(here / "scans" / "bad.xyz")
     os.unlink(here / "out" / "s10.ply")
@@ -113,7 +113,7 @@ def test_a_mesh_is_simplified_and_coloured_and_says_what_that_costs(here, capsys
     np.savetxt(here / "scan.xyz", np.hstack([points, np.rint((points + 1) * 127)]))
     assert main(["apply", "method=identity", "scan.xyz", "mesh.ply", "--simplify", "100", "--colors"]) == 0
     printed = capsys.readouterr()
-    assert printed.err == "task=reconstruct; identity also takes task=denoise or task=upsample\n"
+    assert printed.err == "task=reconstruct; identity also solves task=denoise or task=upsample\n"
     assert re.search(
         r"note: .*simplified from [\d,]+ to 100 faces, at a distance of rms .* % of the diagonal", printed.out
     )

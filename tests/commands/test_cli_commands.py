@@ -248,7 +248,7 @@ def test_apply_asks_for_the_task_where_it_is_open(shell, cloud_file):
     assert "task=upsample" in done.stderr and "task=reconstruct" not in done.stderr
     mesh = shell.apply("method=identity", "scan.xyz", "mesh.ply")
     assert mesh.returncode == 0 and "faces" in mesh.stdout, mesh.stderr
-    assert mesh.stderr == "task=reconstruct; identity also takes task=denoise or task=upsample\n"
+    assert mesh.stderr == "task=reconstruct; identity also solves task=denoise or task=upsample\n"
     given = shell.apply("method=identity", "task=denoise", "scan.xyz", "clean.ply")
     assert given.returncode == 0, given.stderr
     assert (shell.work / "clean.ply").read_bytes().startswith(b"ply")

@@ -54,7 +54,7 @@ def test_what_an_encoding_lacks_is_escaped(tmp_path, encoding):
 
 def test_a_folder_that_is_gone_is_said(tmp_path):
     code, _, err = shell("mkdir x; cd x; rmdir ../x; $bench list", tmp_path)
-    assert code == 1 and err.startswith("error: the working folder is gone") and len(err.splitlines()) == 1
+    assert code == 1 and err.startswith("error: the working folder no longer exists") and len(err.splitlines()) == 1
 
 
 def test_plugins_need_no_docstrings_where_python_leaves_them_out(tmp_path):

@@ -83,7 +83,7 @@ def test_cases_that_are_gone_fail_where_it_is_asked_for(runs, tmp_path):
     next(folder.glob("cells/*/*.parquet")).unlink()
     assert runs.call("compare", runs.then, folder).returncode == 0
     done = runs.call("compare", runs.then, folder, "--fail-gone")
-    assert done.returncode == 3 and "4 cases are not there any more" in done.stderr
+    assert done.returncode == 3 and "4 cases are missing in the new results" in done.stderr
 
 
 def test_usage_errors(runs):
@@ -105,7 +105,7 @@ def test_an_edited_dataset_is_another_question(shell):
         shell.run("method=fine", plugins=(plugin,), act=shell.call, sweep=False)
         shutil.move(shell.results, folder)
     done = shell.call("compare", *folders)
-    assert "not the same question: source of dataset ball was edited" in done.stderr
+    assert "the settings differ: source of dataset ball was edited" in done.stderr
 
 
 @pytest.mark.parametrize(("text", "value"), [("2%", 0.02), ("0.02", 0.02), ("0", 0.0), ("150 %", 1.5)])

@@ -49,7 +49,7 @@ def board(folder, capsys):
         (("--by", "case", "--columns", "p2f_mean"), "does not go with --columns"),
         (("--by", "case", "--pareto", "p2f_mean,seconds"), "does not go with --pareto"),
         (("--best", "--across", "sensor"), "does not go with --across"),
-        (("--preset", "x"), "which is not given"),
+        (("--preset", "x"), "writes the winner of --best; add --best"),
         (("--best",), "split=train"),
         (("--no-intervals", "--intervals", "below"), "does not go with"),
         (("-o", "nowhere/board.tex"), "there is no folder nowhere"),

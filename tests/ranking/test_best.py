@@ -189,7 +189,7 @@ def test_the_winner_becomes_a_preset_that_is_found(here, capsys):
     for cached in (config_files._folders, config_files._found):  # the next command is another process
         cached.cache_clear()
     assert presets("method", "poisson")["my_poisson"].values == {"depth": 10, "trim": 0.1}
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="already exists"):
         check_preset("my_poisson")
 
 

@@ -168,7 +168,7 @@ def test_the_command_writes_a_preset_that_is_used_and_marked(tune, monkeypatch, 
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("split=test",), "sees train shapes alone"),
+        (("split=test",), "uses train shapes only"),
         (("--budget", "soon"), "expected a time"),
         (("--trials", "0"), "expected 1 or more"),
         (("--preset", "poisson"), "a method has this name"),
