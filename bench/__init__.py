@@ -1,7 +1,7 @@
 """detailbench: an honest benchmark for geometry processing.
 
-All that the author of a plugin needs is importable from here, and the import is light: what a name needs is loaded
-when it is first used. The distribution and the command are called ``detailbench``.
+Everything a plugin author needs is importable from here, and the import is light: the modules behind a name load
+on its first use. The distribution and the command are called ``detailbench``.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ COMMANDS = {
 EXIT_CODES = """exit codes: 0 success, 1 usage or configuration error, 3 finished but not everything was solved,
 130 interrupted (143 by SIGTERM, 129 by SIGHUP)"""
 
-# Those that read files of the user's own configs, in which a name may be in two places.
+# Commands that read the user's own config files, where a name may exist in two places.
 READ_CONFIGS = [
     "run",
     "plan",
@@ -68,7 +68,7 @@ READ_CONFIGS = [
     "check",
     "inputs",
 ]
-MOST_NAMES = 5  # of which it is said that they are in two places
+MOST_NAMES = 5  # that a warning about duplicate names lists
 MOST_NAME = 500  # letters of a file's name in a message
 
 
@@ -124,7 +124,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _ended(arguments: list[str]) -> int:
-    """Run one command to its end, whatever that is; the exit code."""
+    """Run one command until it ends, in any way; the exit code."""
     try:
         os.getcwd()
         with signals_interrupt():
@@ -138,7 +138,7 @@ def _ended(arguments: list[str]) -> int:
         print("interrupted", file=sys.stderr)
         return code_of(error)
     except OSError as error:
-        if error.filename is not None:  # a file that the words name: too long a name, no permission, a full disk
+        if error.filename is not None:  # a file of the arguments: name too long, no permission, disk full
             print(f"error: {shortened(str(error.filename), MOST_NAME)}: {error.strerror}", file=sys.stderr)
             return 1
         if isinstance(error, FileNotFoundError):
@@ -153,25 +153,25 @@ def _ended(arguments: list[str]) -> int:
         return 1
 
 
-# What printing to standard output fails with: a full disk, one that was closed, a terminal that is gone.
+# Errors of printing to standard output: a full disk, a closed stream, a terminal that is gone.
 CANNOT_PRINT = (errno.ENOSPC, errno.EBADF, errno.EIO, errno.EDQUOT, errno.EFBIG)
 
 
 def open_streams() -> None:
-    """Make all three standard streams such that they can be written, or fail in words.
+    """Make all three standard streams writable, or fail with a message.
 
     One that is closed (``>&-``) is None in Python, and its descriptor would become that of the next file.
     """
     for name, fd, mode in (("stdin", 0, os.O_RDONLY), ("stdout", 1, os.O_RDONLY), ("stderr", 2, os.O_WRONLY)):
         if getattr(sys, name) is None:
-            opened = os.open(os.devnull, mode)  # of standard output that cannot be written, as if it were still closed
+            opened = os.open(os.devnull, mode)  # standard output stays unwritable, as if still closed
             if opened != fd and not _is_open(fd):
                 os.dup2(opened, fd)
                 os.close(opened)
                 opened = fd
             os.set_inheritable(opened, opened == fd)
             setattr(sys, name, open(opened, "r" if fd == 0 else "w", closefd=False))  # noqa: SIM115  to the end
-    for name in ("write", "flush"):  # a message that cannot be shown does not end what it is about
+    for name in ("write", "flush"):  # a message that cannot be shown does not end the command
         setattr(sys.stderr, name, _quiet(getattr(sys.stderr, name)))
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # what the terminal's encoding lacks is shown as \\udcff, not as a traceback
@@ -202,11 +202,11 @@ def _quiet(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextlib.contextmanager
 def signals_interrupt() -> Iterator[None]:
-    """Inside, SIGTERM and SIGHUP are like Ctrl-C, unless they are ignored (``nohup``) or somebody else's."""
+    """Inside, SIGTERM and SIGHUP are like Ctrl-C, unless they are ignored (``nohup``) or handled by others."""
     numbers = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) == signal.SIG_DFL]
 
     def interrupt(number: int, frame: object) -> None:
-        for n in numbers:  # once is enough: what it ends is ending
+        for n in numbers:  # one signal is enough: the command is already ending
             signal.signal(n, signal.SIG_IGN)
         raise Terminated(number)
 
@@ -222,7 +222,7 @@ def signals_interrupt() -> Iterator[None]:
 
 
 def forget_output() -> None:
-    """Let what is still to be printed go nowhere, without a word at the end of the process."""
+    """Discard what is still to be printed, without an error at the end of the process."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
@@ -230,7 +230,7 @@ def forget_output() -> None:
 
 @contextlib.contextmanager
 def reader_may_leave() -> Iterator[None]:
-    """``detailbench list | head`` is no error: what is printed inside goes nowhere once nobody reads it."""
+    """``detailbench list | head`` is no error: output is discarded once nobody reads it."""
     try:
         yield
         sys.stdout.flush()
@@ -256,6 +256,8 @@ def _main(arguments: list[str]) -> int:
     if getattr(module, "PASSES_ON", False):  # what the parser does not know is Hydra's
         args, rest = parser.parse_known_args(arguments[1:])
         args.rest = rest
+    if getattr(module, "PASSES_ON", False):  # arguments unknown to the parser are Hydra's
+        args, args.rest = parser.parse_known_args(arguments[1:])
     else:
         args = parser.parse_intermixed_args(arguments[1:])
     if hasattr(args, "config_dir"):
@@ -268,7 +270,7 @@ def _main(arguments: list[str]) -> int:
 
 
 def _warn_of_names() -> None:
-    """Say which file counts where a name is in two places."""
+    """Warn which file counts where a name exists in two places."""
     from .plugins.presets import warnings
 
     lines = warnings()

@@ -1,9 +1,9 @@
-"""Whether the exact surface that a dataset gives with a mesh is the surface of that mesh.
+"""Check that the exact surface a dataset gives with a mesh is the surface of that mesh.
 
-A mesh of a smooth surface is off it by what its chords cut off. An edge of length h at which two faces meet under the
-angle a (0 where they are flat) stands for an arc of about that angle, which rises h/2 tan(a/4) above its chord. So how
-far surface and mesh may be apart follows from the mesh: a fine tessellation allows little, a coarse one more, and a
-surface of another size, place or handedness is found out whatever the tessellation.
+A mesh deviates from its smooth surface by the rise of the arcs above their chords. An edge of length h at which two
+faces meet under the angle a (0 where they are flat) stands for an arc of about that angle, which rises h/2 tan(a/4)
+above its chord. The tolerance between surface and mesh thus follows from the mesh: small for a fine tessellation,
+larger for a coarse one. A surface of another size, place or handedness is detected with any tessellation.
 
 All lengths are in the frame of a case, in which the farthest vertex is at radius 1.
 """
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
     from ..contract.shape import Surface
 
 SAMPLES = 4000  # of the surface
-QUERIES = 1000  # points whose closest point is asked for
-REFERENCE = 40_000  # samples of the mesh, which say how the surface's own should be spread
+QUERIES = 1000  # points whose closest points are computed
+REFERENCE = 40_000  # samples of the mesh: the expected distribution of the surface's own
 CELLS = 40
 # Of all shipped shapes no sample is farther off than 2.5 times the rise above a chord, and none farther than h/4.
 RISES = 4.0
 EDGES = 1 / 3
 LEAST = 2e-4  # where the mesh is flat
-EXACT = 1e-4  # by which closest points may miss a surface on which they are
-SHARE = 0.01  # of the samples may be out of tolerance: a crease, a tip that the tessellation cuts off
-UNEVEN = 0.15  # share of the samples that may be in the wrong place; luck alone gives 0.04
+EXACT = 1e-4  # tolerance of the closest point of a point on the surface
+SHARE = 0.01  # of the samples that may be out of tolerance: creases, tips cut off by the tessellation
+UNEVEN = 0.15  # tolerated share of misplaced samples; chance alone gives 0.04
 ANGLE = np.radians(15)  # between a normal and the face's, beyond the angles at which the faces around meet
 
 
 @dataclass(frozen=True)
 class _Truth:
-    """A mesh, and what may be expected of a surface that it stands for."""
+    """A mesh, and the tolerances for the surface it approximates."""
 
     mesh: Trimesh
 
@@ -70,7 +70,7 @@ class _Truth:
 
 
 def disagreements(mesh: Trimesh, surface: Surface) -> list[str]:
-    """What tells ``surface`` from the surface of ``mesh``, one sentence each; none where they agree.
+    """The differences between ``surface`` and the surface of ``mesh``, one sentence each; none if they agree.
 
     Parameters
     ----------
@@ -82,13 +82,13 @@ def disagreements(mesh: Trimesh, surface: Surface) -> list[str]:
         for sentence in _sentences(_Truth(mesh), surface):
             if sentence:
                 found.append(sentence)
-    except InvalidOutput as error:  # no points and normals: nothing more can be asked
+    except InvalidOutput as error:  # no points and normals: nothing else can be compared
         found.append(str(error))
     return found
 
 
 def _sentences(truth: _Truth, surface: Surface) -> Iterator[str | None]:
-    """One for each thing that is compared, or None where it is as it should be."""
+    """One for each property compared, or None where it agrees."""
     rng = generator("agreement")
     points, normals = _arrays("surface.sample", surface.sample(SAMPLES, rng), SAMPLES)
     yield _off_the_mesh(truth, points, "surface.sample")
@@ -100,7 +100,7 @@ def _sentences(truth: _Truth, surface: Surface) -> Iterator[str | None]:
 
 
 def _arrays(what: str, given: tuple[np.ndarray, np.ndarray], count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) and unit normals (n, 3) that a surface gave; :class:`InvalidOutput` where they are not."""
+    """Points (n, 3) and unit normals (n, 3) returned by a surface; :class:`InvalidOutput` if they are not."""
     points, normals = (np.asarray(array, dtype=np.float64) for array in given)
     for name, array in (("points", points), ("normals", normals)):
         if array.shape != (count, 3):
@@ -146,7 +146,7 @@ def _turned_normals(truth: _Truth, points: np.ndarray, normals: np.ndarray, what
 
 
 def _uneven(truth: _Truth, points: np.ndarray, rng: np.random.Generator) -> str | None:
-    """The samples of the surface and of the mesh, counted in the cells around points that are spread over the mesh."""
+    """Compare the counts of surface and mesh samples in cells around points spread over the mesh."""
     from scipy.spatial import cKDTree
 
     reference, _ = sample_uniform(truth.mesh, REFERENCE, rng)
@@ -162,7 +162,7 @@ def _uneven(truth: _Truth, points: np.ndarray, rng: np.random.Generator) -> str 
 
 
 def _spread(points: np.ndarray, count: int) -> np.ndarray:
-    """``count`` of ``points`` (n, 3), each the farthest from those before."""
+    """``count`` of ``points`` (n, 3), by farthest-point sampling."""
     chosen = [0]
     distances = np.full(len(points), np.inf)
     for _ in range(count - 1):
@@ -172,7 +172,7 @@ def _spread(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def _not_idempotent(surface: Surface, points: np.ndarray, normals: np.ndarray) -> str | None:
-    """A point of the surface is its own closest point, and has the normal that it was sampled with."""
+    """A point of the surface must be its own closest point, with the normal it was sampled with."""
     closest, there = _closest(surface, points)
     moved = np.linalg.norm(closest - points, axis=1)
     sentence = _beyond(moved, EXACT, "surface.closest: moves %s of the points that surface.sample gave")
@@ -182,7 +182,7 @@ def _not_idempotent(surface: Surface, points: np.ndarray, normals: np.ndarray) -
 
 
 def _closest_to_mesh(truth: _Truth, surface: Surface, rng: np.random.Generator) -> list[str | None]:
-    """From points of the mesh it is not far to the surface."""
+    """Points of the mesh must be close to the surface."""
     points, faces = sample_uniform(truth.mesh, QUERIES, rng)
     closest, normals = _closest(surface, points)
     distances = np.linalg.norm(closest - points, axis=1)
@@ -193,7 +193,7 @@ def _closest_to_mesh(truth: _Truth, surface: Surface, rng: np.random.Generator) 
 def _closest_from_afar(
     truth: _Truth, surface: Surface, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator
 ) -> list[str | None]:
-    """From points beside the surface, and anywhere in the box, it is as far to the surface as to the mesh."""
+    """Points near the surface and anywhere in the box must be equally far from surface and mesh."""
     beside = points + rng.normal(scale=0.05, size=(len(points), 1)) * normals
     queries = np.concatenate([beside, rng.uniform(-1.1, 1.1, size=(QUERIES // 4, 3))])
     closest, _ = _closest(surface, queries)

@@ -1,6 +1,6 @@
-"""The conformance kit behind ``detailbench check``: a plugin held against the contract, every trial in a child process.
+"""The conformance kit of ``detailbench check``: tests a plugin against the contract, each trial in a child process.
 
-A check *fails* when the plugin would spoil a benchmark: another result under the same seed, a broken promise, a crash
+A check *fails* when the plugin would corrupt a benchmark: another result with the same seed, a broken promise, a crash
 or a hang, an unclear error on poor input. It *warns* where the engine protects the plugin anyway.
 """
 
@@ -57,7 +57,7 @@ def check_plugin(
     """
     parameters_hold = config_round_trip(plugin)
     yield parameters_hold
-    if parameters_hold.verdict == "fail":  # every trial would say it again
+    if parameters_hold.verdict == "fail":  # every trial would report it again
         return
     with Isolation(plugin.requires, plugins) as isolation:
         trial = _Trials(plugin, isolation, dict(values or {}), limit)
@@ -73,7 +73,7 @@ class _Trials:
 
     def __init__(self, plugin: Plugin, isolation: Isolation, values: dict[str, Any], limit: Limits):
         self.plugin, self.limit, self._isolation, self.values = plugin, limit, isolation, values
-        self.weights = ""  # the file of a learned method
+        self.weights = ""  # file of a learned method
 
     def run(self, trial: str, **arguments: Any) -> dict[str, Any]:
         plugin = {"kind": self.plugin.kind, "name": self.plugin.name, "values": self.values}
@@ -82,7 +82,7 @@ class _Trials:
 
 
 def config_round_trip(plugin: Plugin) -> Check:
-    """The parameters survive the way through a config and its YAML."""
+    """The parameters survive the round trip through a config and its YAML."""
     from omegaconf import OmegaConf
 
     name = "config round trip"
@@ -105,7 +105,7 @@ POOR_INPUTS = ("empty", "tiny", "nan", "duplicates")
 
 def method_checks(trial: _Trials) -> Iterator[Check]:
     """A toy case per task, determinism, poor inputs where the input is a cloud, time."""
-    made = build(trial.plugin, trial.values)  # with these parameters it may solve some of its tasks alone
+    made = build(trial.plugin, trial.values)  # with these parameters it may solve only some of its tasks
     tasks = [t for t in registry().names("task") if trial.plugin.solves(t) and callable(getattr(made, t, None))]
     if not tasks:
         yield Check("tasks", "fail", f"no function is named after a task ({', '.join(registry().names('task'))})")
@@ -125,7 +125,7 @@ def method_checks(trial: _Trials) -> Iterator[Check]:
 
 
 def task_checks(trial: _Trials, tasks: list[str]) -> Iterator[Check]:
-    """What is tried of each task that a method solves."""
+    """The trials for each task that a method solves."""
     for task in tasks:
         first = trial.run("solve", task=task, input="toy")
         if first["status"] == "no_toy":
@@ -156,7 +156,7 @@ def _repeated(name: str, first: dict[str, Any], again: dict[str, Any], limit: fl
 
 
 def _refusable(name: str, row: dict[str, Any], lenient: bool) -> Check:
-    """A valid result or a clear refusal pass; what the engine keeps away from a method anyway only warns."""
+    """A valid result or a clear refusal pass; what the engine never passes to a method only warns."""
     if row["status"] == "ok":
         return Check(name, "ok", row["output"])
     if row["status"] == "refused":
@@ -170,7 +170,7 @@ def _refusable(name: str, row: dict[str, Any], lenient: bool) -> Check:
 
 
 def _dataset_checks(trial: _Trials) -> Iterator[Check]:
-    """What is tried of a dataset: see :mod:`bench.authoring.dataset_checks`."""
+    """The trials of a dataset: see :mod:`bench.authoring.dataset_checks`."""
     found = trial.run("functions")
     if found["status"] != "ok":
         yield Check("shapes", "fail", f"{found['status']}: {found['message']}")
@@ -183,7 +183,7 @@ def _dataset_checks(trial: _Trials) -> Iterator[Check]:
 
 
 def simple_checks(trial: _Trials) -> Iterator[Check]:
-    """One trial that judges itself, and determinism."""
+    """One trial that returns its own verdict, and determinism."""
     first, again = trial.run(trial.plugin.kind), trial.run(trial.plugin.kind)
     name = f"{trial.plugin.kind} on a toy"
     if first["status"] != "ok":
@@ -214,7 +214,7 @@ def attempt(spec: dict[str, Any], channel: Any) -> None:
 
 
 def toy_shape(seed: int = 0) -> Shape:
-    """A closed bumpy ball of 1,280 faces, in the frame; another one for each seed."""
+    """A closed bumpy ball of 1,280 faces, in the frame; each seed gives another."""
     from trimesh.creation import icosphere
 
     mesh = icosphere(subdivisions=3)
@@ -272,11 +272,11 @@ def toy_ball() -> Shape:
 
 
 def toy_case(task: Any, kind: str) -> Case | None:
-    """The toy of a task: its own, or one from the toy cloud or the toy views; None for a task that has neither."""
+    """The toy case of a task: its own, or one of the toy cloud or views; None if there is none."""
     if hasattr(task, "toy"):
         return task.toy()
     takes = taken_by(task)
-    if takes not in ("cloud", "views"):  # what it is made from, only its dataset or its sensors know
+    if takes not in ("cloud", "views"):  # only its dataset or its sensors make such input
         return None
     sensed, shape = (toy_cloud(kind), toy_shape()) if takes == "cloud" else (toy_views(), toy_ball())
     try:
@@ -330,7 +330,7 @@ def _learn(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel:
 
 
 def digest_of(value: Any) -> str:
-    """SHA-256 of what a result holds, to the bit: its ``arrays()``, or the vertices and faces of a mesh."""
+    """Bitwise SHA-256 of the content of a result: its ``arrays()``, or the vertices and faces of a mesh."""
     if hasattr(value, "arrays"):
         arrays = value.arrays()
     else:
@@ -364,7 +364,7 @@ def _sensor(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel
 
 
 def _metric(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
-    """A perfect output must not score worse than a random one; what is between them may be up to luck or by design.
+    """A perfect output must not score worse than a random one; in between, the order may vary by chance or design.
 
     (Noise spreads points more evenly, and the maximum of a few distances moves with the sample.)
     """
@@ -402,7 +402,7 @@ def _spoiled(shape: Shape, kinds: tuple[str, ...], amount: float) -> Any:
 
 
 def _task(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
-    """A task must refuse what is no output, and tell finite numbers of its toy case."""
+    """A task must refuse invalid output, and describe its toy case in finite numbers."""
     from ..engine.worker import conditions
 
     task = build(plugin, asked["values"])

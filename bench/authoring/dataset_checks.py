@@ -1,4 +1,4 @@
-"""What ``detailbench check`` tries of a dataset: ids, determinism, exact surfaces, attributes, pairs, splits."""
+"""The checks of ``detailbench check`` for a dataset: ids, determinism, exact surfaces, attributes, pairs, splits."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ..contract.shape import PoseTransfer, Shape, ShapePair
 from ..errors import BadInput, InvalidOutput, UsageError
 from ..plugins.schema import build
 
-LISTED = 16  # items of a split whose ids are looked at; that makes nothing
-MADE = 3  # of these, so many are made
+LISTED = 16  # items of a split whose ids are checked, without making them
+MADE = 3  # of these, how many are made
 SAID = 3  # complaints of one kind that are printed
 EXACT = ("analytic", "implicit", "parametric")  # exactness that promises a surface beyond the mesh
 DIGITS = 6  # of a coordinate that count where two shapes are compared by content
@@ -66,16 +66,16 @@ def _train(run: Run, function: str, test: dict[str, Any]) -> Iterator[Line]:
 
 
 def _own_meshes(row: dict[str, Any]) -> dict[str, str]:
-    """The digests of the meshes of a split by name, but for a template that each of its pairs has."""
+    """The digests of the meshes of a split by name, except for a template shared by all its pairs."""
     items = row["contents"]
     common = set.intersection(*(set(meshes.values()) for meshes in items.values())) if len(items) > 1 else set()
-    if any(common.issuperset(meshes.values()) for meshes in items.values()):  # nothing would be left of it
+    if any(common.issuperset(meshes.values()) for meshes in items.values()):  # nothing would remain
         common = set()
     return {f"{i} {n}".strip(): d for i, meshes in items.items() for n, d in meshes.items() if d not in common}
 
 
 def _findings(function: str, where: str, row: dict[str, Any]) -> Iterator[Line]:
-    """A line for each thing that was looked at: the complaints about it, or what was seen."""
+    """A line for each property checked: the complaints about it, or what was found."""
     for what, (seen, complaints) in row["findings"].items():
         if seen or complaints:
             about = what if function == "shapes" else f"{function}: {what}"
@@ -101,14 +101,14 @@ def item_functions(dataset: Any) -> tuple[str, ...]:
 
 
 def items_trial(plugin: Any, asked: dict[str, Any], spec: dict[str, Any], channel: Any) -> dict[str, Any]:
-    """The first items of a split: what they are, and what is wrong with them.
+    """The first items of a split: what they are, and their faults.
 
     Returns
     -------
     dict
-        ``output`` in words; ``ids``; ``digests`` of all that was made, to the bit; ``contents``: for each id the
-        digests of its meshes, which neither place, size nor order changes; ``findings``: what was
-        looked at (only where ``deep``), with what was seen, and a list of complaints.
+        ``output`` in words; ``ids``; ``digests`` of everything made, to the bit; ``contents``: for each id the
+        digests of its meshes, which are invariant to place, size and order; ``findings``: what was
+        checked (only where ``deep``), what was found, and a list of complaints.
     """
     try:
         items = list(islice(getattr(build(plugin, asked["values"]), asked["function"])(asked["split"]), LISTED))
@@ -137,7 +137,7 @@ def _checked_id(item: Any) -> str:
 
 
 class _Findings:
-    """What is seen of the items that are made."""
+    """What the checks find in the items that are made."""
 
     def __init__(self) -> None:
         self.words: list[str] = []
@@ -149,7 +149,7 @@ class _Findings:
         self.corresponding = 0
 
     def add(self, item: Any, deep: bool, first: bool) -> None:
-        """Make one item; ``deep``: and look at all of it (of a pair's surfaces at those of the first)."""
+        """Make one item; ``deep``: check all of it too (surfaces of a pair only for the first)."""
         shapes = {"": item} if isinstance(item, Shape) else shapes_of(item)
         if not shapes:
             raise InvalidOutput(f"{item!r}: expected a Shape, or an object with an id and Shapes in its attributes")
@@ -184,7 +184,7 @@ class _Findings:
         self.complaints["surface and mesh"] += [f"{shape.id}: {complaint}" for complaint in complaints]
 
     def seen(self) -> dict[str, tuple[str, list[str]]]:
-        """What was looked at, in words, and the complaints."""
+        """What was checked, in words, and the complaints."""
         words = {
             "surface and mesh": f"{len(self.exact)} agree" if self.exact else "",
             "attributes": ", ".join(sorted(self.named)),
@@ -194,7 +194,7 @@ class _Findings:
 
 
 def shapes_of(item: Any) -> dict[str, Shape]:
-    """The shapes of a pair, or of whatever else holds some, by their names in it."""
+    """The shapes in a pair, or in any other item with shapes, by attribute name."""
     names = [f.name for f in dataclasses.fields(item)] if dataclasses.is_dataclass(item) else []
     names = names or list(getattr(item, "_fields", vars(item) if hasattr(item, "__dict__") else ()))
     values = {name: getattr(item, name) for name in names}
@@ -202,7 +202,7 @@ def shapes_of(item: Any) -> dict[str, Shape]:
 
 
 def _attributes(shape: Shape) -> Mapping[str, Any]:
-    """The attributes, or none where they are no mapping, which :func:`attribute_complaints` says."""
+    """The attributes; none if they are no mapping, which :func:`attribute_complaints` reports."""
     return shape.attributes if isinstance(shape.attributes, Mapping) else {}
 
 
@@ -277,6 +277,6 @@ def digest_arrays(arrays: Mapping[str, Any]) -> str:
 
 
 def content_digest(mesh: Any) -> str:
-    """A digest of a framed mesh that its place, its size and the order of its vertices and faces do not change."""
+    """A digest of a framed mesh, invariant to its place, its size and the order of its vertices and faces."""
     rounded = np.round(np.asarray(mesh.triangles_center, dtype=np.float64), DIGITS) + 0.0  # + 0: minus zero is zero
     return digest_arrays({"faces": rounded[np.lexsort(rounded.T)]})

@@ -1,4 +1,4 @@
-"""What ``detailbench check`` tries of a method that learns: examples, a few steps, weights in a file, a checkpoint."""
+"""The checks of ``detailbench check`` for a learned method: examples, a few steps, weights in a file, a checkpoint."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from ..plugins.weights import as_bytes, load
 from .dataset_checks import digest_arrays
 
 CASES = 4
-STEPS = 6  # of a training that is tried: calls of run.checkpoint(), one after each step
-LOOKS = 50  # at the clock, of a training that never calls it
+STEPS = 6  # of the trial training: calls of run.checkpoint(), one after each step
+LOOKS = 50  # queries of the remaining time before a training without checkpoints ends
 
 
 class _Counted(Run):
-    """A run whose time is counted in steps, so that it ends at the same one each time."""
+    """A run whose time is counted in steps, so that it always ends at the same step."""
 
-    steps: int = 0  # that are done
+    steps: int = 0  # completed
     looks: int = 0
     end: int = STEPS
     stored: Mapping[str, np.ndarray] | None = None
 
     def seconds_left(self) -> float:
-        """Some, until so many steps are done."""
+        """Positive until the given number of steps is done."""
         self.looks += 1
         return 1.0 if self.steps < self.end and (self.steps or self.looks < LOOKS) else 0.0
 
     def checkpoint(self, make: Callable[[], Mapping[str, np.ndarray]]) -> None:
-        """Every time it is offered."""
+        """Save at every call."""
         self.steps += 1
         self.stored = {name: np.array(array) for name, array in make().items()}
 
@@ -67,11 +67,11 @@ def learning_checks(run: Callable[..., dict[str, Any]], folder: Path) -> Iterato
 def learn(
     plugin: Plugin, asked: Mapping[str, Any], spec: Mapping[str, Any], toys: Callable[[Any], list[Case]]
 ) -> dict[str, Any]:
-    """The trial in the child: makes examples of toy cases, and fits.
+    """The trial in the child: make examples of toy cases, and fit.
 
     Parameters
     ----------
-    asked : ``folder`` for the weights (none: they are not kept), ``resume``: whether to be interrupted half-way
+    asked : ``folder`` for the weights (none: they are discarded), ``resume``: whether to interrupt half-way
     toys : function from a task to a few cases of it
     """
     trained_by = getattr(plugin.cls, "trained_by", None)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-# Raise the version whenever the numbers change: results of the old one are then run again.
+# Raise the version whenever the numbers change: results of the old version are then recomputed.
 @register("metric", version=1, better="lower", outputs=("mesh", "cloud"))
 @dataclass(frozen=True)
 class MyPlugin:
