@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 CLOUD_SUFFIXES = (".xyz", ".txt", ".asc", ".csv", ".pcd", ".pts")
 NORMALS = ("file", "estimate")
 MESH_SUFFIXES = (".obj", ".stl", ".off", ".glb")
-DEFAULT_TASK = "reconstruct"  # that of `run`, too
+DEFAULT_TASK = "reconstruct"  # also the default of `run`
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read, call the method in a child process, write; say what was made."""
+    """Read, call the method in a child process, write; report what was made."""
     from ..engine.affinity import available
     from ..engine.forkserver import begin
     from ..engine.targets import names_a_folder
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def is_file(word: str) -> bool:
-    """Whether a word is the name of a file, though there may be a ``=`` in it, and not a key and its value."""
+    """Whether an argument is a file name, which may contain ``=``, and not a key with its value."""
     from ..geometry.io.files import CLOUD_READERS
     from ..sweep.overrides import is_key
     from ..sweep.quoting import is_override
@@ -106,7 +106,7 @@ def is_file(word: str) -> bool:
 def jobs_of(
     overrides: Sequence[str], files: Sequence[str], plugins: tuple[str, ...], simplify: int = 0, colors: bool = False
 ) -> list[Application]:
-    """The applications that the words describe, checked."""
+    """The applications described by the arguments, checked."""
     from ..engine.application import Application
     from ..engine.targets import targets_of
     from ..plan.cell import check_root
@@ -129,7 +129,7 @@ def jobs_of(
     folder = Path(output).absolute().parent
     if not folder.is_dir() and len(targets) == 1 and targets[0].output == output:
         raise UsageError(f"{output}: no such folder: {folder}; create it first")
-    # A file of one's own may take its time; a benchmark's limits are for those who ask for them.
+    # A user's own file has no limits by default; the limits of a benchmark apply only on request.
     asked = {w.lstrip("+").split("=")[0] for w in overrides}
     limit = {name: value for name, value in values["limit"].items() if f"limit.{name}" in asked}
     first = Application(
@@ -158,12 +158,12 @@ def _with_task(overrides: list[str], output: str, inputs: Sequence[str]) -> list
     from ..plugins.presets import resolve
     from ..sweep.overrides import checked
 
-    of_task = [w for w in overrides if w.startswith("task.")]  # may tell which task is meant
+    of_task = [w for w in overrides if w.startswith("task.")]  # may determine the task
     others = [w for w in overrides if w not in of_task]
     request = checked(others, "apply")
     if not any(w.startswith("method=") for w in overrides):
         raise UsageError("choose a method: detailbench apply method=NAME INPUT OUTPUT (detailbench list methods)")
-    registry().find("method", resolve("method", request.chosen("method")[0]))  # or a message that has its name
+    registry().find("method", resolve("method", request.chosen("method")[0]))  # or an error that names it
     if any(w.startswith("task=") for w in overrides):
         return overrides
     # With its parameters: a chain solves what its last step solves.
@@ -180,7 +180,7 @@ def _parts(values: dict[str, Any], task: Any, method: Any) -> dict[str, Any]:
 
 
 def _normals_of(overrides: Sequence[str]) -> tuple[list[str], str]:
-    """The overrides without ``normals=``, which no benchmark has, and its value."""
+    """The overrides without ``normals=``, which benchmarks do not have, and its value."""
     given = [w.partition("=")[2] for w in overrides if w.partition("=")[0] == "normals"]
     for value in given:
         if value not in NORMALS:
@@ -195,8 +195,8 @@ def _memory_gb() -> float:
 
 
 def _task_for(method: Any, output: str, inputs: Sequence[str], parameters: list[str]) -> str:
-    """The task that a method, the kind of the output file, the inputs, and the parameters that are given to it
-    (``task.ratio=4``) leave no doubt about; where a mesh is as possible as a cloud, it is the mesh, which is said.
+    """The task determined by a method, the kind of the output file, the inputs, and the parameters given to it
+    (``task.ratio=4``). If both a mesh and a cloud are possible, it is the mesh, and a message says so.
     """
     from ..engine.targets import names_a_folder
 
@@ -211,7 +211,7 @@ def _task_for(method: Any, output: str, inputs: Sequence[str], parameters: list[
 
         made, other = ("mesh", MESH_WRITERS) if kinds == {"cloud"} else ("cloud", CLOUD_WRITERS)
         raise UsageError(f"{output}: method {method.name} gives a {made}; expected one of {' '.join(other)}")
-    if not names_a_folder(output):  # each of many inputs is a call of its own
+    if not names_a_folder(output):  # each of many inputs is a separate call
         fitting = [t for t in fitting if len(inputs) in getattr(classes[t], "files", (1,))] or fitting
     if not os.path.isdir(inputs[0]):  # images are in folders
         fitting = [t for t in fitting if getattr(classes[t], "takes", "cloud") != "views"] or fitting
@@ -233,7 +233,7 @@ def _task_for(method: Any, output: str, inputs: Sequence[str], parameters: list[
 
 
 def _one(job: Application, traceback: bool) -> int:
-    """Apply to one file, and say what was made."""
+    """Apply to one file, and report what was made."""
     from ..engine.application import Applier
     from ..sweep.progress import Steps
 
@@ -264,7 +264,7 @@ def _named(job: Application, text: str) -> str:
 
 
 def _without_name(job: Application, text: str) -> str:
-    """A message without the names that are said before it anyway."""
+    """A message without the names already printed before it."""
     return text.removeprefix(f"{job.method.name}: ")
 
 
@@ -303,7 +303,7 @@ def _many(jobs: list[Application], again: bool) -> int:
 
 
 def _line(job: Application, row: dict[str, Any]) -> str:
-    """What became of one file."""
+    """The outcome of one file."""
     if row["status"] != "ok":
         return f"{job.inputs[0]}: {_note(job, row).splitlines()[0]}"
     there = "cached" if row["is_cached"] else f"in {row['seconds']:.3g} s"
@@ -311,13 +311,13 @@ def _line(job: Application, row: dict[str, Any]) -> str:
 
 
 def _note(job: Application, row: dict[str, Any]) -> str:
-    """What is said of a file below the table."""
+    """The note on a file below the table."""
     text = _without_name(job, row["message"] if row["status"] == "ok" else _why(row))
     return text.removeprefix(f"{job.inputs[0]}: ").strip()
 
 
 def _table(jobs: list[Application], rows: list[dict[str, Any]]) -> str:
-    """One line for each file: what came, what was made, and what it took."""
+    """One line for each file: input, output, and cost."""
     from rich import box
     from rich.console import Console
     from rich.table import Table

@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _refuse_foreign(overrides: Sequence[str], plugins: Sequence[Plugin]) -> None:
-    """Each word must be a limit, or a parameter of a plugin that is checked."""
+    """Each override must be a limit, or a parameter of a plugin that is checked."""
     for word in overrides:
         if not word.lstrip("+").startswith("limit.") and not any(_own([word], plugin) for plugin in plugins):
             known = ", ".join(f"{kind}.PARAMETER=..." for kind in sorted({p.kind for p in plugins})) or "nothing"
@@ -86,7 +86,7 @@ def _refuse_foreign(overrides: Sequence[str], plugins: Sequence[Plugin]) -> None
 
 
 def _own(overrides: Sequence[str], plugin: Plugin) -> list[str]:
-    """The words that give ``plugin`` parameters; ``metric.samples=9`` stands for ``metric.NAME.samples=9``."""
+    """The overrides of parameters of ``plugin``; ``metric.samples=9`` stands for ``metric.NAME.samples=9``."""
     found = []
     for word in overrides:
         bare = word.lstrip("+")
@@ -102,7 +102,7 @@ def _own(overrides: Sequence[str], plugin: Plugin) -> list[str]:
 
 
 def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[str, Any], Limits]:
-    """The parameters of a plugin, or of its preset called ``name``, and the limits, as the words have them."""
+    """The parameters of a plugin, or of its preset called ``name``, and the limits, as the overrides set them."""
     from ..authoring.conformance import LIMIT
     from ..plugins.schema import build
     from ..sweep.overrides import checked
@@ -117,13 +117,13 @@ def settings(plugin: Plugin, name: str, overrides: Sequence[str]) -> tuple[dict[
     chosen = values["metric"][plugin.name] if plugin.kind == "metric" and own else values[plugin.kind]
     parameters = chosen if own else {}
     if own:
-        build(plugin, parameters)  # a value that is refused is refused here, not as a failed check
+        build(plugin, parameters)  # reject an invalid value here, not as a failed check
     said = [word.lstrip("+").partition("=")[0].removeprefix("limit.") for word in limits]
     return parameters, replace(LIMIT, **{name: values["limit"][name] for name in said})
 
 
 def _plugins(what: list[str], files: list[str], already: bool) -> list[tuple[Plugin, str]]:
-    """The plugins of the files, and those named, with the names that they or their presets have."""
+    """The plugins of the files, and those named, each with its name or that of its preset."""
     everything = [p for kind in KINDS for p in registry().all(kind)]
     chosen: list[tuple[Plugin, str]] = []
     for word in what:

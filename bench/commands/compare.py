@@ -98,7 +98,7 @@ def share(option: str, text: str) -> float:
     Raises
     ------
     UsageError
-        For anything that is no share of at least 0.
+        For anything but a share of at least 0.
     """
     number, percent = (text[:-1], 100.0) if text.endswith("%") else (text, 1.0)
     try:
@@ -110,12 +110,12 @@ def share(option: str, text: str) -> float:
     return value
 
 
-# What the change of a score may come from besides the method; what a dataset says of its own state comes as "file".
+# Causes of a changed score other than the method; the state that a dataset reports is listed as "file".
 QUESTION = ("source of task", "source of dataset", "source of sensor", "version of metric", "file ")
 
 
 def other_questions(then: str, now: str, found: Compared) -> list[str]:
-    """What differs in the cases and the metrics between two results, so that scores differ whatever the method."""
+    """Differences in cases and metrics between two results, which change scores regardless of the method."""
     from ..results.provenance import explain
     from ..results.store import Results
 
@@ -129,7 +129,7 @@ def other_questions(then: str, now: str, found: Compared) -> list[str]:
 
 
 def reasons_to_fail(found: Compared, *, speed: bool, most_failed: int, gone: bool) -> list[str]:
-    """Why the gate is closed, a line each; empty where it is open."""
+    """Reasons why the gate fails, a line each; empty if it passes."""
     from ..ranking.report.labels import label
 
     lines = [

@@ -83,11 +83,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the script, or the words that may stand in place of the last one, one on a line."""
+    """Print the script, or the candidates for the last word, one on a line."""
     if args.shell in SCRIPTS:
         print(SCRIPTS[args.shell], end="")
         return 0
-    line = os.environ.get("BENCH_LINE")  # not under bash's names, which a wrapper that bash runs would not pass on
+    line = os.environ.get("BENCH_LINE")  # not bash's own variables, which a wrapper would not pass on
     words = args.words if line is None else words_of(line, os.environ.get("BENCH_POINT", ""))[1:]
     found = completions(words or [""])
     if line is not None:
@@ -97,20 +97,20 @@ def run(args: argparse.Namespace) -> int:
 
 
 def words_of(line: str, point: str) -> list[str]:
-    """The words of a line of bash up to the cursor, the last of which is to be completed; quotes are left out."""
+    """The words of a line of bash up to the cursor, the last of which is to be completed; quotes are removed."""
     line = line[: int(point)] if point.isdecimal() else line
     words = [re.sub(r"[\"']", "", word) for word in re.findall(r"(?:[^\s\"']|\"[^\"]*(?:\"|$)|'[^']*(?:'|$))+", line)]
     return [*words, ""] if not words or line[-1:].isspace() else words
 
 
 def behind_breaks(found: Iterable[str], word: str, breaks: str) -> list[str]:
-    """The completions as bash wants them: without what stands before the last of its word breaks in the word."""
+    """The completions as bash expects them: without the part of the word up to its last word break."""
     begin = max((word.rfind(letter) + 1 for letter in breaks), default=0)
     return [text[begin:] for text in found]
 
 
 def completions(words: Sequence[str]) -> list[str]:
-    """What may stand in place of the last word; one that is complete ends with a blank."""
+    """The candidates for the last word; a complete one ends with a blank."""
     *before, word = words
     if not before:
         return _matching([f"{name} " for name in (*COMMANDS, "--help", "--version")], word)
@@ -136,12 +136,12 @@ def _matching(words: Iterable[str], begin: str) -> list[str]:
 
 
 def options_of(command: str) -> dict[str, list[str] | None]:
-    """The options of a command; of each the values that it can have, none where any, and None for a flag.
+    """The options of a command; with the values each accepts: an empty list for any, None for a flag.
 
-    They are kept from one time to the next: importing a command may take longer than a person waits for a completion.
+    They are cached between calls: importing a command may take longer than a user waits for a completion.
     """
     file = Path(__file__).with_name(f"{command}.py")
-    files = [*sorted(file.parent.glob(f"{command}*.py")), Path(cli.__file__)]  # options may have a file of their own
+    files = [*sorted(file.parent.glob(f"{command}*.py")), Path(cli.__file__)]  # options may have a separate file
     stamp = [str(file), *(path.stat().st_mtime_ns for path in files)]
     kept = kept_json("options") or {}
     if kept.get(command, {}).get("stamp") != stamp:
@@ -166,7 +166,7 @@ def _values_of_option(option: str) -> list[str]:
 
 
 def _words_of_command(command: str, before: Sequence[str]) -> list[str]:
-    """Words that are no overrides."""
+    """Candidates other than overrides."""
     from ..plugins.config_files import GROUPS
 
     if command == "list":
@@ -204,7 +204,7 @@ def _names(group: str) -> list[str]:
 
 
 def _keys(word: str, before: Sequence[str]) -> list[str]:
-    """Keys of a run, or, behind a dot, those below one: parameters of the plugins that are chosen."""
+    """Keys of a run, or, behind a dot, those below one: parameters of the chosen plugins."""
     from ..plugins.config_files import GROUPS
 
     head, dot, _ = word.partition(".")
@@ -226,7 +226,7 @@ def fields_in(module: str, cls: str) -> list[str]:
 
 
 def _parameters(kind: str, before: Sequence[str]) -> dict[str, Any]:
-    """The parameters of the plugins of a kind that the words choose, with their facts; those that all of them have."""
+    """The parameters of the plugins of a kind in the words, with their facts: only those common to all."""
     from ..plugins.listing import names_as_kept
 
     if kind not in KINDS:
@@ -245,7 +245,7 @@ def _parameters(kind: str, before: Sequence[str]) -> dict[str, Any]:
 
 
 def _plugin_of_own(kind: str, name: str) -> str:
-    """The plugin that a preset of the user's own names; reading the file as YAML takes longer."""
+    """The plugin named by a preset of the user; reading the file as YAML takes longer."""
     from ..plugins import config_files
 
     file = config_files.file_of(kind, name)

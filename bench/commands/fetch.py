@@ -56,7 +56,7 @@ def _how_it_is(plugin: Plugin) -> str:
 
 
 def _built(plugin: Plugin, overrides: list[str]) -> Any:
-    """The dataset with the parameters that the words give."""
+    """The dataset with the parameters of the overrides."""
     from ..plugins.schema import build
     from ..sweep.overrides import checked
 

@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_shared_arguments(parser: argparse.ArgumentParser, output: str) -> None:
-    """What figures and plots have in common."""
+    """The options common to figures and plots."""
     parser.add_argument("results", nargs="*", metavar="RESULTS", help="folders of results (default: results)")
     parser.add_argument(
         "-o", "--output", metavar="FILE", default=output, help=f"a .pdf, .svg or .png file (default: {output})"
@@ -71,7 +71,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser, output: str) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw the figure, and say what is on it."""
+    """Draw the figure, and report what it shows."""
     from ..pictures.camera import Camera
     from ..pictures.chosen import chosen, renamed, split_names
     from ..pictures.figure import Options, check_metrics, draw
@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--size {args.size}: expected 32 to 4000 pixels")
     if args.zoom and args.no_insets:
         raise UsageError("--zoom sets what the insets show, and --no-insets leaves them out: choose one")
-    matplotlib(), pyvista()  # said before anything is read, where one is missing
+    matplotlib(), pyvista()  # a missing one is reported before anything is read
     camera, zoom = Camera.of(args.camera, args.up), zoom_of(args.zoom) if args.zoom else None
     load_plugins(args.plugin)
     folders = [word.removeprefix("results=") for word in args.results or ["results"]]

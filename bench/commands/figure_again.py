@@ -1,4 +1,4 @@
-"""`detailbench figure --recompute`: outputs that no run kept, for the length of one command."""
+"""`detailbench figure --recompute`: outputs that no run stored, for the duration of one command."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def recomputed(
     Raises
     ------
     UsageError
-        If a record holds no cell that can be made here, or starts a program that nobody has allowed.
+        If the cell of a record cannot be made here, or starts a program that was not allowed.
     """
     from ..engine.runner import forget_servers
     from ..pictures.labels import folder_of
@@ -69,7 +69,7 @@ def _stored(results: Results, cell: str, fingerprint: str) -> Stored:
 
 
 def _run(rows: pd.DataFrame, places: Sequence[int], stored: Stored, folder: Path, plugins: Sequence[str]) -> None:
-    """Give the rows of one cell's cases their outputs, or say in them why there are none."""
+    """Give the rows of one cell's cases their outputs, or record in them why there are none."""
     from ..engine.again import run_again
     from .reproduce import compare
 
@@ -87,7 +87,7 @@ def _run(rows: pd.DataFrame, places: Sequence[int], stored: Stored, folder: Path
 
 
 def _changes(now: dict[str, Any] | None) -> dict[str, Any]:
-    """What becomes of a row: it names its new output, or says why there is none."""
+    """The changes of a row: its new output, or the reason why there is none."""
     if now is None:
         return {"status": "error", "message": "run again: the dataset has no such case today"}
     if now["status"] != "ok":

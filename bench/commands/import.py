@@ -27,7 +27,7 @@ from ..text import counted
 
 PASSES_ON = True
 KEYS = ("results", "outputs", "rerun", "verbose")  # of `detailbench run`, which may be given here, and limit.*
-PLUGIN = "imported"  # the method that hands outputs on
+PLUGIN = "imported"  # the method that returns the given outputs
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -106,7 +106,7 @@ def cell_of(folder: Path, group: str, values: dict[str, Any], name: str) -> Any:
 
 
 def settings_of(words: list[str], plugins: tuple[str, ...]) -> Any:
-    """The settings among the words, which say nothing of cells."""
+    """The settings among the overrides, which do not define cells."""
     from dataclasses import replace
 
     from ..plan.cell import settings_of as composed

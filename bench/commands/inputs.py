@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def cells_of(words: list[str], refused: list[str]) -> list[Any]:
-    """The cells of an override list, each with its settings: of those that differ in the method alone the first."""
+    """The cells of an override list, each with its settings: of cells that differ only in the method, the first."""
     from ..plan.cell import Cell
     from ..sweep.flags import only_overrides
     from ..sweep.overrides import check_jobs, checked
@@ -87,7 +87,7 @@ def cells_of(words: list[str], refused: list[str]) -> list[Any]:
 
 
 def _manifest_there(folder: Path) -> dict[str, Any]:
-    """The manifest of a folder, to which groups are added; an empty one where there is none."""
+    """The manifest of a folder, to which groups are added; empty if there is none."""
     from .. import __version__
 
     if (folder / MANIFEST).exists():
@@ -111,7 +111,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         whole = found["format"] == FORMAT and all(
             case["group"] in found["groups"] and {"case", "input", "output"} <= case.keys() for case in found["cases"]
         )
-        # What is read and written stays below the folder, whoever wrote the manifest.
+        # Reads and writes stay below the folder, even if the manifest is not ours.
         inside = all(_is_inside(case[key]) for case in found["cases"] for key in ("input", "output"))
         cells = [group["cell"] for group in found["groups"].values()]
     except FileNotFoundError:

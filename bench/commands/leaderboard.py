@@ -127,7 +127,7 @@ def _split_words(words: list[str]) -> tuple[list[str], str | None]:
 
 
 def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
-    """The rows of several results folders together; of several records of one case, the one that counts."""
+    """The rows of several results folders together; of several records of one case, the current or newest."""
     from ..results.index import rows as rows_of
     from ..results.store import Results
 
@@ -158,8 +158,8 @@ def show(
 ) -> None:
     """Rank the rows that the filters leave, and print, in the convention of a paper if one is named.
 
-    ``published`` is an experiment whose file gives a paper's numbers; its convention and its groups are taken.
-    ``missing`` is a sentence on cells that are not in the table, see :func:`what_is_missing`; CSV has no place for it.
+    ``published`` is an experiment with a paper's numbers; its convention and groups are used.
+    ``missing`` is a sentence on cells that are not in the table, see :func:`what_is_missing`; CSV omits it.
     """
     from ..ranking.conventions import load_convention
     from ..ranking.leaderboard import leaderboard
@@ -175,7 +175,7 @@ def show(
     if paper:
         known = metrics_of(rows)
         paper = paper.of(known)
-        if (chosen["status"] == "ok").any():  # where nothing is solved nothing has scores, and the board says so
+        if (chosen["status"] == "ok").any():  # if nothing is solved there are no scores, and the board reports it
             filters["metric"] = paper.scores(known)
     elif not filters.get("metric"):
         filters["metric"] = _metrics_among(output.look.columns, metrics_of(chosen))
@@ -187,7 +187,7 @@ def show(
 
 
 def _metrics_among(columns: Sequence[str], known: Sequence[str]) -> list[str] | None:
-    """The metrics among the columns; none where all are shown, and for the front, which takes the task's own two."""
+    """The metrics among the columns; none if all are shown, or for the front, which uses the task's own two."""
     from ..ranking.report.look import OTHERS
     from ..ranking.selection import matching
 
@@ -198,7 +198,7 @@ def _metrics_among(columns: Sequence[str], known: Sequence[str]) -> list[str] | 
 
 
 def what_is_missing(finished: int, planned: int) -> str:
-    """What is said below a table that lacks cells of a sweep which ended early; empty where none is missing."""
+    """The note below a table that lacks cells of a sweep that ended early; empty if none is missing."""
     if finished >= planned:
         return ""
     rest = planned - finished
@@ -220,7 +220,7 @@ def show_across(
 
     board = overview(rows, across, level=level, equal=equal, **filters)
     chosen = pool(select(rows, **{k: v for k, v in filters.items() if k != "metric"}), "task")
-    # Of several tasks each has a metric of its own, which comes before the groups.
+    # Several tasks have a metric each, which comes before the groups.
     known = set(metrics_of(rows))
     columns = sorted(dict.fromkeys(board["metric"]), key=lambda name: name not in known)
     _print(board, output or Output(), rows=chosen, metrics=columns)
@@ -251,7 +251,7 @@ def show_agreement(
     level: float = 0.95,
     **filters: str | None,
 ) -> None:
-    """Print how the methods stand on some datasets and on all others, and how far the two orders agree."""
+    """Print the ranking of the methods on some datasets and on all others, and how well the two agree."""
     from ..ranking.agreement import agreement as found
     from ..ranking.report.agreement import render_agreement
 

@@ -47,7 +47,7 @@ def show_best(
 
 
 def check_preset(name: str) -> None:
-    """Refuse a name that cannot be used, or is.
+    """Refuse a name that is invalid or in use.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The options of `detailbench leaderboard`, what they exclude, and the look that they make."""
+"""The options of `detailbench leaderboard`, which of them exclude each other, and the look they define."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def check(args: argparse.Namespace) -> None:
     Raises
     ------
     UsageError
-        With the two that do not.
+        Naming the two.
     """
     from ..ranking.resolution import check_region
     from ..ranking.selection import GROUPINGS, matching
@@ -128,7 +128,7 @@ def look_of(args: argparse.Namespace) -> Look:
     Raises
     ------
     UsageError
-        For one that makes no sense.
+        For an invalid value.
     """
     from ..ranking.selection import split_names
 

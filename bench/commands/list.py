@@ -205,12 +205,12 @@ def _find(found: Facts, kind: str, name: str) -> Facts:
     presets = {preset["name"]: preset["plugin"] for preset in found["presets"][kind]}
     if presets.get(name, name) in by_name:
         return by_name[presets.get(name, name)]
-    registry().find(kind, name, also=presets)  # says what is wrong
+    registry().find(kind, name, also=presets)  # raises what is wrong
     raise AssertionError(name)
 
 
 def dataset_table(found: Facts, *, measure: bool = False) -> str:
-    """The datasets with what their shapes are like; ``measure`` builds some, otherwise the kept figures are shown."""
+    """The datasets with the traits of their shapes; ``measure`` builds some, otherwise cached figures are shown."""
     rows = [("dataset", "exactness", "vertices", "build", "tags", "")]
     for dataset in found["plugins"]["dataset"]:
         facts = _measured(dataset["name"]) if measure else dataset["shapes"]

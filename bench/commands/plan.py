@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compose every job, look each cell up, print the table."""
+    """Compose every job, look up each cell, print the table."""
     from ..engine.affinity import available
     from ..engine.devices import check_device
     from ..plan.cell import not_planned
@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
-    """The cell, settings and fingerprint (empty where it is not known yet) of every job, each cell once.
+    """The cell, settings and fingerprint (empty if not yet known) of every job, each cell once.
 
     Method and task that do not fit are noted in ``refused``.
     """
@@ -123,7 +123,7 @@ def _composed(job: list[str]) -> Any:
 
 
 def line_of_training(results: Any, training: Any) -> str:
-    """What is to be trained before a cell can be run, and for how long at most; empty where nothing is."""
+    """The training needed before a cell can run, with its time limit; empty if there is none."""
     from ..engine.training import state_of
     from ..plan.training import TRAINED
 
@@ -135,7 +135,7 @@ def line_of_training(results: Any, training: Any) -> str:
 def look_up(
     results: Any, cell: Any, settings: Any, shelf: Any = None, mark: str = ""
 ) -> tuple[int, str, tuple[str, ...]]:
-    """How many cases of a cell need not be run again, in a word how it stands, and why its records are not current.
+    """How many cases of a cell need no new run, its state in one word, and why its records are not current.
 
     With the cell's fingerprint ``mark`` and a :class:`bench.sweep.planned.Shelf`, records of finished cells are not
     opened.

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(f"--{name}: is an option of `detailbench plot {kind}`, not of {args.kind}")
     kind = kind_of(args.output)
     size = width_of(args.width or "column"), width_of(args.height, "--height") if args.height else None
-    matplotlib()  # said before anything is read, where it is missing
+    matplotlib()  # reported before anything is read, if it is missing
     load_plugins(args.plugin)
     folders = [word.removeprefix("results=") for word in args.results or ["results"]]
     rows, opened = read_rows(folders), [Results(folder) for folder in folders]

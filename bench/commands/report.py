@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from ..pages.shapes import Track
     from ..results.store import Results
 
-MEGABYTES = 8.0  # of shapes, where a page has room for them
-PAGE = 10.0  # megabytes that a page has at most, where its tables leave room for shapes
-LEAST = 2.0  # megabytes of shapes that a page with large tables has
+MEGABYTES = 8.0  # of shapes, if a page has room for them
+PAGE = 10.0  # largest page in megabytes, if its tables leave room for shapes
+LEAST = 2.0  # megabytes of shapes in a page with large tables
 FILTERS = ("task", "dataset", "sensor", "method", "tag", "split")
 
 
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_page_arguments(parser: argparse.ArgumentParser) -> None:
-    """What a page and a site have in common."""
+    """The options common to a page and a site."""
     parser.add_argument("results", nargs="*", metavar="RESULTS", help="folders of results (default: results)")
     parser.add_argument("--title", metavar="TEXT", help="of the page (default: the names of the folders)")
     for name in FILTERS:
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def gathered(args: argparse.Namespace, usual: float | None = None) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """The data of the page, and its shapes: by default of ``usual`` megabytes, or of what one page leaves for them."""
+    """The data of the page, and its shapes: by default of ``usual`` megabytes, or as many as fit on one page."""
     from ..pages.data import page_data
 
     rows, folders = chosen_rows(args)
@@ -95,7 +95,7 @@ def gathered(args: argparse.Namespace, usual: float | None = None) -> tuple[dict
 
 
 def chosen_rows(args: argparse.Namespace) -> tuple[pd.DataFrame, Sequence[Results]]:
-    """The rows that the filters leave, and the folders that they are of."""
+    """The rows that pass the filters, and their folders."""
     from ..ranking.selection import select
     from ..results.store import Results
     from .leaderboard import read_rows
@@ -131,7 +131,7 @@ def _room(data: dict[str, Any]) -> float:
 
 
 def _shapes(folders: Sequence[Results], rows: pd.DataFrame, megabytes: float) -> tuple[list[dict], dict[str, bytes]]:
-    """Scenes and shapes of the outputs that the results keep; none where they keep none."""
+    """Scenes and shapes of the outputs stored in the results; none if there are none."""
     if not megabytes or "output" not in rows or not rows["output"].fillna("").astype(bool).any():
         return [], {}
     try:

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run, compare, and say what differs in what the result depends on."""
+    """Run, compare, and report what differs among the things the result depends on."""
     from ..engine.runner import forget_servers, run_cell
     from ..results.recorded import writing_nothing
 
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def check_programs(cell: Any) -> None:
-    """Refuse a cell that starts a program which the record names: it may be anybody's, and do anything.
+    """Refuse a cell that starts a program which the record names: it may come from anybody and do anything.
 
     Raises
     ------

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run, print, and say with the exit code whether every case was solved."""
+    """Run, print, and return an exit code: whether every case was solved."""
     plugins = load_plugins(args.plugin)
     overrides, flags = split_words(args.rest)
     if flags:
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
 def _sweep(args: argparse.Namespace, request: Request, results: Results, plugins: tuple[str, ...]) -> int:
     """One sweep, or one job, from its launch to its report; the exit code."""
     jobs = request.jobs
-    if request.launcher == "basic" and not any(map(is_hydras, request.overrides)):  # no environment of jobs
+    if request.launcher == "basic" and not any(map(is_hydras, request.overrides)):  # jobs with no environment
         forkserver.begin(request.threads)
     ahead = look_ahead(jobs, request, results) if len(jobs) > 1 else None
     _warn(results)
@@ -104,7 +104,7 @@ def _sweep(args: argparse.Namespace, request: Request, results: Results, plugins
             forget_servers()
         done = [*(ahead.ended.values() if ahead else ()), *session.read()]
     cells = list({d["cell"]: d for d in reversed(done) if d["kind"] == "cell"}.values())[::-1]
-    # Each job is a cell, but for pairs that do not fit, and for jobs that are the same cell.
+    # Each job is a cell, except pairs that do not fit, and duplicates.
     others = sum(entry["kind"] == "not_solved" for entry in done)
     others += sum(entry["kind"] == "cell" for entry in done) - len(cells)
     planned = len(jobs) - others
@@ -121,7 +121,7 @@ def _sweep(args: argparse.Namespace, request: Request, results: Results, plugins
 
 
 def show_config(flags: Mapping[str, str], request: Request, multirun: bool) -> int:
-    """Let Hydra show what its flags ask for; nothing is run or written."""
+    """Let Hydra print what its flags request; nothing is run or written."""
     if multirun:
         raise UsageError(f"{next(iter(flags))} shows the config of one run: leave out -m, and give each key one value")
     check(request)
@@ -204,7 +204,7 @@ def _show_board(
 
 
 def _warn(results: Results) -> None:
-    """Say which files were left out or set aside since this was said last."""
+    """Report which files were left out or set aside since the last report."""
     while results.damaged:
         print(f"warning: {results.damaged.pop(0)}", file=sys.stderr)
 
@@ -226,7 +226,7 @@ def check_devices(requests: list[Request], results: Results) -> None:
     Raises
     ------
     UsageError
-        Where cells would be run here. What a launcher runs elsewhere is checked there.
+        If cells would run here. Cells that a launcher runs elsewhere are checked there.
     """
     from .plan import cells_of, look_up
 

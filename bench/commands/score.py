@@ -125,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _of_names(names: str) -> list[Choice]:
-    """The metrics of a list of names; ``standard`` and ``full`` stand for those that they hold."""
+    """The metrics of a list of names; ``standard`` and ``full`` stand for the metrics in them."""
     wanted: list[str] = []
     for name in filter(None, map(str.strip, names.split(","))):
         wanted.extend(metric_set(name) or [name])
@@ -166,7 +166,7 @@ def read(
 
 
 def _observed(mask: str | None, plane: str | None) -> dict[str, np.ndarray]:
-    """What the files of a DTU mask and a ground plane say, as attributes of the reference."""
+    """A DTU mask and a ground plane from their files, as attributes of the reference."""
     from ..geometry.io.dtu import load_mask, load_plane
 
     return (load_mask(mask) if mask else {}) | (load_plane(plane) if plane else {})
@@ -239,7 +239,7 @@ def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tu
 
 
 def in_units_of_files(scores: dict[str, Score], radius: float) -> dict[str, Score]:
-    """Lengths, and their powers, in the units of the files, of which a radius of the reference has so many."""
+    """Lengths, and their powers, in the units of the files; ``radius``: of the reference, in these units."""
     return {
         key: s._replace(value=s.value * radius**s.length, floor=None if s.floor is None else s.floor * radius**s.length)
         for key, s in scores.items()
@@ -275,7 +275,7 @@ def _check_save(args: argparse.Namespace) -> None:
 
 
 def save(args: argparse.Namespace, case: Case, output: PointCloud | Trimesh) -> dict[str, Any]:
-    """Write the output as its file has it, with its distances to the reference; returns what the colours mean."""
+    """Write the output in its file's coordinates, with distances to the reference; return what the colours mean."""
     from ..pictures.error_file import save_errors
     from ..pictures.errors import common_limit, distances, weights
 
@@ -308,7 +308,7 @@ def _scale(errors: dict[str, Any]) -> str:
 
 
 def as_json(args: argparse.Namespace, case: Case, scores: dict[str, Score], left_out: dict[str, str]) -> dict[str, Any]:
-    """All that was found, as plain values; numbers that are not finite as text, which JSON has no word for."""
+    """All results as plain values; numbers that are not finite, which JSON lacks, as text."""
     return {
         "output": args.output,
         "reference": args.reference,

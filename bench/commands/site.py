@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     from ..pages.site import earlier_files, site, write_site
 
     folder = Path(args.output)
-    earlier_files(folder)  # what would be refused at the end is refused at once
+    earlier_files(folder)  # refuse at once what would be refused at the end
     data, geometry = gathered(args, MEGABYTES)
     files = site(data, geometry)
     write_site(folder, files)

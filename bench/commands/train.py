@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compose, train in a child process, say what was made."""
+    """Compose, train in a child process, report what was made."""
     from ..engine.training import Extra, TrainingFailed, forget, state_of, weights_for
     from ..results.store import Results
 
@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, Any, str]:
-    """The training that the words describe, the settings, and the folder of results; it is ``trained`` here."""
+    """The training that the overrides describe, the settings, and the folder of results; it is ``trained`` here."""
     from dataclasses import replace
 
     from ..plan.cell import Cell, check_root, settings_of
@@ -115,7 +115,7 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
     if weights not in (AUTO, TRAINED):
         raise UsageError(f"training.weights={weights}: this command trains new weights; leave the key out")
     values["training"]["weights"] = TRAINED
-    values["split"] = "train"  # there need not be a test split
+    values["split"] = "train"  # a test split is not required
     cell = Cell.from_config(values)
     if cell.training is None:
         raise UsageError(f"method {cell.method.name} is not a learned method: there is nothing to train")
@@ -123,7 +123,7 @@ def job_of(overrides: list[str], plugins: tuple[str, ...]) -> tuple[Training, An
 
 
 class Shown:
-    """A bar on a terminal; elsewhere a line now and then."""
+    """A bar on a terminal; elsewhere an occasional line."""
 
     EVERY = 10  # lines of progress, at most
 
@@ -172,7 +172,7 @@ def report(facts: Mapping[str, Any], path: Path) -> None:
 
 
 def save(path: Path, target: Path, half: bool) -> None:
-    """Copy weights to a file of the user's, where asked for as float16."""
+    """Copy weights to a file of the user, as float16 on request."""
     from ..plugins.weights import as_bytes, facts_of, load
     from ..results.files import write_atomically
 

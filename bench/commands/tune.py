@@ -186,7 +186,7 @@ def _configs(words: list[str], plugins: tuple[str, ...]) -> tuple[list[dict[str,
 
 
 def _fixed(words: Sequence[str], node: Mapping[str, Any]) -> dict[str, Any]:
-    """The parameters of the method that the words, or its preset, fix: those that are not the plugin's defaults."""
+    """The parameters of the method fixed by the overrides or its preset: those that are not the plugin's defaults."""
     from ..plugins.schema import defaults
 
     usual = defaults(registry().find("method", node["_name_"]))
@@ -222,7 +222,7 @@ class _Shown:
         self._steps.__exit__(*exception)
 
     def begin(self, what: str) -> None:
-        """Say what is run now."""
+        """Show what is running now."""
         self._steps.begin(f"{self._title}: {what}{self._best}")
 
     def run_cell(self, cell: Cell, settings: Settings) -> list[dict[str, Any]]:
@@ -236,7 +236,7 @@ class _Shown:
         return outcome.record.rows
 
     def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
-        """Nothing more."""
+        """Do nothing."""
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Move the bar."""
@@ -257,7 +257,7 @@ class _Shown:
 
 
 def _report(search: Search, held: Any, path: Any, args: argparse.Namespace, fixed: Mapping[str, Any]) -> int:
-    """The comparison and the preset; 3 where the best setting still fails on some trial case."""
+    """The comparison and the preset; 3 if the best setting still fails on a trial case."""
     from ..tuning.scores import ratio
     from ..tuning.verdict import parameters, table, verdict, write_preset
 

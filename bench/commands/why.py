@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_cell_arguments(parser: argparse.ArgumentParser) -> None:
-    """A cell, the folder it is in, and what stands in place of the record's paths."""
+    """A cell, the folder it is in, and what replaces the record's paths."""
     parser.add_argument("cell", metavar="CELL", help="a cell id, or its beginning")
     parser.add_argument(
         "words",
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def stored_cell(args: argparse.Namespace) -> Stored:
-    """The cell that the arguments name; files that were left out on the way are said."""
+    """The cell that the arguments name; files that were left out are reported."""
     from ..results.recorded import Stored
 
     stored = Stored.of(args.cell, args.words)
@@ -87,7 +87,7 @@ def stored_cell(args: argparse.Namespace) -> Stored:
 
 
 def _print_without_plugins(stored: Stored) -> None:
-    """What differs, as far as that can be told without importing the plugins that the record names."""
+    """What differs, as far as known without importing the plugins that the record names."""
     from ..results.current import Today
 
     differences = Today().differences(stored.shown.meta)
@@ -101,7 +101,7 @@ def _print_without_plugins(stored: Stored) -> None:
 
 
 def verdict(stored: Stored, differences: list[str]) -> str:
-    """Whether the record is current, and what a run with the same words would do."""
+    """Whether the record is current, and what a run with the same overrides would do."""
     if differences:
         return "not current: `detailbench run` with these overrides would run it again"
     from ..engine.runner import finished_rows
@@ -125,7 +125,7 @@ def verdict(stored: Stored, differences: list[str]) -> str:
 
 
 def _print_others(stored: Stored) -> None:
-    """The other records of the cell, and which one tables show."""
+    """The other records of the cell, and which of them the tables show."""
     from ..results.current import Today
 
     if len(stored.records) == 1:
