@@ -1,1 +1,1 @@
-"""What the author of a plugin meets: shapes, cases, runs, sensors and tasks."""
+"""The interface for plugin authors: shapes, cases, runs, sensors and tasks."""

@@ -21,7 +21,7 @@ LIMIT_BYTES = 256 * 2**20  # of the arrays that one case stores: 160 states of 2
 
 
 def check_name(name: str) -> None:
-    """Raise :class:`ValueError` unless ``name`` is a plain name of a file, on every system, without its suffix."""
+    """Raise :class:`ValueError` unless ``name`` is a plain file name on every system, without its suffix."""
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise ValueError(
             f"run.keep: the name {name!r}: expected 1 to 64 letters, digits and ._-, not beginning with a dot or a dash"
@@ -34,7 +34,7 @@ def suffix_of(value: Any) -> str:
     Raises
     ------
     ValueError
-        If it is none of those that can be, saying what can.
+        If it cannot be stored, listing what can.
     """
     if isinstance(value, PointCloud) or (hasattr(value, "vertices") and hasattr(value, "faces")):
         return ".ply"
@@ -54,7 +54,7 @@ def suffix_of(value: Any) -> str:
 
 
 def _is_mapping_of_arrays(value: Any) -> bool:
-    """Whether all keys are names and all values numbers, bools or text in arrays: nothing that needs pickle."""
+    """Whether all keys are names and all values arrays of numbers, bools or text, so that nothing needs pickle."""
     return isinstance(value, Mapping) and all(
         isinstance(key, str) and NAME.fullmatch(key) and isinstance(array, (np.ndarray, np.generic, int, float))
         and np.asarray(array).dtype.kind in "biufcU"
@@ -68,9 +68,9 @@ class Artefacts:
     Parameters
     ----------
     folder : Path
-        Where they go; made with the first.
+        Where they are stored; created with the first.
     root : Path
-        What their listed paths are relative to.
+        The folder to which the listed paths are relative.
     note : function
         Called with a sentence about what could not be stored.
     """
@@ -81,16 +81,16 @@ class Artefacts:
 
     @property
     def paths(self) -> list[str]:
-        """The files, in the order of their first storing, relative to the root."""
+        """The files, in the order in which they were first stored, relative to the root."""
         return [path.relative_to(self._root).as_posix() for path, _ in self._files.values()]
 
     def keep(self, name: str, value: Any) -> str | None:
-        """Store a value, or what a function makes; the path as in :attr:`paths`, None where it was left out.
+        """Store a value, or the result of a function; the path as in :attr:`paths`, None if it was left out.
 
         Raises
         ------
         ValueError
-            If it is nothing that can be stored.
+            If it cannot be stored.
         """
         value = value() if callable(value) else value
         path = self._folder / f"{name}{suffix_of(value)}"
@@ -103,7 +103,7 @@ class Artefacts:
             write(value, path)
             if earlier and earlier[0] != path:
                 earlier[0].unlink(missing_ok=True)
-        except (OSError, UsageError) as error:  # a full disk, say: no fault of the method
+        except (OSError, UsageError) as error:  # for instance a full disk: not the method's fault
             self._note(f"run.keep: {name} was not stored: {error}")
             return None
         self._files[name] = path, size
@@ -151,7 +151,7 @@ def _png(image: np.ndarray) -> bytes:
 
 
 def _npz(arrays: Mapping[str, np.ndarray]) -> bytes:
-    """What `numpy.load` reads; numpy.savez takes arrays as keywords, so it has no room for one called ``file``."""
+    """What `numpy.load` reads; numpy.savez takes arrays as keywords, so it cannot take one called ``file``."""
     sink = io.BytesIO()
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():

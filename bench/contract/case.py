@@ -44,10 +44,10 @@ class Case:
     seed: int = 0
     tags: tuple[str, ...] = ()
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
-    _memo: Any = field(default=None, repr=False)  # a bench.engine.memo.Memo: what the cells of a sweep share
+    _memo: Any = field(default=None, repr=False)  # a bench.engine.memo.Memo: shared by the cells of a sweep
 
     def remember(self, name: str, make: Callable[[], Mapping[str, np.ndarray]]) -> Mapping[str, np.ndarray]:
-        """Arrays that follow from the reference and the seed: from the sweep's memory, or made now."""
+        """Arrays that follow from the reference and the seed: from the sweep's cache, or computed now."""
         return make() if self._memo is None else self._memo.arrays(name, make)
 
     def compare(self, output: PointCloud | Trimesh) -> Comparison:
@@ -64,9 +64,9 @@ class Case:
         return comparison
 
     def perfect(self, output: PointCloud | Trimesh) -> PointCloud | Trimesh:
-        """What a perfect method would have returned in place of ``output``: the reference, in kind and in count.
+        """What a perfect method would have returned: the reference, of the type and count of ``output``.
 
-        A metric's score of it is the metric's *floor*: the number that sampling alone leaves over.
+        A metric's score of it is the metric's *floor*: the score due to sampling alone.
         """
         if not isinstance(output, PointCloud):
             return self.reference.mesh

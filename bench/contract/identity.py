@@ -1,4 +1,4 @@
-"""What a shape is: a digest over its mesh and its surface."""
+"""The identity of a shape: a digest over its mesh and its surface."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from .shape import Shape
 
 
 def shape_digest(shape: Shape) -> str:
-    """A digest over what a shape is: its mesh, bit for bit, and how its surface is known.
+    """A digest over the identity of a shape: its mesh, bit for bit, and its exact surface.
 
-    An id does not say it: the shapes of the two splits, a shape and a pair, or the cases of two tasks may share one.
+    An id does not suffice: the shapes of the two splits, a shape and a pair, or the cases of two tasks may share one.
     """
     total = hashlib.blake2b(digest_size=16)
     surface = type(shape.surface)

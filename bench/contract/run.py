@@ -1,4 +1,4 @@
-"""What a method may need from outside: :class:`Run`."""
+"""The context of a method call: :class:`Run`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CHECKPOINT_SECONDS = 60.0  # between two checkpoints of a training
 
 @dataclass(eq=False)
 class Run:
-    """Handed to every method call.
+    """Passed to every method call.
 
     Attributes
     ----------
@@ -31,8 +31,8 @@ class Run:
     device : str
         ``"cpu"`` or ``"cuda"``.
     threads : int
-        How many processors the call may use. They are pinned by affinity; libraries with a thread argument should
-        be given it all the same.
+        How many processors the call may use. They are pinned by affinity; pass the number also to libraries with
+        a thread argument.
     seconds : float
         The wall-clock limit of this call; see :meth:`seconds_left`.
     parameters : int or None
@@ -41,21 +41,21 @@ class Run:
         How many of them a sparse layout would store for this input, where the method has one (features of occupied
         cells, say) and papers count so; shown beside the number of all.
     notes : list of str
-        What the method had to say, see :meth:`note`.
+        Notes of the method, see :meth:`note`.
     case : str
         The id of the case; empty under ``apply``. For methods that look up what was made elsewhere.
     external : str
-        A method that only hands on an output which was made elsewhere says here whose it is. Its row then has no times
-        and no memory, since those of the look-up say nothing.
+        A method that only returns an output made elsewhere sets this to its origin. Its row then has no times
+        and no memory, since those of the look-up mean nothing.
     peak_mb : float or None
-        A method that starts a program and waits for it says here what memory that took at most (MiB); it is in the row
-        in place of what this process took, which is mostly libraries.
+        A method that starts a program and waits for it sets this to the peak memory of the program (MiB); the row has
+        it in place of the peak of this process, which is mostly libraries.
     exchanged : float
         Seconds that :meth:`exchange` took so far.
     distances_given : int
-        At how many points :meth:`true_distances` was asked so far.
+        Number of points passed to :meth:`true_distances` so far.
     weights : mapping of names to arrays, or None
-        What a learned method was trained to: the arrays that its ``fit`` returned, floating-point numbers as float32.
+        The weights of a learned method: the arrays that its ``fit`` returned, floating-point numbers as float32.
     spent : float
         In ``fit``: the seconds that this training took before it was interrupted; ``seconds`` are those that are left.
     resumed : mapping of names to arrays, or None
@@ -63,7 +63,7 @@ class Run:
 
     Example
     -------
-    Called by hand, a method gets a run of its own making:
+    To call a method directly, make its run:
 
     >>> run = Run(seed=3, threads=2)
     >>> run.rng.random() == Run(seed=3).rng.random()
@@ -97,10 +97,10 @@ class Run:
     on_checkpoint: Callable[[Mapping[str, np.ndarray]], None] | None = field(default=None, repr=False)
     _started: float = field(default_factory=time.perf_counter, repr=False)
     _paused: float = field(default=0.0, repr=False)
-    _stored: float = field(default_factory=time.perf_counter, repr=False)  # when the last checkpoint was
+    _stored: float = field(default_factory=time.perf_counter, repr=False)  # time of the last checkpoint
     _rng: np.random.Generator | None = field(default=None, repr=False)
-    _asked: float | None = field(default=None, repr=False)  # when time_for_more was asked last
-    _longest: float = field(default=0.0, repr=False)  # between two questions
+    _asked: float | None = field(default=None, repr=False)  # time of the last call of time_for_more
+    _longest: float = field(default=0.0, repr=False)  # between two such calls
 
     @property
     def rng(self) -> np.random.Generator:
@@ -117,22 +117,22 @@ class Run:
         return torch.Generator(device=self.device).manual_seed(int(first) << 31 ^ int(second))
 
     def progress(self, done: int, total: int) -> None:
-        """Say that ``done`` of ``total`` steps are done. Cheap; shown where somebody looks."""
+        """Report that ``done`` of ``total`` steps are done. Cheap; shown on a terminal."""
         if self.on_progress:
             self.on_progress(done, total)
 
     def elapsed(self) -> float:
-        """Seconds of wall clock since the call began, without those off the clock: scored traces, true distances."""
+        """Seconds of wall clock since the call began, except those off the clock: scored traces, true distances."""
         return time.perf_counter() - self._started - self._paused
 
     def seconds_left(self) -> float:
-        """Seconds until the limit; an iterative method stops with its best state before they are gone."""
+        """Seconds until the limit; an iterative method stops with its best state before they run out."""
         return self.seconds - self.elapsed()
 
     def time_for_more(self) -> bool:
-        """Whether another step will be done before the limit; call it before each step of a loop.
+        """Whether another step fits before the limit; call it before each step of a loop.
 
-        The next step is taken to last as long as the longest so far, and half as long again.
+        The next step is assumed to last 1.5 times as long as the longest so far.
         """
         now = self.elapsed()
         if self._asked is not None:
@@ -143,17 +143,17 @@ class Run:
     def log(self, step: int, **values: float) -> None:
         """One line of a training's log: ``run.log(200, loss=0.3, validation=0.01)``.
 
-        The log is a file beside the weights; the values called ``validation`` are drawn as a curve, and kept with them.
+        The log is a file beside the weights; the values called ``validation`` are drawn as a curve and stored.
         """
         if self.on_log:
             self.on_log(step, values)
 
     def checkpoint(self, make: Callable[[], Mapping[str, np.ndarray]]) -> None:
-        """Store the state of a training, so that it can go on after it was killed. Call it after every step.
+        """Store the state of a training, so that it can resume after it was killed. Call it after every step.
 
-        At most once a minute ``make`` is called, a function without arguments that returns all that the steps to come
-        depend on, as arrays. When the same training is begun again, they are :attr:`resumed`. The clock stands still
-        meanwhile.
+        At most once a minute ``make`` is called, a function without arguments that returns, as arrays, everything that
+        further steps depend on. When the same training starts again, these arrays are :attr:`resumed`. The clock is
+        paused meanwhile.
         """
         now = time.perf_counter()
         if self.on_checkpoint is None or now - self._stored < CHECKPOINT_SECONDS:
@@ -168,13 +168,13 @@ class Run:
         """Offer an intermediate result. It is scored off the clock, for plots of error against time.
 
         Where it takes time to make one (a mesh of a network), offer a function without arguments: it is called off the
-        clock too, and only if somebody looks.
+        clock too, and only if traces are recorded.
 
         With ``keep`` the result is also stored as ``trace-000``, ``trace-001``, ... where outputs are kept: see
-        :meth:`keep`. The column ``trace`` says which file has which seconds.
+        :meth:`keep`. The column ``trace`` lists the seconds of each file.
         """
         if self.on_trace:
-            begin = time.perf_counter()  # one look at the clock: a later trace is never told an earlier time
+            begin = time.perf_counter()  # one clock reading: later traces never have earlier times
             self.on_trace(output, begin - self._started - self._paused, **({"keep": True} if keep else {}))
             self._paused += time.perf_counter() - begin
 
@@ -183,26 +183,26 @@ class Run:
 
         It becomes ``outputs/CELL-FINGERPRINT/CASE/NAME.ply``, ``.png`` or ``.npz`` below the results folder, and the
         column ``artefacts`` lists it. Only runs with ``outputs=first`` or ``outputs=all`` store anything; elsewhere,
-        and under ``detailbench apply``, the call does nothing. The clock stands still meanwhile.
+        and under ``detailbench apply``, the call does nothing. The clock is paused meanwhile.
 
         Parameters
         ----------
         name : str
-            Letters, digits and ``._-``, at most 64, not beginning with a dot. The last value of a name counts.
+            Letters, digits and ``._-``, at most 64, not beginning with a dot. A later value of a name replaces it.
         value : Trimesh, PointCloud, Views, uint8 array (h, w, 3) or (h, w), mapping of names to arrays
             Or a function without arguments that makes one of these; it is called off the clock, and only where the
-            value is stored. One case stores at most 256 MB; what is beyond is left out, and a note says so.
+            value is stored. One case stores at most 256 MB; the excess is left out, with a note.
 
         Raises
         ------
         ValueError
-            For another name, or something else to store.
+            For an invalid name or value.
         """
         from .artefacts import check_name, suffix_of
 
         check_name(name)
         if not callable(value):
-            suffix_of(value)  # a mistake shows in every run, not only in those that store
+            suffix_of(value)  # mistakes show in every run, not only in those that store
         if self.on_keep is None:
             return
         begin = time.perf_counter()
@@ -213,9 +213,9 @@ class Run:
 
     @contextlib.contextmanager
     def exchange(self) -> Iterator[None]:
-        """Inside, files are written for a program outside or read from it: ``with run.exchange(): save(...)``.
+        """Inside, files are exchanged with an external program: ``with run.exchange(): save(...)``.
 
-        A method of Python is handed arrays, so the clock stands still for what the others need files for. The seconds
+        Python methods receive arrays, so the clock is paused while others exchange files instead. The seconds
         are in the column ``exchange_seconds``, and count against ``limit.setup_seconds``.
         """
         begin = time.perf_counter()
@@ -228,24 +228,24 @@ class Run:
             self._paused += seconds
 
     def note(self, text: str) -> None:
-        """Say what the reader of a result should know, such as a setting that could not be kept to.
+        """Note what the reader of a result should know, such as a setting that could not be applied.
 
-        It becomes the row's ``message``, is shown below every leaderboard, and where the method is applied to a file.
+        It becomes the row's ``message``, and is shown below every leaderboard and by ``detailbench apply``.
         """
         self.notes.append(text)
 
     @property
     def has_truth(self) -> bool:
-        """Whether there is a reference that :meth:`true_distances` can be asked about."""
+        """Whether there is a reference for :meth:`true_distances`."""
         return self.on_distances is not None
 
     def true_distances(self, points: np.ndarray) -> np.ndarray:
-        """Signed distances to the surface that the method is to find: for supervision by the truth, and for that alone.
+        """Signed distances to the surface to be found: only for methods supervised by the ground truth.
 
         Some published methods are not fitted to the points of a scan but to true distances of a known surface. Such a
-        method is measured by what it makes of them; what it was given is in its row, and marked in every leaderboard,
-        because methods that only see the input answer a harder question. The time is not the method's: those papers
-        sample the distances beforehand, so the clock stands still as it does for :meth:`trace`. Ask for many points
+        method is scored on its output; the number of given distances is in its row and marked in every leaderboard,
+        because methods that only see the input solve a harder problem. The time does not count: those papers
+        sample the distances beforehand, so the clock is paused as for :meth:`trace`. Pass many points
         at once; a call costs a few tenths of a second however few they are.
 
         Parameters
@@ -261,7 +261,7 @@ class Run:
         Raises
         ------
         UsageError
-            Without a reference, see :attr:`has_truth`: a method applied to somebody's own file has none.
+            Without a reference, see :attr:`has_truth`: a method applied to a user's file has none.
         ValueError
             For points of another shape, or that are not finite.
         """

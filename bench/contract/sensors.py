@@ -1,4 +1,4 @@
-"""What sensors give, and sensors that are made of parts: a source, and effects that spoil what it gives.
+"""The output of sensors, and sensors made of parts: a source, and effects that degrade its output.
 
 A *source* turns a shape into a cloud: ``sense(shape, rng) -> PointCloud``. An *effect* turns a cloud into a worse one:
 ``spoil(cloud, shape, rng) -> PointCloud``. Both are registered as sensors, so that each can be used alone, and the
@@ -8,7 +8,7 @@ sensor ``chain`` puts them together::
 
 Most sensors give a cloud. One that gives something else says so, ``@register("sensor", gives="views")``, and goes
 with the tasks that take it, ``takes = "views"``. A rig of cameras is a sensor that gives :class:`bench.Views`; an
-effect with ``gives="views"`` spoils views.
+effect with ``gives="views"`` degrades views.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from .shape import Shape
 if TYPE_CHECKING:
     from ..plugins.registry import Plugin
 
-COUNT = 5000  # points on which an effect that is used alone works
+COUNT = 5000  # points for an effect that is used alone
 
 
 def given_by(plugin: Plugin, sensor: Any) -> str:
-    """What a sensor gives, in the word that a task ``takes``; a chain gives what its first step gives."""
+    """What a sensor gives, as named by ``takes`` of a task; a chain gives what its first step gives."""
     return getattr(sensor, "gives", None) or plugin.options.get("gives", "cloud")
 
 
 def taken_by(task: Any) -> str:
-    """What a task takes from its sensor: ``cloud``, ``views``, a word of its own, or ``none``."""
+    """What a task takes from its sensor: ``cloud``, ``views``, a custom name, or ``none``."""
     return getattr(task, "takes", "cloud") if getattr(task, "needs_sensor", True) else "none"
 
 
 def noun_of(plugin: Plugin, sensor: Any) -> type | None:
-    """The class of what a sensor gives, with ``arrays()`` and ``of(arrays)``; None where it is not known.
+    """The class of a sensor's output, with ``arrays()`` and ``of(arrays)``; None where it is not known.
 
-    :class:`bench.PointCloud` and :class:`bench.Views` are known by their words. A sensor that gives something else may
-    name its class: ``noun: ClassVar[type] = DepthMaps``. What is known can be remembered from one cell to the next.
+    :class:`bench.PointCloud` and :class:`bench.Views` are known by name. A sensor that gives something else may
+    declare its class: ``noun: ClassVar[type] = DepthMaps``. Outputs of a known class can be cached across cells.
     """
     gives = given_by(plugin, sensor)
     if gives == "cloud":
@@ -60,13 +60,13 @@ def gives_scans(plugin: Plugin, sensor: Any) -> bool:
 
 
 def needs_a_source(plugin: Plugin, sensor: Any) -> bool:
-    """Whether a sensor is an effect that cannot be used alone: only clouds are made for an effect by its base."""
+    """Whether a sensor is an effect that cannot be used alone: the base class makes only clouds for an effect."""
     alone = getattr(plugin.cls, "sense", None) is not Effect.sense
     return not alone and given_by(plugin, sensor) != "cloud"
 
 
 class Effect:
-    """Base of the sensors that spoil a cloud, or whatever they give; a subclass defines :meth:`spoil`."""
+    """Base of the sensors that degrade a cloud, or another output; a subclass defines :meth:`spoil`."""
 
     def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud:
         """The effect alone: on 5,000 points of the shape, evenly spread, with their normals."""
@@ -76,7 +76,7 @@ class Effect:
         return self.spoil(PointCloud(*sample_poisson_disk(shape, COUNT, source)), shape, effect)
 
     def spoil(self, cloud: PointCloud, shape: Shape, rng: np.random.Generator) -> PointCloud:
-        """A worse cloud of ``shape``, both in the frame of the case; the normals, where there are any, follow."""
+        """A degraded cloud of ``shape``, both in the frame of the case; normals, if present, stay consistent."""
         raise NotImplementedError
 
 
@@ -88,13 +88,13 @@ class Step(NamedTuple):
 
 
 def build_steps(steps: Sequence[str | Mapping[str, Any]]) -> tuple[Step, ...]:
-    """The sensors that are named by ``steps``, with their parameters checked.
+    """The sensors named by ``steps``, with their parameters checked.
 
     Parameters
     ----------
     steps : sequence
         Each the name of a sensor, or a mapping of one name to its parameters: ``{"gaussian": {"sigma": 0.01}}``. From
-        the second on each must be an effect.
+        the second on, each must be an effect.
 
     Raises
     ------

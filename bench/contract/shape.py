@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Surface(Protocol):
-    """A surface that can be sampled and projected to: a mesh, or what a dataset knows exactly.
+    """A surface that can be sampled and projected to: a mesh, or an exact surface given by a dataset.
 
     Evenly spread points are spaced by the area of the shape's mesh. Where that is wrong (curves, whose mesh is a thin
     ribbon), the surface has ``sample_evenly(count, rng)`` too, which returns exactly ``count`` points and normals.
@@ -34,7 +34,7 @@ class Surface(Protocol):
 
 
 class _FramedSurface:
-    """A surface seen from another frame."""
+    """A surface in the coordinates of another frame."""
 
     def __init__(self, surface: Surface, frame: Frame):
         self._surface, self._frame = surface, frame
@@ -49,7 +49,7 @@ class _FramedSurface:
 
     @property
     def sample_evenly(self) -> Callable[[int, np.random.Generator], tuple[np.ndarray, np.ndarray]]:
-        """Of a surface that spaces points itself; :class:`AttributeError` where it does not."""
+        """For a surface that spaces points itself; :class:`AttributeError` where it does not."""
         surface: Any = self._surface
         evenly = surface.sample_evenly
 
@@ -78,15 +78,15 @@ class Shape:
         Unique in its dataset and split, usable as a file name (``bumps-test-003``).
     mesh : Trimesh or PointCloud, or a function without arguments that makes it
         Give the function where making the mesh costs time: a resumed run then skips finished shapes at no cost, and
-        a shape that cannot be made fails alone. A cloud, of a scanner better than the one that is tried, is all that
-        is known of some shapes: its points are the truth, and what needs a surface is left out.
+        a shape that cannot be made fails alone. For some shapes only a cloud is
+        known, of a better scanner than the one tested: its points are the truth, and metrics of surfaces are left out.
     surface : Surface, optional
         What the dataset knows exactly (analytic samples and closest points). Without it the mesh is the truth.
     tags : tuple of str
-        What kind of thing it is (``chair``, ``gear``, ``hand``), for slices of the leaderboard. What its surface is
-        like (``sharp``, ``smooth``, ``thin``, ...) is measured on every shape and not declared: see :attr:`traits`.
+        The kind of object (``chair``, ``gear``, ``hand``), for slices of the leaderboard. Properties of its surface
+        (``sharp``, ``smooth``, ``thin``, ...) are measured on every shape, not declared: see :attr:`traits`.
     info : mapping
-        Whatever else is known: genus, symmetry, thickness. JSON values.
+        Further facts: genus, symmetry, thickness. JSON values.
     exactness : str
         How the truth is known, one of :data:`EXACTNESS`.
     attributes : mapping, or a function without arguments that makes it
@@ -117,7 +117,7 @@ class Shape:
 
     @property
     def cloud(self) -> PointCloud | None:
-        """The points, where they are all that is known of the shape; None where it has a mesh. Made on first use."""
+        """The points, if only these are known of the shape; None if it has a mesh. Made on first use."""
         made = self._made()
         return made if isinstance(made, PointCloud) else None
 
@@ -166,7 +166,7 @@ class Shape:
 
     @cached_property
     def traits(self) -> Traits:
-        """What the surface is like, measured on the mesh in the frame of a case, on first use.
+        """Properties of the surface, measured on the mesh in the frame of a case, on first use.
 
         Raises
         ------
@@ -180,7 +180,7 @@ class Shape:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the dataset knows more than the mesh, or the points."""
+        """Whether the dataset gives an exact surface beyond the mesh or the points."""
         from ..geometry.cloud_surface import CloudSurface
         from ..geometry.mesh_surface import MeshSurface
 
@@ -200,7 +200,7 @@ class Shape:
         )
 
     def renamed(self, id: str, **info: Any) -> Shape:
-        """This shape under another id, with more ``info``; it is made when it is asked for, as before."""
+        """This shape under another id, with more ``info``; it is still made on first use."""
         return Shape(
             id,
             lambda: self.mesh if self.cloud is None else self.cloud,
@@ -213,15 +213,15 @@ class Shape:
         )
 
     def framed(self) -> tuple[Shape, Frame]:
-        """This shape in the one frame of all cases, and the frame: box centre at the origin, farthest vertex at 1.
+        """This shape in the common frame of all cases, and the frame: box centre at the origin, farthest vertex at 1.
 
-        Vertices that no face uses are kept, and have no part in the frame. A scan that came with the shape goes into
-        the same frame, that of the truth: it is not normalised by itself.
+        Vertices that no face uses are kept, but do not affect the frame. A scan that came with the shape goes into
+        the same frame, that of the truth; it is not normalised by itself.
 
         Raises
         ------
         BadInput
-            If the mesh has no faces, or vertices that are not finite, or no extent; if a cloud has not three points.
+            If the mesh has no faces, or vertices that are not finite, or no extent; if a cloud has < 3 points.
         """
         from trimesh import Trimesh
 
@@ -254,7 +254,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class ShapePair:
-    """Two shapes of one kind; as a rule their meshes have the same faces, and vertex i corresponds to vertex i.
+    """Two shapes of one kind; usually their meshes have the same faces, and vertices correspond by index.
 
     Attributes
     ----------
@@ -264,7 +264,7 @@ class ShapePair:
     landmarks : mapping from names to vertices
         Points that a person would mark, equal for both.
     corresponding : bool
-        Whether the meshes have the same faces; pairs of unlike shapes have not.
+        Whether the meshes have the same faces; pairs of unlike shapes do not.
     """
 
     id: str
@@ -276,7 +276,7 @@ class ShapePair:
 
 @dataclass(frozen=True, eq=False)
 class PoseTransfer:
-    """One problem of pose transfer: a character is to take the pose in which somebody else is seen.
+    """One problem of pose transfer: a character takes the pose shown by another body.
 
     All are in the same coordinates, upright and facing the same way.
 
@@ -289,7 +289,7 @@ class PoseTransfer:
     template_posed : Shape
         The template in the pose; its faces and vertices correspond to the template's.
     target : Shape
-        Who is seen in the pose: another body, or the posed template.
+        The body shown in the pose: another body, or the posed template.
     character : Shape
         At rest; any mesh.
     character_posed : Shape

@@ -35,16 +35,16 @@ if TYPE_CHECKING:
 
 
 class CaseRecipe(NamedTuple):
-    """A case that is not made yet: its id is known before the work is done."""
+    """A lazy case: its id is known before it is made."""
 
     id: str
     build: Callable[[], Case]
 
 
 class Task:
-    """Base of the tasks that are made from one shape and one sensor."""
+    """Base of tasks whose cases are made from one shape and one sensor."""
 
-    takes: ClassVar[str] = "cloud"  # what its sensor must give: "cloud", "views", a word of your own, or "none"
+    takes: ClassVar[str] = "cloud"  # what its sensor must give: "cloud", "views", a custom name, or "none"
     needs_sensor: ClassVar[bool] = True  # False is the same as takes = "none"
     output: ClassVar[str] = "cloud"  # what a method returns: "cloud" or "mesh"; metrics choose by it
     promise: ClassVar[str] = "a PointCloud"  # in words, for messages
@@ -56,7 +56,7 @@ class Task:
     def recipes(self, dataset: Any, sensor: Any, *, split: str, count: int, seed: int) -> Iterator[CaseRecipe]:
         """The first ``count`` cases of a dataset's split.
 
-        The sensor's noise and the metrics' samples depend on (seed, shape) alone, so all methods meet the same input.
+        The sensor's noise and the metrics' samples depend on (seed, shape) alone, so all methods get the same input.
         """
         if not hasattr(dataset, "shapes"):
             raise UsageError(f"task {type(self).__name__}: the dataset {type(dataset).__name__} has no shapes(split)")
@@ -69,7 +69,7 @@ class Task:
         return Case(shape.id, self.input(sensed), framed, frame, seed, shape.tags)
 
     def input(self, sensed: Any) -> dict[str, Any]:
-        """The arguments of the method's function, made of what the sensor gave: ``{takes: sensed}``."""
+        """The arguments of the method's function, made from the sensor's output: ``{takes: sensed}``."""
         return {self.takes: sensed}
 
     def describe(self, case: Case) -> dict[str, float]:
@@ -79,7 +79,7 @@ class Task:
         cloud = case.input.get("cloud")
         if not isinstance(cloud, PointCloud) or not len(cloud) or not np.isfinite(cloud.points).all():
             return {}
-        if case.reference.cloud is not None:  # how far points are from a surface that nobody knows cannot be told
+        if case.reference.cloud is not None:  # the distance to an unknown surface is unknown
             return {"points": float(len(cloud)), "reference_points": float(len(case.reference.cloud))}
         name = f"state of {hashlib.sha256(cloud.points.tobytes()).hexdigest()}"
         known = case.remember(name, lambda: {k: np.asarray(v) for k, v in describe_cloud(cloud, case).items()})
@@ -91,12 +91,12 @@ class Task:
         Parameters
         ----------
         medians : mapping
-            The median over the cases of each value that is known; results of older versions may lack some.
+            The median over the cases of each known value; results of older versions may lack some.
 
         Returns
         -------
         str
-            Empty where there is nothing to say.
+            Empty if there is nothing to report.
         """
         if "reference_points" in medians:
             return (
@@ -117,7 +117,7 @@ class Task:
         )
 
     def expected(self, input: Mapping[str, Any]) -> int:
-        """About how many points or vertices an output has: as many as the first cloud or mesh of the input."""
+        """Approximate number of points or vertices of an output: as many as the first cloud or mesh of the input."""
         from ..geometry.used import used_vertices
 
         for value in input.values():
@@ -130,9 +130,9 @@ class Task:
         return 1000
 
     def hopeless(self, case: Case) -> tuple[Any, ...]:
-        """Outputs for a case that know nothing of it: as many random points (or tiny triangles) as expected, and none.
+        """Uninformed outputs for a case: random points (or tiny triangles), as many as expected; and an empty output.
 
-        The worse score of these is what a failed case is worth: see :mod:`imputation`. A task whose outputs are
+        The worse of their scores is imputed to a failed case: see :mod:`imputation`. A task whose outputs are
         neither clouds nor meshes has none.
         """
         from ..geometry.hopeless import no_faces, no_points, random_cloud, random_triangles
@@ -173,7 +173,7 @@ class Task:
         return output
 
     def save(self, output: Any, path: str, inputs: Sequence[str]) -> None:
-        """Write an output to a file, in the coordinates of the user's ``inputs``, whose paths a task may look at."""
+        """Write an output to a file, in the coordinates of the user's ``inputs``, whose paths a task may use."""
         from ..geometry.io.files import save
 
         save(output, path)
@@ -183,23 +183,23 @@ class Task:
         return getattr(method, name)(**input, run=run)
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
-        """Hold an output against the promise.
+        """Check an output against the promise.
 
         Raises
         ------
         InvalidOutput
-            Saying what was promised and what came.
+            Stating what was promised and what was returned.
         """
         raise InvalidOutput(f"task {type(self).__name__} does not say what it accepts")
 
 
 def validate_deformed(output: Any, source: Trimesh, promise: str) -> None:
-    """Hold a mesh against the promise to be its source with other vertices.
+    """Check that a mesh is its source with other vertices, as promised.
 
     Raises
     ------
     InvalidOutput
-        In words, where it is not a mesh, or has other faces or another number of vertices.
+        If it is not a mesh, or has other faces or another number of vertices.
     """
     validate_mesh(output, promise)
     if len(output.vertices) != len(source.vertices) or not np.array_equal(output.faces, source.faces):
@@ -210,14 +210,14 @@ def validate_deformed(output: Any, source: Trimesh, promise: str) -> None:
 
 
 def describe_target(target: Any) -> dict[str, float]:
-    """How many points or vertices are given of a target, for :meth:`Task.describe`."""
+    """The number of given points or vertices of a target, for :meth:`Task.describe`."""
     if isinstance(target, PointCloud):
         return {"target_points": float(len(target))}
     return {"target_vertices": float(len(target.vertices))}
 
 
 def target_words(medians: Mapping[str, float]) -> str:
-    """What is given of the targets, as the end of a list."""
+    """The given part of the targets, as the end of a list."""
     if "target_points" in medians:
         return f"; targets are clouds of {medians['target_points']:,.0f} points"
     if "target_vertices" in medians:
@@ -241,7 +241,7 @@ def views_words(medians: Mapping[str, float]) -> str:
 
 
 def generic_words(medians: Mapping[str, float]) -> str:
-    """What is said of the inputs of a task that has no sentence of its own: ``input, median ...: views=24.``"""
+    """The sentence on the inputs of a task without its own: ``input, median ...: views=24.``"""
     values = ", ".join(f"{key}={value:.4g}" for key, value in medians.items())
     return f"input, median of the cases: {values}." if values else ""
 

@@ -1,6 +1,6 @@
-"""What a learned method is trained on: :class:`TrainingData`.
+"""The training data of a learned method: :class:`TrainingData`.
 
-A method that learns has, beside the functions named after tasks, the two functions of :class:`Learned`.
+A learned method has, besides the functions named after tasks, the two functions of :class:`Learned`.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 
 
 class Learned(Protocol):
-    """The part of a learned method's contract that other methods do not have.
+    """The additional contract of learned methods.
 
     Attributes
     ----------
     trained_by : tuple of str
-        The parameters that the weights depend on. All others may be changed without training anew.
+        The parameters that the weights depend on. All others may be changed without retraining.
     examples_by : tuple of str, optional
-        Those of them that the examples depend on; all of ``trained_by`` where it is not said. Variants of a method
+        Those of them that the examples depend on; all of ``trained_by`` if omitted. Variants of a method
         that share them share their examples.
     """
 
     trained_by: ClassVar[tuple[str, ...]]
 
     def examples(self, data: TrainingData, run: Run) -> Mapping[str, np.ndarray]:
-        """What the method is trained on, as arrays. Called on the processor; cached, and known by a hash."""
+        """What the method is trained on, as arrays. Called on the CPU; cached by hash."""
         ...
 
     def fit(self, examples: Mapping[str, np.ndarray], run: Run) -> Mapping[str, np.ndarray]:
-        """The weights. It imports numpy and torch alone, goes on from ``run.resumed`` where that is given, and ends
-        before ``run.seconds_left()`` is gone, with its best state."""
+        """The weights. It imports numpy and torch alone, resumes from ``run.resumed`` if that is given, and ends
+        before ``run.seconds_left()`` runs out, with its best state."""
         ...
 
 
@@ -64,14 +64,14 @@ class TrainingData:
 
     @property
     def cases(self) -> Iterator[Case]:
-        """The cases, each made when its turn comes; every loop over them meets equal ones."""
+        """The cases, each made on demand; every loop over them gives equal ones."""
         for recipe in self.recipes():
             case = recipe.build()
             self.on_case(case)
             yield case
 
     def sense(self, case: Case, sensor: str | Mapping[str, Any], rng: np.random.Generator) -> Any:
-        """What another sensor gives of the shape of a case.
+        """The output of another sensor for the shape of a case.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class TrainingData:
 
 
 def content_digest(shape: Shape) -> str:
-    """A digest over the mesh of a shape in its frame, by which a shape is known again under another name."""
+    """A digest over the mesh of a shape in its frame, which identifies a shape under any name."""
     total = hashlib.blake2b(digest_size=8)
     for array in (np.asarray(shape.mesh.vertices, dtype=np.float64), np.asarray(shape.mesh.faces, dtype=np.int64)):
         total.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())

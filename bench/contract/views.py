@@ -162,9 +162,9 @@ class Views:
         rows, columns : (v, n) int64 arrays
             0 where a view does not show the point.
         shown : (v, n) bool array
-            Whether the point lies in front of the camera and projects into the image; what hides it plays no part.
-            ``shown & views.masks[view, rows, columns]``, with ``view = numpy.arange(v)[:, None]``, are those that a
-            mask holds.
+            Whether the point lies in front of the camera and projects into the image; occlusion is ignored.
+            ``shown & views.masks[view, rows, columns]``, with ``view = numpy.arange(v)[:, None]``, are those inside a
+            mask.
         """
         pixels, depth = self.project(points)
         columns, rows = pixels[..., 0], pixels[..., 1]

@@ -14,7 +14,7 @@ from ..text import shortened
 from .artefacts import write
 from .views import Views
 
-# What numpy raises for files that are none, or damaged; a header may promise more than memory holds.
+# Errors of numpy for invalid or damaged files; a header may announce more than fits into memory.
 DAMAGED = (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, MemoryError, NotImplementedError,
            RecursionError, RuntimeError, SyntaxError, tokenize.TokenError)  # fmt: skip
 MOST_MESSAGE = 300
@@ -63,7 +63,7 @@ def npz_arrays(path: str | Path, expected: str) -> dict[str, np.ndarray]:
     try:
         if Path(path).exists() and not Path(path).is_file():
             raise ValueError("is a folder, a pipe or a device")
-        # numpy leaves open what it cannot read
+        # numpy does not close files that it cannot read
         with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
             return dict(file)
     except DAMAGED as error:

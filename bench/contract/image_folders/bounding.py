@@ -11,7 +11,7 @@ from ..views import Views
 from .carving import carve, is_cut
 
 MARGIN = 1.05  # of the ball around what is carved
-COARSE, FINE = 32, 64  # cells along each side of the grid, until the ball no longer changes, and at last
+COARSE, FINE = 32, 64  # cells along each side of the grid, until the ball no longer changes, and in the last round
 ROUNDS = 8  # of carving at most; two or three are usual
 WRONG_AXES = (
     "cameras and masks disagree. The usual reason is another convention of axes: transforms.json has camera-to-world "
@@ -64,7 +64,7 @@ def _place(point: np.ndarray) -> tuple[float, float, float]:
 
 
 def _around(carved: tuple[np.ndarray, bool], before: Frame, cells: int, source: str) -> tuple[Frame, bool]:
-    """The ball around what is left of another one; half as large again where more may lie outside."""
+    """The ball around the part of a ball that is left; enlarged by half if the shape may continue outside."""
     points, cut = carved
     if not len(points):
         raise BadInput(f"{source}: no point lies in all masks: {WRONG_AXES}")
@@ -96,12 +96,12 @@ def _check_masks(views: Views, source: str) -> None:
 
 
 def _center(views: Views, source: str) -> np.ndarray:
-    """The point (3,) nearest to the rays through the middles of the masks; rays that miss it by far count less."""
+    """The point (3,) nearest to the rays through the middles of the masks; rays far from it have less weight."""
     middles = np.array([np.argwhere(mask).mean(axis=0)[::-1] + 0.5 for mask in views.masks])
     ahead = np.array([views.unproject(view, middles[view], np.asarray(1.0)) for view in range(len(views))])
     directions = ahead - views.centers
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]  # takes away what is along a ray
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]  # projects onto the plane across a ray
     weights, center = np.ones(len(views)), np.zeros(3)
     for _ in range(10):
         matrix = np.einsum("v,vij->ij", weights, across)

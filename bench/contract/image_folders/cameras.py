@@ -6,8 +6,8 @@ import numpy as np
 
 from ...errors import BadInput
 
-LARGEST = 1e15  # number in a file of cameras, whose products and powers stay finite; more is a damaged file
-LOOSE = 1e-2  # a rotation in a file may be rounded, but not to less than this
+LARGEST = 1e15  # number in a camera file: products and powers stay finite; a larger one means a damaged file
+LOOSE = 1e-2  # tolerance of a rotation in a file, which may be rounded
 
 
 def nearest_rotation(matrix: np.ndarray, where: str) -> np.ndarray:

@@ -21,7 +21,7 @@ HALF = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
 
 
 def read_cameras(file: Path, arrays: Mapping[str, np.ndarray]) -> tuple[list[Photo], Frame | None]:
-    """The photos of a ``cameras.npz``, which has these arrays, and the ball of the shape where it is there.
+    """The photos of a ``cameras.npz``, which has these arrays, and the ball of the shape if it is stored.
 
     ``world_mat_i`` is the projection ``K [R | t]`` of the i-th image of the folder ``image``, sorted by name, as (3, 4)
     or (4, 4); ``scale_mat_0`` takes the unit ball, which has the shape in it, to the world.

@@ -8,7 +8,7 @@ from ...geometry.cloud import Frame
 from ..views import Views
 
 WRONG = 0.05  # share of the views that may have a hole in a mask where the shape is
-KNOWN = 0.5  # share of the views that have to say something of a point
+KNOWN = 0.5  # share of the views that must see a point, or exclude it
 
 
 def carve(views: Views, frame: Frame, cells: int) -> tuple[np.ndarray, bool]:
@@ -16,7 +16,7 @@ def carve(views: Views, frame: Frame, cells: int) -> tuple[np.ndarray, bool]:
 
     A cell lies in a mask if a pixel of the mask is within half its diagonal, so that thin parts stay. Where a mask ends
     before the border of its image, a cell that the view does not see is outside; where it is cut at the border, the
-    view says nothing of such a cell. One of which fewer than half of the views say something is left out.
+    view does not decide about such a cell. Cells decided by fewer than half of the views are left out.
 
     Parameters
     ----------

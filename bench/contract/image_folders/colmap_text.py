@@ -21,7 +21,7 @@ MODELS = {
     "RADIAL": ("f", "cx", "cy", "k1", "k2"),
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
 }
-MOST = 100  # letters that are quoted from a file
+MOST = 100  # characters quoted from a file
 Camera = tuple[np.ndarray, Size, Lens]
 
 

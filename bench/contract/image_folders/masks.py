@@ -1,4 +1,4 @@
-"""Where the mask of an image is."""
+"""The search for the mask of an image."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def mask_of(image: Path, mask: Path | None, alpha: np.ndarray | None, root: Path
     mask : Path or None
         The file, where the cameras name one.
     alpha : (h, w) uint8 array or None
-        A channel that is opaque everywhere tells nothing.
+        A channel that is opaque everywhere is no mask.
     root : Path
         The user's folder.
 
     Raises
     ------
     BadInput
-        If there is no mask, saying where it was looked for, or if it has another size.
+        If there is no mask, with the places that were searched, or if it has another size.
     """
     if mask is None and alpha is not None and alpha.min() < 255:
         return alpha > 127

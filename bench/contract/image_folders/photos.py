@@ -1,4 +1,4 @@
-"""What a file of cameras says of one image, and how images of several sizes become :class:`bench.Views` of one."""
+"""One image with its camera, and the conversion of images of several sizes to :class:`bench.Views` of one size."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Photo:
     lens : Lens
         Distortion of the image.
     mask : Path or None
-        Where its mask is; None: it has to be looked for.
+        Where its mask is; None: to be searched for.
     """
 
     image: Path
@@ -47,7 +47,7 @@ class Photo:
 
 
 def load_photos(photos: Sequence[Photo], root: Path, max_pixels: int) -> Views:
-    """Read all images and masks, free them of distortion, and bring them to one size.
+    """Read all images and masks, remove distortion, and resize them to one size.
 
     Pixels are taken as they are stored: an EXIF orientation is not applied, because programs that find cameras do not
     apply it either, so the cameras are those of the stored pixels.
@@ -56,7 +56,7 @@ def load_photos(photos: Sequence[Photo], root: Path, max_pixels: int) -> Views:
     ----------
     photos : sequence of Photo
     root : Path
-        The user's folder; masks are looked for below it.
+        The user's folder; masks are searched below it.
     max_pixels : int
         Longest side of the images that are returned; 0: they are not shrunk.
 

@@ -22,7 +22,7 @@ def is_picture(path: Path) -> bool:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; also for a name that no file can have."""
+    """Whether there is such a file; also for an impossible file name."""
     try:
         return path.is_file()
     except OSError:  # too long, say
@@ -32,7 +32,7 @@ def is_file(path: Path) -> bool:
 def pictures_in(folder: Path) -> list[Path]:
     """The images of a folder, sorted by name; hidden files are left out."""
     named = (path for path in folder.iterdir() if is_picture(path) and not path.name.startswith("."))
-    return sorted(path for path in named if path.is_file())  # a pipe would be waited for
+    return sorted(path for path in named if path.is_file())  # reading a pipe would block
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -59,7 +59,7 @@ def read_image(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def read_mask(path: Path) -> np.ndarray:
-    """A mask, (h, w) bool: what is brighter than half of white, or above 0 where no pixel is above 1."""
+    """A mask, (h, w) bool: pixels brighter than half of white, or above 0 if no pixel is above 1."""
     image = _open(path)
     values = np.asarray(image if image.mode.startswith(DEEP) else image.convert("L"))
     largest = values.max()

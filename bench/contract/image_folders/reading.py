@@ -17,7 +17,7 @@ from .colmap_text import read_colmap
 from .photos import load_photos
 from .transforms_json import read_transforms
 
-# Where cameras are looked for in a folder; the first that is there counts.
+# Files of cameras that are tried in a folder; the first that exists is used.
 FILES = (
     "transforms.json",
     "transforms_train.json",
@@ -96,7 +96,7 @@ def _wanted() -> str:
 
 
 def _without_empty(views: Views, where: str) -> Views:
-    """The views whose masks are not empty; a notice tells how many are left out."""
+    """The views whose masks are not empty; a notice reports how many are left out."""
     shown = views.masks.any(axis=(1, 2))
     if not shown.any():
         raise BadInput(f"{where}: all masks are black; expected white where the shape is")

@@ -16,7 +16,7 @@ def area_resized(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     Parameters
     ----------
     image : (h, w, 3) uint8 or (h, w) bool array
-        Of a mask, those pixels stay in of which more than half lies in the mask.
+        A pixel of the new mask is set if more than half of it lies in the old mask.
     size : (int, int)
         Width and height.
 

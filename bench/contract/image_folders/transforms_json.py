@@ -19,7 +19,7 @@ from .pictures import SUFFIXES, image_size, is_file
 
 PINHOLES = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "perspective")
 LEAST = 1e-6  # of a focal length in pixels, and of an angle
-MOST = 300  # letters that are quoted from a file
+MOST = 300  # characters quoted from a file
 UNDISTORT = "undistort the images first, for instance by `colmap image_undistorter`"
 
 
@@ -38,7 +38,7 @@ def read_transforms(file: Path) -> list[Photo]:
     """
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:  # the last for brackets in thousands of brackets
+    except (OSError, ValueError, RecursionError) as error:  # the last for thousands of nested brackets
         raise BadInput(f"{file}: expected a JSON file of cameras: {shortened(str(error), MOST)}") from None
     frames = content.get("frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
@@ -47,7 +47,7 @@ def read_transforms(file: Path) -> list[Photo]:
 
 
 def _photo(file: Path, where: str, entry: Mapping[str, Any]) -> Photo:
-    """One frame, with what holds for all of them filled in."""
+    """One frame, with the values common to all filled in."""
     _check_model(entry, where)
     image = _image(file.parent, entry.get("file_path"), where)
     matrix = _array(entry, "transform_matrix", where)
@@ -90,7 +90,7 @@ def _intrinsics(entry: Mapping[str, Any], size: tuple[int, int], where: str) -> 
 
 
 def _focal(entry: Mapping[str, Any], axis: str, length: int, where: str) -> float:
-    """In pixels, from either of its names; 0 where there is neither."""
+    """In pixels, from either of its keys; 0 without both."""
     focal = _number(entry, f"fl_{axis}", 0.0, where)
     angle = _number(entry, f"camera_angle_{axis}", 0.0, where)
     if focal < 0 or 0 < focal < LEAST or not 0 <= angle < math.pi or 0 < angle < LEAST:
@@ -103,7 +103,7 @@ def _number(entry: Mapping[str, Any], name: str, default: float, where: str) -> 
     if value is None:
         return float(default)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LARGEST:
-        got = shortened(repr(value), MOST)  # which may be finite, and still too large to be computed with
+        got = shortened(repr(value), MOST)  # which may be finite, but too large to compute with
         raise BadInput(f"{where}: {name}: expected a finite number of at most {LARGEST:g}, got {got}")
     return float(value)
 
@@ -121,7 +121,7 @@ def _array(entry: Mapping[str, Any], name: str, where: str) -> np.ndarray:
 
 
 def _image(folder: Path, name: Any, where: str) -> Path:
-    """The file that ``file_path`` means: as it stands, or with the ending of an image."""
+    """The file that ``file_path`` means: as given, or with an image suffix."""
     if not isinstance(name, str) or not name:
         raise BadInput(f"{where}: expected a file_path, the image relative to {folder}")
     path = folder / name.replace("\\", "/")

@@ -13,12 +13,12 @@ from .cameras import to_opengl
 def save_views_as_transforms(views: Views, folder: str | Path) -> None:
     """Write ``images/000.png``, ``masks/000.png`` and so on, and ``transforms.json`` with the cameras.
 
-    instant-ngp, nerfstudio and ``detailbench apply task=multiview`` read such a folder. Lights are not kept.
+    instant-ngp, nerfstudio and ``detailbench apply task=multiview`` read such a folder. Lights are not stored.
 
     Raises
     ------
     BadInput
-        If a camera has skew, for which the format has no place.
+        If a camera has skew, which the format cannot store.
     """
     from PIL import Image
 
