@@ -142,7 +142,7 @@ class ForkServer:
         return os.pread(file, os.fstat(file).st_size, 0).decode(errors="replace").strip()
 
     def _last_words(self) -> str:
-        """The last line that it printed: of a traceback, what was raised."""
+        """The last line that it printed: of a traceback, the error."""
         lines = self._said().splitlines()
         return f": {lines[-1].strip()}" if lines else ""
 
@@ -225,7 +225,7 @@ _begun: list[ForkServer] = []
 
 
 def begin(threads: int) -> None:
-    """Start a server before it is known what it will serve: it imports while this process reads its configs.
+    """Prestart a server before its work is known: it imports while this process reads its configs.
 
     Of use where there is a second processor only. The first that asks :func:`begun` for as many threads gets it;
     otherwise it is ended then, or with this process.
@@ -236,7 +236,7 @@ def begin(threads: int) -> None:
 
 
 def begun(threads: int) -> ForkServer:
-    """The server that was begun, if it is for so many threads, or a new one."""
+    """The prestarted server, if its number of threads fits, or a new one."""
     if _begun and _begun[0].threads == threads:
         return _begun.pop()
     _end_begun()

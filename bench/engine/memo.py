@@ -1,6 +1,6 @@
-"""What the cells of a sweep share, kept on disk: meshes, clouds and views, samples of references, floors.
+"""The cache on disk shared by the cells of a sweep: meshes, clouds and views, samples of references, floors.
 
-Every method meets the same cases, and each of its cells runs in a process of its own. Without a memory, each would
+Every method meets the same cases, and each of its cells runs in a process of its own. Without a cache, each would
 make the same mesh, scan it the same way and draw the same samples again, which takes longer than most methods do.
 
 ::
@@ -10,7 +10,7 @@ make the same mesh, scan it the same way and draw the same samples again, which 
 Nothing depends on the memory but time: an entry holds the very bytes that would be computed, its name tells all that
 it was computed from (parameters, sources, versions, seed), and a damaged or missing one is made again. So is one that
 somebody else made: what came with a folder that was copied or downloaded has not this user's seal. It keeps below
-``limit.cache_gb`` by forgetting what was not used for longest; 0 switches it off.
+``limit.cache_gb`` by removing the least recently used entries; 0 switches it off.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 Arrays = Mapping[str, np.ndarray]
-SPARE_BYTES = 1 << 30  # on a disk with less than this left, nothing is remembered: results go first
+SPARE_BYTES = 1 << 30  # on a disk with less than this left, nothing is cached: results go first
 PRUNE_EVERY = 50  # writes of one process between two looks at the size of the whole
 OURS = re.compile(r"([0-9a-f]{2})/(\1[0-9a-f]{62}\.npz|.+\.tmp)")
 
@@ -55,12 +55,12 @@ class Memo:
     Attributes
     ----------
     folder : Path, or None
-        Without one nothing is remembered.
+        Without one nothing is cached.
     key : str
         What everything in this corner depends on.
     limit_gb : float
     writes : bool
-        Whether what is made is remembered; otherwise what is there is read, and nothing is added.
+        Whether new arrays are cached; otherwise the cache is only read.
     """
 
     folder: Path | None = None
@@ -73,7 +73,7 @@ class Memo:
         return replace(self, key=digest([self.key, *parts]))
 
     def arrays(self, name: str, make: Callable[[], Arrays]) -> Arrays:
-        """The arrays of that name: those that are remembered, otherwise those that ``make`` returns."""
+        """The arrays of that name: those that are cached, otherwise those that ``make`` returns."""
         if self.folder is None or self.limit_gb <= 0:
             return make()
         entry = digest([self.key, name])
@@ -87,7 +87,7 @@ class Memo:
         return made
 
     def _write(self, path: Path, entry: str, arrays: Arrays) -> None:
-        """Write an entry, if there is room; a memory that cannot be written is no error."""
+        """Write an entry, if there is room; a cache that cannot be written is no error."""
         with contextlib.suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             if shutil.disk_usage(path.parent).free < SPARE_BYTES:
@@ -127,7 +127,7 @@ def _read(path: Path, entry: str) -> Arrays | None:
 
 
 def prune(folder: Path, limit_gb: float) -> None:
-    """Forget what was not used for longest, until ``folder`` holds less than ``limit_gb``."""
+    """Remove the least recently used entries until ``folder`` holds less than ``limit_gb``."""
     entries = []
     for path in folder.glob("*/*"):
         # Nothing else is removed, wherever the links of a folder that somebody else made may lead.
@@ -147,7 +147,7 @@ def prune(folder: Path, limit_gb: float) -> None:
 
 
 class RememberedDataset:
-    """A dataset whose shapes remember their meshes; all else is the dataset's own."""
+    """A dataset whose meshes are cached; all else is the dataset's own."""
 
     def __init__(self, dataset: Any, memo: Memo):
         self._dataset, self._memo = dataset, memo
@@ -180,7 +180,7 @@ def _of_mesh(mesh: Trimesh) -> Arrays:
 
 
 class RememberedSensor:
-    """A sensor that remembers what it gave, by shape and by the state of the generator it was given.
+    """A sensor whose outputs are cached, by shape and by the state of the generator it was given.
 
     Tasks that give it the same shape share what it gave.
 

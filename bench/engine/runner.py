@@ -37,7 +37,7 @@ class Reporter(Protocol):
     """Where progress is shown."""
 
     def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
-        """A cell starts; ``done`` of its cases are there already."""
+        """A cell starts; ``done`` of its cases are cached."""
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Whatever the worker reports."""
@@ -58,7 +58,7 @@ class Outcome:
     """What became of a cell."""
 
     record: Record
-    cached: int  # how many of its cases were there already
+    cached: int  # how many of its cases were cached
     notes: list[str]  # damaged files that were found
     for_outputs: int = 0  # how many solved cases were run again because their outputs are to be kept
     stale: tuple[str, ...] = ()  # what kept the cell's newest record from being current
@@ -364,7 +364,7 @@ class _Job:
         return index == now
 
     def keep(self, row: dict[str, Any]) -> None:
-        """Keep one finished case, at once."""
+        """Store one finished case at once."""
         from .worker import now
 
         # Whatever a method, a dataset or a file's name brings: the row can be stored.

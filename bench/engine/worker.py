@@ -119,7 +119,7 @@ class Session:
                 self.send_worst(index, recipe, task)
 
     def plan(self) -> tuple[Any, list[Any]]:
-        """The task, and the recipes of its cases; nothing is made yet."""
+        """The task, and its lazy cases; nothing is made yet."""
         cell = self.cell
         for choice in cell.choices:
             if choice.kind != "method":
@@ -143,7 +143,7 @@ class Session:
         return task, recipes
 
     def made(self, recipe: Any) -> Case:
-        """The case of a recipe, with its corner of the memory."""
+        """The case made from a lazy case, with its part of the cache."""
         case = recipe.build()
         # Two tasks may make cases of one id with other references, and a task may do so itself.
         parts = (self.spec["keys"]["task"], self.cell.split, case.seed, case.id, shape_digest(case.reference))
