@@ -61,7 +61,10 @@ OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Or: ast.And,
 }
 REMOVED = (ast.Expr, ast.AugAssign, ast.Raise, ast.Delete)
-WARM = ("pytest", "hydra", "numpy", "pandas", "pyarrow.parquet", "rich", "scipy.stats", "trimesh")  # none of ours
+WARM = (  # libraries of the code and plugins of pytest, and nothing of ours
+    *("pytest", "hypothesis", "pytest_benchmark.plugin", "xdist.plugin"),
+    *("hydra", "numpy", "pandas", "pyarrow.parquet", "rich", "scipy.stats", "trimesh"),
+)
 SLOWER = 5.0  # a mutant whose tests take so many times as long hangs
 GRACE = 20.0  # seconds on top, for a machine that others use
 
