@@ -140,8 +140,9 @@ class Rough:
 
         def part(u: Jet, v: Jet) -> tuple[Jet, Jet]:
             across = [sin(t * (pi / 4)) / cos(t * (pi / 4)) for t in (u, v)]
-            d = [across[0], across[1], sign]
-            d = stack(*d[2 - axis :], *d[: 2 - axis])  # u, v and the axis in cyclic order: x_u cross x_v is along it
+            placed: list[Jet | float] = [across[0], across[1], sign]
+            x, y, z = [*placed[2 - axis :], *placed[: 2 - axis]]
+            d = stack(x, y, z)  # u, v and the axis in cyclic order: x_u cross x_v is along it
             norm = sum((d[k] ** p for k in range(3)), start=0.0)
             unit = d * norm ** (-1 / p)
             gradient = unit ** (p - 1)

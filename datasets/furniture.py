@@ -57,8 +57,8 @@ class Furniture:
             id = f"furniture-{split}-{index:03d}-{category}"
             source, target = CATEGORIES[category](rng, full=True), CATEGORIES[category](rng, full=True)
             marks = {name: _vertex(*at) for name, at in source.landmarks.items()}
-            yield ShapePair(id, *(_parts(f"{id}-{n}", category, p) for n, p in
-                                  (("source", source), ("target", target))), marks)  # fmt: skip
+            shapes = _parts(f"{id}-source", category, source), _parts(f"{id}-target", category, target)
+            yield ShapePair(id, shapes[0], shapes[1], marks)
 
     def _unlike(self, split: str, index: int) -> ShapePair:
         """Two pieces of one category that differ in their optional parts."""
@@ -90,7 +90,7 @@ def _symmetry(category: str) -> str:
 def _thickness(piece: Piece) -> float:
     """The thinnest bar or board, relative to the diagonal of the box."""
     points = np.concatenate([bar.vertices() for bar in piece.bars])
-    thinnest = min(min(*bar.start, *bar.end, np.linalg.norm(bar.b - bar.a) / 2) for bar in piece.bars)
+    thinnest = min(min(*bar.start, *bar.end, float(np.linalg.norm(bar.b - bar.a)) / 2) for bar in piece.bars)
     return float(2 * thinnest / np.linalg.norm(np.ptp(points, axis=0)))
 
 

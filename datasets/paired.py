@@ -226,7 +226,7 @@ class Paired:
             return geometry
         is_cloud = isinstance(geometry, PointCloud)
         points = np.asarray(geometry.points if is_cloud else geometry.vertices)
-        inside = ((points >= self.crop[:3]) & (points <= self.crop[3:])).all(axis=1)
+        inside = np.asarray(((points >= self.crop[:3]) & (points <= self.crop[3:])).all(axis=1))
         kept = inside if is_cloud else inside[geometry.faces].all(axis=1)
         if not kept.any():
             low, high = points.min(axis=0).round(6).tolist(), points.max(axis=0).round(6).tolist()
@@ -269,7 +269,7 @@ def _attributes(pair: _Pair) -> Mapping[str, np.ndarray] | Callable[[], Mapping[
 def _suffixes(part: str) -> tuple[str, ...]:
     from bench.geometry.io.files import CLOUD_READERS
 
-    return (".mat",) if part in ("mask", "plane") else CLOUD_READERS
+    return (".mat",) if part in ("mask", "plane") else tuple(CLOUD_READERS)
 
 
 def _shown(names: list[Any]) -> str:

@@ -196,17 +196,16 @@ class Real:
         for source, target in (HALVES, HALVES[::-1]):
             for kind in ("pial", "white"):
                 id = f"real-cortex-{kind}-{source}-to-{target}"
-                shapes = (self._half(f"{id}-{half}", kind, half, made[half]) for half in (source, target))
-                yield ShapePair(id, *shapes)
+                one, other = (self._half(f"{id}-{half}", kind, half, made[half]) for half in (source, target))
+                yield ShapePair(id, one, other)
 
     def _surfaces(self) -> Iterator[ShapePair]:
         """Two surfaces of one half: grey matter added, and folds taken away."""
         for source, target in (("white", "pial"), ("white", "inflated"), ("pial", "inflated")):
             for half in HALVES:
                 id = f"real-cortex-{half}-{source}-to-{target}"
-                yield ShapePair(
-                    id, *(self._half(f"{id}-{kind}", kind, half, _own_half(half)) for kind in (source, target))
-                )
+                one, other = (self._half(f"{id}-{kind}", kind, half, _own_half(half)) for kind in (source, target))
+                yield ShapePair(id, one, other)
 
     def _half(self, id: str, kind: str, half: str, made: Callable[..., cortex.Surface]) -> Shape:
         origin = PACKAGES["nilearn"]

@@ -78,10 +78,10 @@ class Reliefs:
         around = round(PERIODS[amplitude] * rng.uniform(0.85, 1.15))
         sign = 1.0 if amplitude == AMPLITUDES[0] else float(rng.choice([-1.0, 1.0]))
         seed = int(rng.integers(2**31))
-        reliefs = [
+        first, second = (
             Relief(b, pattern, sign * amplitude * base.diagonal, around, base.aspect, seed, self.cells, turned)
             for b, turned in ((base, random_rotation(rng)), (target, random_rotation(rng)))
-        ]
+        )
         info = {
             "base": kind,
             "pattern": pattern,
@@ -91,7 +91,7 @@ class Reliefs:
             "genus": int(kind == "ring"),
             "symmetry": "none",
         }
-        return info, *reliefs
+        return info, first, second
 
 
 @dataclass(frozen=True, eq=False)

@@ -181,7 +181,7 @@ def _pipes(rng: np.random.Generator, blend: float) -> Node:
     for turn, radius, length in zip(turns, radii, lengths, strict=True):
         rim = sdf.cylinder(radius + 0.1, 0.09, 0.05)
         body = Union(body, Placed(rim, turn[:, 2] * (length - 0.1), turn), 0.04 * blend)
-    bores = [
+    bores: list[Node] = [
         Placed(sdf.capsule(0.75, 0.62 * radius), turn[:, 2] * 0.75, turn)
         for turn, radius in zip(turns, radii, strict=True)
     ]

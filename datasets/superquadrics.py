@@ -55,10 +55,11 @@ class Superquadrics(Family):
             self.exponent_low + (self.exponent_high - self.exponent_low) * ((start + index * step) % 1)
             for start, step in zip(START, STEP, strict=True)
         )
+        a, b, c = (float(x) for x in rng.uniform(0.4, 1.0, size=3))
         product = SphericalProduct(
             _superellipse(e1),
             _superellipse(e2),
-            tuple(float(x) for x in rng.uniform(0.4, 1.0, size=3)),
+            (a, b, c),
             float(rng.uniform(1.8, 3.0)) if ring else 0.0,
             self.rows,
             self.columns,

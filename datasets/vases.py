@@ -71,13 +71,15 @@ class Vases(Family):
         """Two upright vessels, drawn independently."""
         for index in count():
             rng = generator("vases pairs", split, index)
-            id, made = f"vases-{split}-{index:03d}", []
+            id = f"vases-{split}-{index:03d}"
+            made: list[Shape] = []
             for name in ("source", "target"):
                 kind, section = (str(rng.choice(names)) for names in (list(KINDS), SECTIONS))
                 relative = self.thickness_low * (self.thickness_high / self.thickness_low) ** rng.random()
                 vessel = Vessel(kind, section, relative, False, self.columns, int(rng.integers(2**31)))
                 made.append(self._made(f"{id}-{name}", vessel, np.eye(3)))
-            yield ShapePair(id, *made, corresponding=False)
+            source, target = made
+            yield ShapePair(id, source, target, corresponding=False)
 
     def _made(self, name: str, vessel: Vessel, rotation: np.ndarray) -> Shape:
         surface = ParametricSurface(vessel.parts, rotation)

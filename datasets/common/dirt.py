@@ -6,11 +6,12 @@ the truth stays known, and a score of distances may not change.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-KINDS = ("unreferenced", "duplicates", "t_junctions", "flipped", "unwelded", "degenerate")
+Kind = Literal["unreferenced", "duplicates", "t_junctions", "flipped", "unwelded", "degenerate"]
+KINDS: tuple[Kind, ...] = ("unreferenced", "duplicates", "t_junctions", "flipped", "unwelded", "degenerate")
 FAR = 10.0  # half the box in which vertices of no face lie, in boxes of the mesh
 PATCHES = 2  # of faces that are doubled, flipped or cut loose
 PATCHED = ("duplicates", "flipped", "unwelded")

@@ -99,11 +99,11 @@ def pairs_of_table(file: Path, folder: Path) -> list[tuple[Path, Path, str]]:
         split = cells[2] if len(cells) > 2 and cells[2] else "test"
         if len(cells) not in (2, 3) or split not in ("test", "train"):
             raise UsageError(f"{file}: line {number} is {separator.join(row)!r}; {expected}")
-        found = [folder / expanded(name) for name in cells[:2]]
-        for path in found:
+        scan, reference = (folder / expanded(name) for name in cells[:2])
+        for path in (scan, reference):
             if not path.is_file():
                 raise UsageError(f"{file}: line {number} names {path}, and there is no such file")
-        pairs.append((*found, split))
+        pairs.append((scan, reference, split))
     if not pairs:
         raise UsageError(f"{file}: has no pairs; {expected}")
     return pairs

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,8 +35,9 @@ class Drapery(NamedTuple):
         return float(np.linalg.norm(np.ptp(points, axis=1)))
 
 
-def neck(q: np.ndarray | float) -> np.ndarray | float:
-    """How far the sides of folds are apart where they are nearest, for q from 1 to 4.603; folds are pi wide."""
+def neck(q: Any) -> Any:
+    """How far the sides of folds are apart where they are nearest, for q from 1 to 4.603, a number or
+    an array; folds are pi wide."""
     return pi + np.arccos(1 / q) - np.sqrt(q * q - 1)
 
 

@@ -13,13 +13,14 @@ import zipfile
 import zlib
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, Literal
 
 from bench import BadInput
 
 MAGIC = b"!<arch>\n"
 HEADER = 60  # bytes before each member of an ar archive: name 16, time 12, user 6, group 6, mode 8, size 10, end 2
-MODES = {"": "r|", ".gz": "r|gz", ".bz2": "r|bz2", ".xz": "r|xz"}
+Mode = Literal["r|", "r|gz", "r|bz2", "r|xz"]
+MODES: dict[str, Mode] = {"": "r|", ".gz": "r|gz", ".bz2": "r|bz2", ".xz": "r|xz"}
 BROKEN = (tarfile.TarError, lzma.LZMAError, zlib.error, EOFError, OSError)
 
 
@@ -104,15 +105,17 @@ class _Window(io.RawIOBase):
         return len(data)
 
 
-def _streams(content: IO[bytes], mode: str, wanted: Collection[str]) -> Iterator[tuple[str, IO[bytes]]]:
+def _streams(content: IO[bytes], mode: Mode, wanted: Collection[str]) -> Iterator[tuple[str, IO[bytes]]]:
     """The regular files of a tar stream that are wanted; each is to be read before the next."""
     with tarfile.open(fileobj=content, mode=mode) as tar:
         for member in tar:
             name = member.name.removeprefix("./")
             if name in wanted and member.isreg():
-                yield name, tar.extractfile(member)
+                stream = tar.extractfile(member)
+                assert stream is not None  # only links and folders have none
+                yield name, stream
 
 
-def _regular(content: IO[bytes], mode: str, wanted: Collection[str]) -> Iterator[tuple[str, bytes]]:
+def _regular(content: IO[bytes], mode: Mode, wanted: Collection[str]) -> Iterator[tuple[str, bytes]]:
     for name, stream in _streams(content, mode, wanted):
         yield name, stream.read()

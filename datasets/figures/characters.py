@@ -7,7 +7,7 @@ mesh of a body that a build made, with the weights of the place on the template 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -134,7 +134,7 @@ def robot() -> Character:
             block.vertices = np.asarray(block.vertices) + (start + end) / 2
         else:
             width = limbs[name.split("_")[1]]
-            block = _placed(_block((width, width, 0.86 * np.linalg.norm(end - start)), 0.15 * width), start, end)
+            block = _placed(_block((width, width, 0.86 * float(np.linalg.norm(end - start))), 0.15 * width), start, end)
             parts.add(_ball(start, 0.56 * width), number)
         parts.add(block, number)
     return parts.character()
@@ -156,7 +156,7 @@ def skeleton() -> Character:
             radius = thick * slender
             longer = 0.3 * radius * (end - start) / np.linalg.norm(end - start)  # no joint lies on a cap
             parts.add(
-                _shaft(start - longer, end + longer, lambda t, r=radius: r * (1 + 0.6 * np.abs(2 * t - 1) ** 4), 13),
+                _shaft(start - longer, end + longer, partial(_widening, radius), 13),
                 number,
             )
             parts.add(_ball(start, 1.9 * radius), number)
@@ -169,6 +169,10 @@ def skeleton() -> Character:
         parts.add(_ring((0.0, 0.0, height), half, deep, 0.0085), chest)
     parts.add(_shaft(np.array([0, -0.082, 1.45]), np.array([0, -0.086, 1.24]), lambda t: 0.012 + 0 * t, 9), chest)
     return parts.character()
+
+
+def _widening(radius: float, t: np.ndarray) -> np.ndarray:
+    return radius * (1 + 0.6 * np.abs(2 * t - 1) ** 4)
 
 
 def _ring(centre: tuple[float, float, float], half: float, deep: float, radius: float) -> Trimesh:

@@ -46,7 +46,9 @@ _LEFT = {
 
 
 def _freedoms() -> dict[str, tuple[int, np.ndarray, float, float]]:
-    freedoms = {name: (NAMES.index(joint), axis, low, high) for name, (joint, axis, low, high) in _CENTRAL.items()}
+    freedoms: dict[str, tuple[int, np.ndarray, float, float]] = {
+        name: (NAMES.index(joint), axis, low, high) for name, (joint, axis, low, high) in _CENTRAL.items()
+    }
     for side, mirror in (("left", np.ones(3)), ("right", np.array([1, -1, -1]))):  # an axis is a pseudo-vector
         for name, (joint, axis, low, high) in _LEFT.items():
             freedoms[f"{side}_{name}"] = (NAMES.index(f"{side}_{joint}"), mirror * axis, low, high)
@@ -181,7 +183,7 @@ def bend_limits(builds: Sequence[Build]) -> dict[str, float]:
 
     Measured: limbs that are thick for their length meet earlier, forearms earlier than calves, and more so twisted.
     """
-    limits = {}
+    limits: dict[str, float] = {}
     for joint, most, fall, muscle, length in (("elbow", 106, 80, 0.1, "arms"), ("knee", 110, 70, 0.05, "legs")):
         thick = [
             (1 + 0.13 * b.bulk) * (1 + muscle * b.muscle) / (1 + 0.1 * getattr(b, length)) for b in (Build(), *builds)

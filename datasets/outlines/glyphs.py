@@ -77,7 +77,7 @@ def _places(strokes: list[str], shifts: list[np.ndarray]) -> list[np.ndarray]:
     """Places along each stroke, (n, 2), whose points are moved by ``shifts``; shared ends stay together."""
     from scipy.interpolate import CubicSpline
 
-    moved: dict[tuple[float, float], np.ndarray] = {}
+    moved: dict[tuple[float, ...], np.ndarray] = {}
     places = []
     for stroke, shift in zip(strokes, shifts, strict=True):
         how, *words = stroke.split()

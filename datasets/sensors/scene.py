@@ -43,7 +43,7 @@ class Scene:
         self.center = (used.min(axis=0) + used.max(axis=0)) / 2
         self.radius = float(np.linalg.norm(used - self.center, axis=1).max())
         self.normals = face_normals(mesh)
-        self._flat = ~self.normals.any(axis=1)
+        self._flat = ~np.asarray(self.normals.any(axis=1))
         self._scene = RaycastingScene(nthreads=1)
         self._scene.add_triangles(
             Tensor(self._vertices.astype(np.float32)), Tensor(np.ascontiguousarray(self._faces, dtype=np.uint32))

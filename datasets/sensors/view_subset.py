@@ -45,8 +45,8 @@ class ViewSubset(Effect):
 
     def directions(self, rng: np.random.Generator) -> np.ndarray:
         """Unit vectors, uniform by area on the bracket: a (views, 3) array."""
-        bounds = np.sin(np.radians([self.lowest, self.highest]))
-        z = np.clip(rng.uniform(*bounds, size=self.views), -1, 1)
+        low, high = np.sin(np.radians([self.lowest, self.highest]))
+        z = np.clip(rng.uniform(low, high, size=self.views), -1, 1)
         around = rng.uniform(0, 2 * np.pi, size=self.views)
         ring = np.sqrt(1 - z**2)
         return np.stack([ring * np.cos(around), ring * np.sin(around), z], axis=1)

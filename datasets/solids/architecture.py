@@ -424,7 +424,7 @@ def _cross(z: float, y: float, bar: float) -> Manifold:
 
 def _around(width: float, length: float, pitch: float) -> list[tuple[float, float, float]]:
     """Places along the four sides of a block, about a pitch apart, and how far a part that looks to -y is turned."""
-    found = []
+    found: list[tuple[float, float, float]] = []
     for turn, long, away in ((0, width, length), (90, length, width), (180, width, length), (270, length, width)):
         count = max(2, round(long / pitch))
         c, s = round(np.cos(np.radians(turn))), round(np.sin(np.radians(turn)))

@@ -25,7 +25,8 @@ class Dual:
         """The functions x, y and z themselves at points (n, 3)."""
         axes = np.eye(3)
         columns = np.ascontiguousarray(points.T)
-        return tuple(Dual(columns[k], axes[:, k : k + 1] if gradients else None) for k in range(3))
+        x, y, z = (Dual(columns[k], axes[:, k : k + 1] if gradients else None) for k in range(3))
+        return x, y, z
 
     def __getitem__(self, rows: np.ndarray) -> Dual:
         """The same function at some of the points."""

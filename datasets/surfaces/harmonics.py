@@ -56,7 +56,8 @@ class HarmonicSum:
         results = [np.empty((len(directions), *(3,) * k)) for k in range(order + 1)]
         for start in range(0, len(directions), CHUNK):
             part = slice(start, start + CHUNK)
-            for result, values in zip(results, self._of_chunk(*directions[part].T, order), strict=True):
+            x, y, z = directions[part].T
+            for result, values in zip(results, self._of_chunk(x, y, z, order), strict=True):
                 result[part] = values
         return results
 

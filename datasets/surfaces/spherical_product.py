@@ -107,7 +107,7 @@ class SphericalProduct:
 
     def sharpest_turn(self) -> float:
         """By how many degrees at most the normal turns within 2 % of the bounding-box diagonal, along both curves."""
-        window = EDGE_WINDOW * np.linalg.norm(self.extents())
+        window = EDGE_WINDOW * float(np.linalg.norm(self.extents()))
         meridian, ring = self._curves()
         profile = meridian(np.linspace(-self._span, self._span, 2 * DENSE))
         if not self.major:  # on over the pole, to the other side: an apex is sharp as well

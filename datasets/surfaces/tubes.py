@@ -133,7 +133,9 @@ def _refined_distance(one: FourierCurve, other: FourierCurve, a: float, b: float
     """The distance of two curves near the parameters a and b, by Newton's method in both."""
     best = np.inf
     for _ in range(6):
-        (c, c1, c2), (d, d1, d2) = ([row[0] for row in curve.at([t], 2)] for curve, t in ((one, a), (other, b)))
+        (c, c1, c2), (d, d1, d2) = (
+            [row[0] for row in curve.at(np.array([t]), 2)] for curve, t in ((one, a), (other, b))
+        )
         away = c - d
         best = min(best, float(np.sqrt((away**2).sum())))
         hessian = np.array([[c1 @ c1 + away @ c2, -(c1 @ d1)], [-(c1 @ d1), d1 @ d1 - away @ d2]])
