@@ -6,14 +6,14 @@ import inspect
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from bench import Shape, ShapePair, build_parts, register
 
 if TYPE_CHECKING:
     from bench import Plugin
 
-Item = Shape | ShapePair
+Item = TypeVar("Item", Shape, ShapePair)
 
 
 @register("dataset", requires=("trimesh",))
@@ -123,7 +123,7 @@ def _in_turn(streams: Mapping[str, Iterator[Item]]) -> Iterator[Item]:
 
 def _called(item: Item, id: str, family: str) -> Item:
     """The item under another id; the shapes of a pair say the family too."""
-    if isinstance(item, Shape):
-        return item.renamed(id, family=family)
-    source, target = (shape.renamed(shape.id, family=family) for shape in (item.source, item.target))
-    return replace(item, id=id, source=source, target=target)
+    if isinstance(item, ShapePair):
+        source, target = (shape.renamed(shape.id, family=family) for shape in (item.source, item.target))
+        return replace(item, id=id, source=source, target=target)
+    return item.renamed(id, family=family)

@@ -14,7 +14,7 @@ effect with ``gives="views"`` degrades views.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from .shape import Shape
 
 if TYPE_CHECKING:
     from ..plugins.registry import Plugin
+
+Given = TypeVar("Given")  # what an effect degrades, and gives again
 
 COUNT = 5000  # points for an effect that is used alone
 
@@ -65,17 +67,20 @@ def needs_a_source(plugin: Plugin, sensor: Any) -> bool:
     return not alone and given_by(plugin, sensor) != "cloud"
 
 
-class Effect:
-    """Base of the sensors that degrade a cloud, or another output; a subclass defines :meth:`spoil`."""
+class Effect(Generic[Given]):
+    """Base of the sensors that degrade a cloud, or another output; a subclass defines :meth:`spoil`.
 
-    def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud:
+    ``Effect[Views]`` says to a checker of types what is degraded; it may be left out.
+    """
+
+    def sense(self: Effect[PointCloud], shape: Shape, rng: np.random.Generator) -> PointCloud:
         """The effect alone: on 5,000 points of the shape, evenly spread, with their normals."""
         from ..geometry.poisson_disk import sample_poisson_disk
 
         source, effect = rng.spawn(2)
         return self.spoil(PointCloud(*sample_poisson_disk(shape, COUNT, source)), shape, effect)
 
-    def spoil(self, cloud: PointCloud, shape: Shape, rng: np.random.Generator) -> PointCloud:
+    def spoil(self, cloud: Given, shape: Shape, rng: np.random.Generator) -> Given:
         """A degraded cloud of ``shape``, both in the frame of the case; normals, if present, stay consistent."""
         raise NotImplementedError
 

@@ -15,7 +15,7 @@ from .views import rotation_about
 
 @register("sensor", gives="views")
 @dataclass(frozen=True)
-class CameraNoise(Effect):
+class CameraNoise(Effect[Views]):
     """Every camera is said to stand and to look a little elsewhere than it did; images and masks stay as they are.
 
     Its centre is moved by independent Gaussians in x, y and z. It is then turned about its centre and a random axis,

@@ -14,7 +14,7 @@ from .spoiling import seen_as
 
 @register("sensor", gives="views")
 @dataclass(frozen=True)
-class MaskErrors(Effect):
+class MaskErrors(Effect[Views]):
     """Borders of masks that waver, holes in masks, and blobs beside them; images stay as they are.
 
     A border is moved outwards by ``amplitude`` times a smooth random field of mean 0 and deviation 1: Gaussian noise of

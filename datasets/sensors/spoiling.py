@@ -40,10 +40,11 @@ def kept(cloud: PointCloud, chosen: np.ndarray, shape: Shape, effect: str) -> Po
     BadInput
         If it picks none.
     """
-    parts = [values if values is None else values[chosen] for values in (cloud.points, cloud.normals, cloud.colors)]
-    if not len(parts[0]):
+    points = cloud.points[chosen]
+    if not len(points):
         raise BadInput(f"sensor {effect}: none of the {len(cloud)} points of {shape.id} is left; ask it to take less")
-    return PointCloud(*parts)
+    normals, colors = (None if values is None else values[chosen] for values in (cloud.normals, cloud.colors))
+    return PointCloud(points, normals, colors)
 
 
 def seen_as(views: Views, **changes: np.ndarray) -> Views:

@@ -17,7 +17,7 @@ CHOICES = ("even", "random", "first")
 
 @register("sensor", gives="views")
 @dataclass(frozen=True)
-class ViewFew(Effect):
+class ViewFew(Effect[Views]):
     """Only some of the views are left, in their order.
 
     ``even`` spreads them: from the first view on, the next one is always that whose camera, seen from the origin, is

@@ -91,8 +91,8 @@ def _stretchers(m: dict[str, float], legs: list[Bar], z: float) -> list[Bar]:
     half = 0.3 * m["leg"] * min(1.0, m["taper"])
     sides = [Bar(f"{side} stretcher", _on(legs[k], z), _on(legs[k + 2], z), (half,) * 2, (half,) * 2, m["roundness"])
              for side, k in (("left", 0), ("right", 1))]  # fmt: skip
-    middle = [(side.a + side.b) / 2 for side in sides]
-    return [*sides, Bar("cross stretcher", *middle, (0.7 * half,) * 2, (0.7 * half,) * 2, m["roundness"])]
+    left, right = ((side.a + side.b) / 2 for side in sides)
+    return [*sides, Bar("cross stretcher", left, right, (0.7 * half,) * 2, (0.7 * half,) * 2, m["roundness"])]
 
 
 def chair(rng: np.random.Generator, full: bool) -> Piece:
@@ -122,10 +122,10 @@ def chair(rng: np.random.Generator, full: bool) -> Piece:
         Bar("top rail", back(-px, high), back(px, high), broad, broad),
         Bar("low rail", back(-px, low), back(px, low), narrow, narrow),
     ]
-    slats = []
-    for i in range(m["slats"]):
-        x = px * (2 * (i + 1) / (m["slats"] + 1) - 1)
-        wide = min(0.026, 0.5 * px / (m["slats"] + 1))
+    slats, number = [], int(m["slats"])
+    for i in range(number):
+        x = px * (2 * (i + 1) / (number + 1) - 1)
+        wide = min(0.026, 0.5 * px / (number + 1))
         slats.append(Bar(f"slat {i + 1}", back(x, low), back(x, high), (wide, 0.3 * post), (wide, 0.3 * post)))
     arms = []
     if m["arms"]:
@@ -146,7 +146,7 @@ def chair(rng: np.random.Generator, full: bool) -> Piece:
             )
     stretchers = _stretchers(m, legs, 0.42 * h) if m["stretchers"] else []
     bars = [seat, *legs, *posts, *rails, *slats, *arms, *stretchers]
-    genus = 2 + m["slats"] + 2 * m["arms"] + 3 * m["stretchers"]
+    genus = 2 + number + 2 * int(m["arms"]) + 3 * int(m["stretchers"])
     marks = {"seat front left": (0, (1, 0, 1)), "seat front right": (0, (0, 0, 1)), "seat back left": (0, (1, 1, 1)),
              "seat back right": (0, (0, 1, 1)), "back left": (5, (1, 1, 1)), "back right": (6, (0, 1, 1))}  # fmt: skip
     return Piece(bars, genus, marks | _feet(1), m)
@@ -175,11 +175,11 @@ def table(rng: np.random.Generator, full: bool) -> Piece:
             else (m["apron"] / 2, 0.2 * m["leg"])
         )
         half = (0.2 * m["leg"], m["apron"] / 2)
-        aprons.append(Bar(f"{name} apron", *ends, half, half))
+        aprons.append(Bar(f"{name} apron", ends[0], ends[1], half, half))
     stretchers = _stretchers(m, legs, m["stretcher_height"] * h) if m["stretchers"] else []
     marks = {"top front left": (0, (1, 0, 1)), "top front right": (0, (0, 0, 1)), "top back left": (0, (1, 1, 1)),
              "top back right": (0, (0, 1, 1))}  # fmt: skip
-    return Piece([top, *legs, *aprons, *stretchers], 3 * m["stretchers"], marks | _feet(1), m)
+    return Piece([top, *legs, *aprons, *stretchers], 3 * int(m["stretchers"]), marks | _feet(1), m)
 
 
 def shelf(rng: np.random.Generator, full: bool) -> Piece:
@@ -194,19 +194,20 @@ def shelf(rng: np.random.Generator, full: bool) -> Piece:
         m |= {"boards": 5, "dividers": 2}
     w, d, h, f = m["width"] / 2, m["depth"] / 2, m["height"], m["feet"]
     s, t = m["side"] / 2, m["board"] / 2
+    levels, walls = int(m["boards"]), int(m["dividers"])
     sides = [
         Bar(f"{side} side", _p(k * w, 0, f), _p(k * w, 0, h), (s, d), (s, d))
         for side, k in (("left", 1), ("right", -1))
     ]
-    heights = np.linspace(f + 0.03, h - 0.03, m["boards"])
+    heights = np.linspace(f + 0.03, h - 0.03, levels)
     boards = [
         Bar(f"board {i + 1}", _p(0, 0.004, z - t), _p(0, 0.004, z + t), (w, d - 0.008), (w, d - 0.008))
         for i, z in enumerate(heights)
     ]
     dividers = []
-    for i in range(m["dividers"]):
+    for i in range(walls):
         x = w * (2 * m["skew"] - 1) * (-1) ** i
-        k = i * (m["boards"] - 2)  # in the lowest compartment, and in the highest
+        k = i * (levels - 2)  # in the lowest compartment, and in the highest
         dividers.append(
             Bar(
                 f"divider {i + 1}",
@@ -224,8 +225,8 @@ def shelf(rng: np.random.Generator, full: bool) -> Piece:
     marks = {"top left": (0, (1, 0, 1)), "top right": (1, (0, 0, 1)), "top back left": (0, (1, 1, 1)),
              "top back right": (1, (0, 1, 1))}  # fmt: skip
     bars = [*sides, *boards, *feet, *dividers, *panel]
-    genus = 0 if m["back"] else m["boards"] - 1 + m["dividers"]
-    return Piece(bars, genus, marks | _feet(2 + m["boards"]), m)
+    genus = 0 if m["back"] else levels - 1 + walls
+    return Piece(bars, genus, marks | _feet(2 + levels), m)
 
 
 def _feet(first: int) -> dict[str, tuple[int, tuple[int, int, int]]]:

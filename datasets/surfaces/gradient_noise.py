@@ -34,7 +34,7 @@ class GradientNoise:
         local = [x[k] - cell[k].astype(float) for k in range(3)]
         fades = [t * t * t * (t * (t * 6 - 15) + 10) for t in local]
         weights = [(1 - fade, fade) for fade in fades]
-        total = None
+        total: Jet | None = None
         for i, j in product((0, 1), repeat=2):
             side = weights[0][i] * weights[1][j]
             for k in (0, 1):
@@ -42,6 +42,7 @@ class GradientNoise:
                 height = (local[0] - i) * slope[0] + (local[1] - j) * slope[1] + (local[2] - k) * slope[2]
                 corner = side * weights[2][k] * height
                 total = corner if total is None else total + corner
+        assert total is not None
         return total
 
     def at(self, point: Point) -> Dual:
@@ -95,4 +96,8 @@ class FractalNoise:
     def __call__(self, x: Jet) -> Jet:
         """The sum at points x, a vector function."""
         layers = zip(self._layers, self._weights, self._frequencies, self._shifts, strict=True)
-        return sum((layer(x * f + shift) * weight for layer, weight, f, shift in layers), start=0.0)
+        total: Jet | float = 0.0
+        for layer, weight, f, shift in layers:
+            total = total + layer(x * f + shift) * weight
+        assert isinstance(total, Jet)  # there is at least one octave
+        return total

@@ -98,7 +98,7 @@ class ParametricSurface:
             low, high = self._table["low"][patch[poles]], self._table["high"][patch[poles]]
             inward = np.stack([u[poles], v[poles]], axis=1)
             inward += 1e-6 * ((low + high) / 2 - inward)
-            _, a, b = self.evaluate(chart[poles], *inward.T, 1)
+            _, a, b = self.evaluate(chart[poles], inward[:, 0], inward[:, 1], 1)
             normals[poles] = np.cross(a, b)
             lengths[poles] = np.linalg.norm(normals[poles], axis=1)
         sign = np.where(self._table["flip"][patch], -1.0, 1.0)
@@ -161,7 +161,7 @@ class ParametricSurface:
     def _at_places(self, _: np.ndarray, places: np.ndarray) -> np.ndarray:
         """The points (n, 3) at patch, u, v (n, 3)."""
         patch = np.rint(places[:, 0]).astype(np.int64)
-        return self.evaluate(self._table["chart"][patch], *places[:, 1:].T, 0)[0]
+        return self.evaluate(self._table["chart"][patch], places[:, 1], places[:, 2], 0)[0]
 
     @cached_property
     def _size(self) -> float:
@@ -191,8 +191,8 @@ class ParametricSurface:
 
     def _elements(self, patch: Patch, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """dA per du dv on the grid over the lines u and v of a patch."""
-        places = [m.ravel() for m in np.meshgrid(u, v, indexing="ij")]
-        _, x_u, x_v = self.evaluate(np.full(len(places[0]), patch.chart), *places, 1)
+        at_u, at_v = (m.ravel() for m in np.meshgrid(u, v, indexing="ij"))
+        _, x_u, x_v = self.evaluate(np.full(len(at_u), patch.chart), at_u, at_v, 1)
         element = np.linalg.norm(np.cross(x_u, x_v), axis=1)
         return np.nan_to_num(element, nan=0.0, posinf=0.0).reshape(len(u), len(v))
 
@@ -209,7 +209,7 @@ class ParametricSurface:
             cell = np.minimum(cell, len(cumulative) - 1)
             places = corners[cell] + rng.random((tries, 2)) * widths[cell]
             patch = owners[cell]
-            x_u, x_v = self.evaluate(self._table["chart"][patch], *places.T, 1)[1:]
+            x_u, x_v = self.evaluate(self._table["chart"][patch], places[:, 0], places[:, 1], 1)[1:]
             element = np.linalg.norm(np.cross(x_u, x_v), axis=1)
             accepted = np.flatnonzero(rng.random(tries) * bounds[cell] < element)[:missing]
             kept.append((patch[accepted], places[accepted]))
@@ -259,7 +259,8 @@ class ParametricSurface:
         if len(stuck):
             _, grid_patch, u, v, _ = self.grid
             tree, border, first, number = self._border
-            feet = self.evaluate(self._table["chart"][patch[stuck]], *places[stuck].T, 0)[0]
+            ends = places[stuck]
+            feet = self.evaluate(self._table["chart"][patch[stuck]], ends[:, 0], ends[:, 1], 0)[0]
             nearest = tree.query(feet)[1]
             # All grid points of the vertex; of very many, as at a pole, evenly chosen ones.
             sides = np.minimum(number[nearest], MOST_SIDES)
@@ -310,7 +311,7 @@ class ParametricSurface:
         start[:, 0] = np.clip(start[:, 0], table["lowest start"][patch], table["highest start"][patch])
         return refine(
             points, start, table["from"][patch], table["to"][patch], longest, self._size,
-            lambda rows, places, order: self.evaluate(chart[rows], *places.T, order),
+            lambda rows, places, order: self.evaluate(chart[rows], places[:, 0], places[:, 1], order),
         )  # fmt: skip
 
     def _on_border(self, patch: np.ndarray, places: np.ndarray) -> np.ndarray:
