@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..surfaces.duals import Dual, Point, atan2, cos, ease, length, sin, soft_abs
+from ..surfaces.duals import Dual, Point, atan2, cos, ease, length, scaled, sin, soft_abs
 from ..surfaces.sculpting import masked
 from .patterns import SEGMENTS
 from .strands import Carver
@@ -78,10 +78,10 @@ def weathering(at: Point, carver: Carver, size: float) -> Dual:
 
     ``size`` is the radius of the whole; pores are 0.0005 of it deep, patches 0.003.
     """
-    patch = carver.noise(tuple(p * (3.0 / size) for p in at), 50)
-    pores = carver.noise(tuple(p * (42.0 / size) for p in at), 51) * (0.0007 * size)
+    patch = carver.noise(scaled(at, 3.0 / size), 50)
+    pores = carver.noise(scaled(at, 42.0 / size), 51) * (0.0007 * size)
     worn = ease((patch - 0.12) * 3.0)
-    rough = masked(worn, at, lambda q: soft_abs(carver.noise(tuple(p * (20.0 / size) for p in q), 52), 0.05))
+    rough = masked(worn, at, lambda q: soft_abs(carver.noise(scaled(q, 20.0 / size), 52), 0.05))
     return pores * (0.6 + worn) - rough * (0.006 * size)
 
 

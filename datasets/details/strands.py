@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..surfaces.duals import Dual, Point, atan2, cos, ease, length, sin, soft_abs
+from ..surfaces.duals import Dual, Point, atan2, cos, dot, ease, length, shifted, sin, soft_abs, taken
 from ..surfaces.gradient_noise import GradientNoise
 
 
@@ -29,20 +29,22 @@ class Carver:
 
     def noise(self, at: Point, layer: int) -> Dual:
         """Gradient noise in -0.87..0.87; a layer is the same noise from elsewhere."""
-        return self._noise.at(tuple(p + float(s) for p, s in zip(at, self._shifts[layer], strict=True)))
+        return self._noise.at(shifted(at, self._shifts[layer].tolist()))
 
     def locks(self, a: Dual, b: Dual, along: Dual, layer: int, levels: int, *, crease: float = 0.06) -> Dual:
         """Round strands with creases between them, each split into finer ones, 0..1 about.
 
         ``a`` and ``b`` change by 1 across a strand of the first level, ``along`` by 1 along it.
         """
-        total, size = None, 1.0
+        total: Dual | None = None
+        size = 1.0
         for level in range(levels):
             f = 2.2**level
             bundle = soft_abs(self.noise((a * f, b * f, along * (f**0.35)), layer + level), crease)
             bundle = bundle * (1.6 * size)
             total = bundle if total is None else total + bundle
             size *= 0.34
+        assert total is not None
         return total
 
     def folds(self, across: Dual, along: Dual, layer: int) -> Dual:
@@ -83,14 +85,13 @@ class Curls:
         for k in range(8):
             rows = np.flatnonzero(distances[:, k] < reach)
             if len(rows):
-                total = _added(total, rows, self._curl(tuple(d[rows] for d in direction), nearest[rows, k], reach))
+                total = _added(total, rows, self._curl(taken(direction, rows), nearest[rows, k], reach))
         return total
 
     def _curl(self, d: Point, which: np.ndarray, reach: float) -> Dual:
-        away = [p - c for p, c in zip(d, self.centres[which].T, strict=True)]
-        u = sum((p * c for p, c in zip(away, self._one[which].T, strict=True)), start=0.0)
-        v = sum((p * c for p, c in zip(away, self._other[which].T, strict=True)), start=0.0)
-        r = length(*away)
+        x, y, z = (p - c for p, c in zip(d, self.centres[which].T, strict=True))
+        u, v = dot((x, y, z), self._one[which].T), dot((x, y, z), self._other[which].T)
+        r = length(x, y, z)
         dome = ease(1 - r * (1 / reach)) * self._height[which]
         turns = cos(atan2(v, u) + r * (2 * np.pi / (0.5 * self.spacing)))
         middle = (r * (1 / (0.1 * self.spacing))).square()
@@ -119,7 +120,7 @@ def about_axis(direction: Point, axes: np.ndarray, wave: float, turns: float, sw
     swirl : float
         How far they turn about the axis in all.
     """
-    h1, h2, up = (sum((d * float(a) for d, a in zip(direction, row, strict=True)), start=0.0) for row in axes)
+    h1, h2, up = (dot(direction, row) for row in axes.tolist())
     way = length(h1, h2, up - 1)
     rho = length(h1, h2) + 1e-9
     angle = sin(way * (2 * np.pi * turns)) * wave + way * swirl

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..details.strands import Carver
-from ..surfaces.duals import Dual, Point, ease, length, smooth_max, smooth_min, soft_abs
+from ..surfaces.duals import Dual, Point, ease, length, shifted, smooth_max, smooth_min, soft_abs
 from ..surfaces.sculpting import (
     add,
     box,
@@ -57,7 +57,7 @@ def bust(at: Point, it: Bust, carver: Carver, detail: float) -> Dual:
     body = _torso(at, it)
     body = _carved_cloth(body, at, it, carver, detail) if it.draped else body
     body = _trimmed(body, at)
-    inner = tuple(a + c for a, c in zip(moved(at, PIVOT, it.turn), PIVOT, strict=True))
+    inner = shifted(moved(at, PIVOT, it.turn), PIVOT)
     body = add_head(body, inner, it.face, it.hair, carver, detail)
     return _foot(body, at, it)
 
@@ -98,7 +98,7 @@ def _carved_cloth(body: Dual, at: Point, it: Bust, carver: Carver, detail: float
         covers = ease((-hem) * (1 / 0.13))
         return masked(covers, (*p, hem), folded)
 
-    def folded(p: Point) -> Dual:
+    def folded(p: tuple[Dual, ...]) -> Dual:
         x, y, z, hem = p
         u = x * it.lean
         across = z * 1.0 - u * 0.75 + x.square() * 0.30 + y * 0.2

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..details.strands import Carver
-from ..surfaces.duals import Dual, Point, ease, length, sin, smooth_max, smooth_min, soft_abs
+from ..surfaces.duals import Dual, Point, ease, length, scaled, shifted, sin, smooth_max, smooth_min, soft_abs
 from ..surfaces.sculpting import (
+    Form,
     add,
     box,
     disc,
@@ -18,7 +19,6 @@ from ..surfaces.sculpting import (
     moved,
     raise_by,
     ring,
-    scaled,
     turn_x,
     turn_y,
     turn_z,
@@ -83,7 +83,7 @@ def draped(at: Point, it: Draped, carver: Carver, detail: float) -> Dual:
     body = _bare(body, p, it)
     inner = scaled(moved(p, (0, -0.012, 1.662)), 1 / HEAD)
     pivot = (0.0, 0.2, -0.75)
-    inner = tuple(a + c for a, c in zip(moved(inner, pivot, it.look), pivot, strict=True))
+    inner = shifted(moved(inner, pivot, it.look), pivot)
     body = add_head(body * (1 / HEAD), inner, it.face, it.hair, carver, detail) * HEAD
     return _plinth(body, at, it)
 
@@ -136,15 +136,16 @@ def _cloth(p: Point, it: Draped, carver: Carver, detail: float) -> Dual:
     bottom = z - 0.40 + x * (s * 0.55)
     covers = ease(-top * (1 / 0.05)) * ease(bottom * (1 / 0.05)) * ends
 
-    def mantle(q: Point) -> Dual:
+    def mantle(q: tuple[Dual, ...]) -> Dual:
         u, v, w, rise, give, bend = q
         across = w * 15 + u * (s * 11) + u.square() * 55 + v * 5 + bend
         wraps = carver.folds(across * 0.85, u * (s * -7) + w * 5 + v * 4, 11)
         rolled = ease(1 - soft_abs(rise + 0.05, 0.012) * (1 / 0.055)) * 0.014
         return wraps * (0.034 * detail) * (give * 0.75 + 0.25) + 0.018 + rolled
 
-    def dress(q: Point) -> Dual:
-        return _dress(q[:3], q[3], q[4], carver, detail)
+    def dress(q: tuple[Dual, ...]) -> Dual:
+        u, v, w, give, bend = q
+        return _dress((u, v, w), give, bend, carver, detail)
 
     under = (1 - covers) * ends
     return masked(under, (x, y, z, loose, drift), dress) + masked(covers, (x, y, z, top, loose, drift), mantle)
@@ -154,7 +155,7 @@ def _dress(p: Point, loose: Dual, drift: Dual, carver: Carver, detail: float) ->
     """A dress that is belted and falls over its belt; above, folds hang from the shoulders like chains."""
     x, y, z = p
 
-    def skirt(q: Point) -> Dual:
+    def skirt(q: tuple[Dual, ...]) -> Dual:
         x, y, z, give, bend = q
         falls = ease((1.0 - z) * (1 / 0.8)) * 0.030 + 0.012
         u, v = x * 15 + bend, y * 15 + bend
@@ -162,7 +163,7 @@ def _dress(p: Point, loose: Dual, drift: Dual, carver: Carver, detail: float) ->
         fine = soft_abs(carver.noise((u * 2.3, v * 2.3, z * 2.6), 5), 0.06) * 0.5
         return (hanging + fine) * falls * give * detail
 
-    def blouse(q: Point) -> Dual:
+    def blouse(q: tuple[Dual, ...]) -> Dual:
         x, y, z, bend = q
         across = (z - 1.2) * 17 + x.square() * -150 + bend
         chains = carver.folds(across, x * 7 + y * 4, 7) * 0.016
@@ -193,18 +194,16 @@ def _bare(body: Dual, p: Point, it: Draped) -> Dual:
         shoulder, elbow, wrist = (it.joints[NAMES.index(f"{name}_{part}")] for part in ("shoulder", "elbow", "wrist"))
         if free:
             width = 0.045
-            body = add(
-                body, p, (shoulder + elbow) / 2, 0.3, width, lambda q, a=shoulder, b=elbow: limb(q, a, b, 0.058, 0.043)
-            )
+            body = add(body, p, (shoulder + elbow) / 2, 0.3, width, _rod(shoulder, elbow, 0.058, 0.043))
             belly = elbow + 0.3 * (wrist - elbow)
-            body = add(
-                body, p, (elbow + wrist) / 2, 0.25, 0.03, lambda q, a=elbow, b=belly: limb(q, a, b, 0.042, 0.044)
-            )
-            body = add(
-                body, p, (belly + wrist) / 2, 0.25, 0.03, lambda q, a=belly, b=wrist: limb(q, a, b, 0.044, 0.028)
-            )
+            body = add(body, p, (elbow + wrist) / 2, 0.25, 0.03, _rod(elbow, belly, 0.042, 0.044))
+            body = add(body, p, (belly + wrist) / 2, 0.25, 0.03, _rod(belly, wrist, 0.044, 0.028))
         body = _hand(body, p, it, name)
     return body
+
+
+def _rod(start: np.ndarray, end: np.ndarray, radius: float, other: float) -> Form:
+    return lambda q: limb(q, start, end, radius, other)
 
 
 def _hand(body: Dual, p: Point, it: Draped, name: str) -> Dual:
@@ -253,6 +252,4 @@ def _plinth(body: Dual, at: Point, it: Draped) -> Dual:
         base = smooth_min(disc(rho, z, 0.33, 0.045, 0.012), ring(rho, z, 0.335, -0.03, 0.028), 0.015)
         return smooth_min(base, disc(rho, z + 0.075, 0.38, 0.04, 0.012), 0.015)
 
-    return add(
-        body, q, (0, 0, 0), 0.55, 0.02, lambda p: part(tuple(a + c for a, c in zip(p, (0, -0.02, 0.0), strict=True)))
-    )
+    return add(body, q, (0, 0, 0), 0.55, 0.02, lambda p: part(shifted(p, (0, -0.02, 0.0))))

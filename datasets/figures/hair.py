@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..details.strands import Carver, Curls, about_axis
-from ..surfaces.duals import Dual, Point, ease, length, sin, soft_abs
+from ..surfaces.duals import Dual, Point, Triple, ease, length, scaled, shifted, sin, soft_abs
 from ..surfaces.sculpting import add, ellipsoid, masked, moved, near, raise_by
 from .heads import Face, head
 
@@ -95,7 +95,7 @@ def _temple(x: Dual, y: Dual) -> Dual:
 
 def _locks(d: Point, grown: Dual, hair: Hair, carver: Carver, detail: float) -> Dual:
     if hair.style == "curls":
-        fine = carver.noise(tuple(a * 22.0 for a in d), 30) * 0.010
+        fine = carver.noise(scaled(d, 22.0), 30) * 0.010
         return hair.curls.height(d) * grown * (0.12 * detail) + 0.04 + fine * detail
     c, s, way = about_axis(d, hair.axes, hair.wave, hair.turns, hair.swirl)
     # At the axis strands would be infinitely thin: they fade out there.
@@ -121,16 +121,16 @@ def _beard(p: Point, carver: Carver, detail: float) -> Dual:
     return masked(grows, (x, y, z), lambda q: _whiskers(q, carver, detail))
 
 
-def _projected(p: Point, centre: object, radii: object) -> tuple[Point, Point]:
+def _projected(p: Point, centre: Triple, radii: Triple) -> tuple[Point, Point]:
     """The directions of points from a centre, and where these meet an ellipsoid about it.
 
     What depends on the direction alone is a height over a star-shaped form: no lock overhangs another.
     """
-    away = moved(p, centre)
-    r = length(*away) + 1e-9
-    d = tuple(a / r for a in away)
+    x, y, z = moved(p, centre)
+    r = length(x, y, z) + 1e-9
+    d = (x / r, y / r, z / r)
     smooth = 1 / length(*(a * (1 / radius) for a, radius in zip(d, radii, strict=True)))
-    return d, tuple(a * smooth + c for a, c in zip(d, centre, strict=True))
+    return d, shifted((d[0] * smooth, d[1] * smooth, d[2] * smooth), centre)
 
 
 def _whiskers(p: Point, carver: Carver, detail: float) -> Dual:

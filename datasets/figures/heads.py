@@ -40,7 +40,8 @@ def draw_face(rng: np.random.Generator, *, woman: bool) -> Face:
     values = [round(float(v), 6) for v in np.clip(rng.normal(0, 0.55, size=len(Face._fields) - 2), -1, 1)]
     if woman:
         values = [v + WOMAN.get(name, 0.0) for v, name in zip(values, Face._fields, strict=False)]
-    return Face(*values, age=round(float(rng.uniform(0, 0.35 if woman else 1)), 6), pupils=bool(rng.random() < 0.6))
+    named = dict(zip(Face._fields, values, strict=False))
+    return Face(**named, age=round(float(rng.uniform(0, 0.35 if woman else 1)), 6), pupils=bool(rng.random() < 0.6))
 
 
 def head(at: Point, face: Face) -> Dual:
@@ -203,6 +204,6 @@ def _ear(body: Dual, p: Point, wide: float) -> Dual:
         tragus = ball((u, v, w), (0.02, -0.125, -0.04), 0.035)
         return smooth_min(smooth_min(smooth_min(plate, inner, 0.035), lobe, 0.05), tragus, 0.04)
 
-    root = [np.array([0.575 * wide, 0.22, z]) for z in (0.06, -0.20)]  # no gap is left behind the ear
-    body = add(body, p, (0.575 * wide, 0.22, -0.07), 0.3, 0.22, lambda q: limb(q, *root, 0.12, 0.11))
+    above, below = (np.array([0.575 * wide, 0.22, z]) for z in (0.06, -0.20))  # no gap is left behind the ear
+    body = add(body, p, (0.575 * wide, 0.22, -0.07), 0.3, 0.22, lambda q: limb(q, above, below, 0.12, 0.11))
     return add(body, p, centre, 0.36, 0.09, part)

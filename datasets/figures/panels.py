@@ -9,7 +9,7 @@ import numpy as np
 from ..details.ornaments import beads, chisel, eggs_and_darts, inscription, rosette, volute
 from ..details.patterns import SEGMENTS
 from ..details.strands import Carver
-from ..surfaces.duals import Dual, Point, ease, length, smooth_max, smooth_min, soft_abs
+from ..surfaces.duals import Dual, Point, ease, length, shifted, smooth_max, smooth_min, soft_abs
 from ..surfaces.sculpting import abs_of, add, box, ellipsoid, limb, masked, moved, turn_x, turn_z
 from .hair import STYLES, Hair, add_head, draw_hair
 from .heads import Face, draw_face
@@ -55,7 +55,7 @@ def panel(at: Point, it: Panel, carver: Carver, detail: float) -> Dual:
     inner = moved(at, centre)
     inner = (inner[0] * (1 / unit), inner[1] * (1 / (unit * it.flat)), inner[2] * (1 / unit))
     pivot = (0.0, 0.12, 0.0)
-    inner = tuple(a + c for a, c in zip(moved(inner, (0, 0, 0), it.turn), pivot, strict=True))
+    inner = shifted(moved(inner, (0, 0, 0), it.turn), pivot)
     scale = 1 / (unit * (0.4 + 0.6 * it.flat))
     body = body * scale
     body = add(body, inner, (0, 0.15, -1.3), 1.4, 0.12, lambda p: _neck(p, it.hair.beard, carver, detail))

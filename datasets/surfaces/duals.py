@@ -6,9 +6,13 @@ same formula costs a quarter.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TypeVar, cast
+
 import numpy as np
 
 Number = float | np.ndarray
+Triple = Sequence[float] | np.ndarray  # three numbers
 
 
 class Dual:
@@ -77,6 +81,32 @@ class Dual:
 
 
 Point = tuple[Dual, Dual, Dual]
+At = TypeVar("At", bound=tuple[Dual, ...])  # a point, and perhaps further functions that are known there
+
+
+def taken(at: At, rows: np.ndarray) -> At:
+    """The same functions at some of the points."""
+    return cast(At, tuple(part[rows] for part in at))
+
+
+def scaled(at: Point, factor: float) -> Point:
+    """Coordinates times a factor."""
+    x, y, z = at
+    return x * factor, y * factor, z * factor
+
+
+def shifted(at: Point, by: Triple) -> Point:
+    """Coordinates plus a number each."""
+    x, y, z = at
+    a, b, c = by
+    return x + a, y + b, z + c
+
+
+def dot(at: Point, by: Sequence[Number] | np.ndarray) -> Dual:
+    """The sum of the coordinates, each times a number or an array (n,)."""
+    x, y, z = at
+    a, b, c = by
+    return 0.0 + x * a + y * b + z * c  # from 0 on, so that no sum is -0.0
 
 
 def sqrt(a: Dual) -> Dual:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .duals import Dual, Point, clipped, length, smooth_max, smooth_min
+from .duals import At, Dual, Point, Triple, clipped, dot, length, smooth_max, smooth_min, taken
 
 Form = Callable[[Point], Dual]
 
@@ -34,6 +34,7 @@ class Sculpture:
     def gradient(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """``f`` and its gradient at points (n, 3): (n,) and (n, 3) arrays."""
         found = self.form(Dual.coordinates(points @ self.rotation.T, gradients=True))
+        assert found.g is not None  # they were asked for
         return found.v, found.g.T @ self.rotation
 
     def range(self, centres: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -45,13 +46,13 @@ class Sculpture:
 # -- where a part is ---------------------------------------------------------------------------------------------------
 
 
-def add(body: Dual, at: Point, centre: object, reach: float, width: float, part: Form) -> Dual:
+def add(body: Dual, at: Point, centre: Triple, reach: float, width: float, part: Form) -> Dual:
     """The smooth union with a part within ``reach`` of ``centre``, which is evaluated only where it may matter."""
     beyond = _distance(at, centre) - reach
     return _merged(body, at, beyond < body.v + width, lambda a, p: smooth_min(a, part(p), width))
 
 
-def cut(body: Dual, at: Point, centre: object, reach: float, width: float, hole: Form) -> Dual:
+def cut(body: Dual, at: Point, centre: Triple, reach: float, width: float, hole: Form) -> Dual:
     """The smooth difference with a hole within ``reach`` of ``centre``."""
     beyond = _distance(at, centre) - reach
     return _merged(body, at, beyond < width - body.v, lambda a, p: smooth_max(a, -hole(p), width))
@@ -62,7 +63,7 @@ def raise_by(body: Dual, at: Point, rows: np.ndarray, height: Form) -> Dual:
     return _merged(body, at, rows, lambda a, p: a - height(p))
 
 
-def masked(weight: Dual, at: Point, height: Form) -> Dual:
+def masked(weight: Dual, at: At, height: Callable[[At], Dual]) -> Dual:
     """``weight * height``, where the height is evaluated only where the weight is not 0."""
     rows = weight.v != 0
     if rows.mean() > 0.8:
@@ -71,19 +72,19 @@ def masked(weight: Dual, at: Point, height: Form) -> Dual:
     value = np.zeros(len(weight.v))
     gradient = None if weight.g is None else np.zeros((3, len(value)))
     if len(rows):
-        part = weight[rows] * height(tuple(p[rows] for p in at))
+        part = weight[rows] * height(taken(at, rows))
         value[rows] = part.v
         if gradient is not None:
             gradient[:, rows] = part.g
     return Dual(value, gradient)
 
 
-def near(at: Point, centre: object, reach: float) -> np.ndarray:
+def near(at: Point, centre: Triple, reach: float) -> np.ndarray:
     """Which points are within ``reach`` of ``centre``: an (n,) mask."""
     return _distance(at, centre) < reach
 
 
-def _distance(at: Point, centre: object) -> np.ndarray:
+def _distance(at: Point, centre: Triple) -> np.ndarray:
     return np.sqrt(sum((p.v - c) ** 2 for p, c in zip(at, centre, strict=True)))
 
 
@@ -93,7 +94,7 @@ def _merged(body: Dual, at: Point, rows: np.ndarray, change: Callable[[Dual, Poi
     if rows.mean() > 0.8:
         return change(body, at)
     rows = np.flatnonzero(rows)
-    changed = change(body[rows], tuple(p[rows] for p in at))
+    changed = change(body[rows], taken(at, rows))
     value = body.v.copy()
     value[rows] = changed.v
     if body.g is None:
@@ -106,17 +107,13 @@ def _merged(body: Dual, at: Point, rows: np.ndarray, change: Callable[[Dual, Poi
 # -- places ------------------------------------------------------------------------------------------------------------
 
 
-def moved(at: Point, centre: object, turn: np.ndarray | None = None) -> Point:
+def moved(at: Point, centre: Triple, turn: np.ndarray | None = None) -> Point:
     """Coordinates about ``centre`` along the rows of ``turn`` (3, 3)."""
     x, y, z = (p - float(c) for p, c in zip(at, centre, strict=True))
     if turn is None:
         return x, y, z
-    return tuple(x * float(a) + y * float(b) + z * float(c) for a, b, c in turn)
-
-
-def scaled(at: Point, factor: float) -> Point:
-    """Coordinates times a factor."""
-    return tuple(p * factor for p in at)
+    u, v, w = (x * float(a) + y * float(b) + z * float(c) for a, b, c in turn)
+    return u, v, w
 
 
 def turn_x(angle: float) -> np.ndarray:
@@ -140,12 +137,12 @@ def turn_z(angle: float) -> np.ndarray:
 # -- primitives --------------------------------------------------------------------------------------------------------
 
 
-def ball(at: Point, centre: object, radius: float) -> Dual:
+def ball(at: Point, centre: Triple, radius: float) -> Dual:
     """A ball."""
     return length(*moved(at, centre)) - radius
 
 
-def ellipsoid(at: Point, centre: object, radii: object, turn: np.ndarray | None = None) -> Dual:
+def ellipsoid(at: Point, centre: Triple, radii: Triple, turn: np.ndarray | None = None) -> Dual:
     """An ellipsoid along the axes, or along the rows of ``turn``."""
     p = moved(at, centre, turn)
     q = [a * (1 / r) for a, r in zip(p, radii, strict=True)]
@@ -154,13 +151,13 @@ def ellipsoid(at: Point, centre: object, radii: object, turn: np.ndarray | None 
     return k0 * (k0 - 1) / (k1 + 1e-9)
 
 
-def limb(at: Point, start: object, end: object, radius: float, other: float) -> Dual:
+def limb(at: Point, start: Triple, end: Triple, radius: float, other: float) -> Dual:
     """A rod between two points, its radius easing from one value to another."""
     start, end = np.asarray(start, float), np.asarray(end, float)
     axis = end - start
     offset = moved(at, start)
     square = float(axis @ axis)
-    along = clipped(sum((p * float(a / square) for p, a in zip(offset, axis, strict=True)), start=0.0), 0.0, 1.0)
+    along = clipped(dot(offset, [float(a / square) for a in axis]), 0.0, 1.0)
     away = length(*(p - along * float(a) for p, a in zip(offset, axis, strict=True)))
     if radius == other:
         return away - radius
@@ -168,7 +165,7 @@ def limb(at: Point, start: object, end: object, radius: float, other: float) -> 
     return away - along.compose(radius + (other - radius) * t * t * (3 - 2 * t), (other - radius) * 6 * t * (1 - t))
 
 
-def box(at: Point, half: object, rounding: float) -> Dual:
+def box(at: Point, half: Triple, rounding: float) -> Dual:
     """A box about the origin with rounded edges."""
     over = [_beyond(p, float(h) - rounding) for p, h in zip(at, half, strict=True)]
     return length(*over) - rounding + _inner([abs_of(p) - (float(h) - rounding) for p, h in zip(at, half, strict=True)])
