@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     import numpy as np
     from trimesh import Trimesh
 
+    from .training.one_pair import Settings
+
 
 @register("method", cite="baseline of Wang et al. 2020", requires=("torch", "scipy", "numba", "trimesh"))
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class CagePerPair:
         torch.set_num_threads(run.threads)
         pair = boxed(source, target, 16 * self.points, run.rng)
         cage, faces = ball_cage(self.subdivisions, self.radius)
-        descent = Descent(self, pair, cage, faces, run)
+        descent = Descent(self._settings(), pair, cage, faces, run)
         moved = descent.run()
         for name, place in (("cage", cage), ("deformed_cage", moved)):
             run.keep(name, lambda place=place: cage_mesh(pair.scale * place + pair.centre, faces))
@@ -102,5 +104,10 @@ class CagePerPair:
         unit = pair.scale / posing.unit  # of the descent, in that of the transfer
         cage, faces = body_cage(pair.restored(template, pair.vertices - pair.centre / pair.scale), self.cage_vertices)
         cage = cage / pair.scale
-        offsets = Descent(self, pair, cage, faces, run).run() - cage
+        offsets = Descent(self._settings(), pair, cage, faces, run).run() - cage
         return posing.posed(unit * cage, faces, unit * offsets)
+
+    def _settings(self) -> Settings:
+        from .training.one_pair import Settings
+
+        return Settings(**{name: getattr(self, name) for name in Settings.__dataclass_fields__})

@@ -104,12 +104,14 @@ class CharacterCages:
         from .networks.cage_network import PoseNetwork
 
         torch.set_num_threads(run.threads)
-        faces = np.array(run.weights["cage_faces"], dtype=np.int64)
-        cage = np.array(run.weights["cage"], dtype=np.float64)
+        weights = run.weights
+        assert weights is not None  # of a method that learns from examples
+        faces = np.array(weights["cage_faces"], dtype=np.int64)
+        cage = np.array(weights["cage"], dtype=np.float64)
         network = PoseNetwork(torch.from_numpy(cage).float(), self.code)
         run.parameters = sum(parameter.numel() for parameter in network.parameters())
         network.load_state_dict(
-            {name: torch.from_numpy(np.array(a)).float() for name, a in run.weights.items() if name != "cage_faces"}
+            {name: torch.from_numpy(np.array(a)).float() for name, a in weights.items() if name != "cage_faces"}
         )
         network = network.to(run.device).eval().requires_grad_(False)
         posing = Posing(source, template, landmarks, run)

@@ -34,7 +34,8 @@ def poses_of(data: TrainingData, run: Run, cage_vertices: int) -> dict[str, np.n
     from bench import PointCloud, generator
     from bench.geometry.sampling import sample_uniform
 
-    targets, posed, rest, cage, faces, rows = [], [], None, None, None, None
+    targets, posed = [], []
+    rest: np.ndarray | None = None
     for number, case in enumerate(data.cases):
         template, target = case.input["template"], case.input["target"]
         rng = generator(data.seed, case.id, "points")
@@ -59,6 +60,7 @@ def poses_of(data: TrainingData, run: Run, cage_vertices: int) -> dict[str, np.n
         name: np.round(np.array(value) / scale).astype(np.int16)
         for name, value in (("targets", targets), ("posed", posed))
     }
+    assert rest is not None  # there are cases
     return small | {"scale": np.array(scale), "rest": rest, "cage": cage, "cage_faces": faces}
 
 

@@ -8,18 +8,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from .edges import Edges, edges_of
+from .edges import edges_of
 from .mean_value_loops import AT_VERTEX, ON_EDGE, ON_PLANE
 
 NEAR_EDGE = 1e-3  # angle between the plane of a face and that through one of its edges, about
 CHUNK_BYTES = 2**26  # that the temporaries of a chunk may take, derivatives included
+
+
+class Edges(NamedTuple):
+    """As :class:`.edges.Edges`, of tensors."""
+
+    ends: Tensor
+    of_face: Tensor
+    sign: Tensor
 
 
 def coordinates_in_torch(x: Tensor, v: Tensor, faces: np.ndarray) -> Tensor:

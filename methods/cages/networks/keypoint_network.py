@@ -53,6 +53,9 @@ class KeypointNetwork(nn.Module):
     75,044, offsets of the influence 195,320, canonical influence 504. All influences begin at 0: sources stay.
     """
 
+    directions: Tensor
+    faces: Tensor
+
     def __init__(
         self,
         directions: Tensor,
@@ -69,7 +72,9 @@ class KeypointNetwork(nn.Module):
         self.pointing = _layers(code, 3 * keypoints)
         self.offsets = _layers(code, keypoints * len(directions))
         draw_weights(self, generator)
-        nn.init.zeros_(self.offsets[-1].weight)
+        last = self.offsets[-1]
+        assert isinstance(last, nn.Linear)
+        nn.init.zeros_(last.weight)
         self.influence = nn.Parameter(torch.zeros(keypoints, len(directions)))
         self.register_buffer("directions", directions.clone(), persistent=False)
         self.register_buffer("faces", faces.clone(), persistent=False)

@@ -62,6 +62,8 @@ class Training(DecayingTraining):
     begin_decay = 0.4
     clip_value = CLIPPED
 
+    network: CageNetwork
+
     def __init__(
         self, network: CageNetwork, faces: np.ndarray, examples: Mapping[str, np.ndarray], plan: Plan, run: Run
     ):
@@ -92,7 +94,8 @@ class Training(DecayingTraining):
             self._train.drawn(int(k), self.plan.points, self.plan.stretch, self.plan.partners, rng) for k in numbers
         ]
         ramp = 0.1 + 0.9 * progress(self.run, step, self.plan.steps)
-        return self._loss(*(self._tensor([pair[k] for pair in drawn]) for k in (0, 1)), ramp)
+        one, other = (self._tensor([pair[k] for pair in drawn]) for k in (0, 1))
+        return self._loss(one, other, ramp)
 
     def validate(self) -> float:
         """The loss on held-out pairs, as they are given, with all terms in full."""
@@ -103,8 +106,8 @@ class Training(DecayingTraining):
         with torch.no_grad():
             for first in range(0, count, self.plan.batch):
                 part = drawn[first : first + self.plan.batch]
-                clouds = (self._tensor([pair[k] for pair in part]) for k in (0, 1))
-                total += len(part) * float(self._loss(*clouds, 1.0))
+                one, other = (self._tensor([pair[k] for pair in part]) for k in (0, 1))
+                total += len(part) * float(self._loss(one, other, 1.0))
         return total / count
 
     def _tensor(self, clouds: list[np.ndarray]) -> Tensor:

@@ -57,6 +57,8 @@ class KeypointTraining(DecayingTraining):
 
     begin_decay = 0.5
 
+    network: KeypointNetwork
+
     def __init__(self, network: KeypointNetwork, examples: Mapping[str, np.ndarray], plan: Plan, run: Run):
         self.network, self.plan, self.run = network, plan, run
         self._faces = network.faces.cpu().numpy()

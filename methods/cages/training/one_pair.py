@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -18,8 +19,9 @@ from ..losses.terms import asymmetry, chamfer, plane_terms
 from ..meshes.boxes import Boxed
 
 
-class Settings(Protocol):
-    """The parameters of the method."""
+@dataclass(frozen=True)
+class Settings:
+    """How it descends; the fields are those of the method."""
 
     coordinates: Coordinates | Literal["harmonic"]
     points: int
@@ -77,29 +79,33 @@ class Descent:
             return self._spread(points) @ self._moved.detach()[0].double().numpy()
         with torch.no_grad():
             place = torch.from_numpy(points)[None]
-            cages = self._cage.double(), self._faces, self._moved.double()
-            return deformed(place, *cages, self._settings.coordinates, self._run.threads)[0][0].numpy()
+            return self._placed(place, self._cage.double(), self._moved.double())[0][0].numpy()
+
+    def _placed(self, points: Tensor, cage: Tensor, moved: Tensor) -> tuple[Tensor, Tensor]:
+        """Where points (1, p, 3) go, and their coordinates."""
+        coordinates = self._settings.coordinates
+        assert coordinates != "harmonic"  # those have their own way
+        return deformed(points, cage, self._faces, moved, coordinates, self._run.threads)
+
+    def _some(self, cloud: Tensor) -> Tensor:
+        rows = self._run.rng.choice(len(cloud), min(self._settings.points, len(cloud)), replace=False)
+        return cloud[torch.from_numpy(rows)][None]
 
     def _drawn(self) -> tuple[Tensor, Tensor, Tensor, Tensor | None]:
         """Some of the points, their neighbourhoods, and their coordinates, which do not change."""
-        clouds = []
-        for cloud in (self._source, self._target):
-            rows = self._run.rng.choice(len(cloud), min(self._settings.points, len(cloud)), replace=False)
-            clouds.append(cloud[torch.from_numpy(rows)][None])
+        source, target = self._some(self._source), self._some(self._target)
         weights = None
         if self._spread is not None:
-            weights = torch.from_numpy(self._spread(clouds[0][0].numpy())).float()[None]
+            weights = torch.from_numpy(self._spread(source[0].numpy())).float()[None]
         elif self._settings.coordinates == "mean_value":
             with torch.no_grad():
-                arguments = self._cage, self._faces, self._moved, self._settings.coordinates, self._run.threads
-                _, weights = deformed(clouds[0], *arguments)
-        return *clouds, neighbourhoods(clouds[0], self._settings.neighbours), weights
+                _, weights = self._placed(source, self._cage, self._moved)
+        return source, target, neighbourhoods(source, self._settings.neighbours), weights
 
     def _followed(self, source: Tensor, weights: Tensor | None) -> Tensor:
         if weights is not None:
             return weights @ self._moved
-        arguments = self._cage, self._faces, self._moved, self._settings.coordinates, self._run.threads
-        return deformed(source, *arguments)[0]
+        return self._placed(source, self._cage, self._moved)[0]
 
     def _loss(self, source: Tensor, moved: Tensor, target: Tensor, near: Tensor) -> Tensor:
         settings = self._settings

@@ -103,7 +103,7 @@ class Pairs:
             target = self._points[other, side, rng.integers(self._points.shape[2], size=points)]
         else:
             target = self._points[number, 1, rows if self.corresponding else rng.permutation(rows)]
-        return tuple(self._stretched(cloud, stretch, rng) for cloud in (source, target))
+        return self._stretched(source, stretch, rng), self._stretched(target, stretch, rng)
 
     def _stretched(self, cloud: np.ndarray, stretch: float, rng: np.random.Generator) -> np.ndarray:
         cloud = cloud * np.float32(self._scale)

@@ -44,16 +44,17 @@ class AdaptiveNetwork(nn.Module):
             nn.Sequential(PointNet(sizes, normalised=True, last=False), dense(sizes[-1], code, True)) for _ in range(2)
         )
         inputs, outputs = (3, *[hidden] * HIDDEN), (*[hidden] * HIDDEN, 3)
-        self.layers = nn.ModuleList(_Adapted(i, o) for i, o in zip(inputs, outputs, strict=True))
-        self.predicted = [layer.predicted for layer in self.layers]
+        layers = [_Adapted(i, o) for i, o in zip(inputs, outputs, strict=True)]
+        self.layers = nn.ModuleList(layers)
+        self.predicted = [layer.predicted for layer in layers]
         between = wide(256, width)
         self.predictor = nn.Sequential(
             dense(2 * code, code, True), dense(code, between, True), nn.Linear(between, sum(self.predicted))
         )
         draw_weights(self, generator)
         if residual:
-            nn.init.zeros_(self.layers[-1].linear.weight)
-            nn.init.zeros_(self.layers[-1].linear.bias)
+            nn.init.zeros_(layers[-1].linear.weight)
+            nn.init.zeros_(layers[-1].linear.bias)
 
     def encode(self, source: Tensor, target: Tensor) -> Tensor:
         """Point sets (b, n, 3) and (b, m, 3) to the numbers (b, k) that the layers are made of."""

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from torch import nn
 
 from bench import BadInput, PointCloud, Run
 from bench.geometry.check import check_mesh, check_points
@@ -18,8 +17,18 @@ from ...learned.networks.loading import loaded
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
+    from .adaptive_network import AdaptiveNetwork
+    from .grid_network import GridNetwork
+    from .offset_network import OffsetNetwork
 
-def deform_by(network: nn.Module, source: Trimesh, target: Trimesh | PointCloud, count: int, run: Run) -> Trimesh:
+
+def deform_by(
+    network: AdaptiveNetwork | GridNetwork | OffsetNetwork,
+    source: Trimesh,
+    target: Trimesh | PointCloud,
+    count: int,
+    run: Run,
+) -> Trimesh:
     """The source with the vertices that a network with the run's weights makes of them.
 
     Parameters

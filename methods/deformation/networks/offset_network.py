@@ -32,10 +32,11 @@ class OffsetNetwork(nn.Module):
             nn.Sequential(PointNet(sizes), nn.Linear(code, code), nn.ReLU(), nn.Linear(code, code), nn.ReLU())
             for _ in range(2)
         )
-        self.folds = nn.ModuleList(_Fold(inputs, 2 * code, width) for inputs in (3, 3, 6))
+        folds = [_Fold(inputs, 2 * code, width) for inputs in (3, 3, 6)]
+        self.folds = nn.ModuleList(folds)
         draw_balanced(self, generator)
-        nn.init.zeros_(self.folds[-1].last.weight)
-        nn.init.zeros_(self.folds[-1].last.bias)
+        nn.init.zeros_(folds[-1].last.weight)
+        nn.init.zeros_(folds[-1].last.bias)
 
     def encode(self, source: Tensor, target: Tensor) -> Tensor:
         """Point sets (b, n, 3) and (b, m, 3) to the codes (b, c) of the pairs."""

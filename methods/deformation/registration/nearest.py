@@ -79,4 +79,5 @@ class Matching:
         """Points (n, 3), or (n, 6) with their normals where the target has some and they count."""
         if target.normals is None or not self.normal_scale:
             return points
+        assert normals is not None  # of both shapes, or they do not count
         return np.hstack([points, self.normal_scale * normals])

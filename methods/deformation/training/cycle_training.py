@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from itertools import permutations
+from operator import add
 from typing import ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from ..networks.adaptive_network import AdaptiveNetwork
 from .pair_training import PairTraining
 from .terms import distance, matches, squared, taken
 
@@ -20,6 +23,8 @@ class CycleTraining(PairTraining):
     """Alignment and cycles: see :class:`bench.methods.deformation.cycle_consistent.CycleConsistent`."""
 
     shapes: ClassVar[int] = 3
+
+    network: AdaptiveNetwork
 
     def terms(self, shapes: Tensor, rng: np.random.Generator, done: float) -> Tensor:
         """See :meth:`.pair_training.PairTraining.terms`."""
@@ -73,12 +78,12 @@ class Cycles:
 
     def of_two(self) -> Tensor:
         """The mean squared distance from where ways there and back began to where they end."""
-        return sum(self._error(i, j, self._at(i, j)) for i, j in WAYS) / len(WAYS)
+        return reduce(add, (self._error(i, j, self._at(i, j)) for i, j in WAYS)) / len(WAYS)
 
     def of_three(self) -> Tensor:
         """The same of ways over both other shapes."""
         ways = ((i, k, self._at(j, k).gather(1, self._at(i, j))) for i, j, k in CIRCLES)
-        return sum(self._error(*way) for way in ways) / len(CIRCLES)
+        return reduce(add, (self._error(*way) for way in ways)) / len(CIRCLES)
 
     def _at(self, i: int, j: int) -> Tensor:
         return self.nearest[:, WAYS.index((i, j))]

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 from torch import Tensor
 
-from ..networks.grid_network import monotone, spacing, warp
+from ..networks.grid_network import GridNetwork, monotone, spacing, warp
 from .pair_training import PairTraining, crossed
 from .terms import chamfer, squared
 
 
 class GridTraining(PairTraining):
     """Alignment and evenness: see :class:`bench.methods.deformation.alignnet.Alignnet`."""
+
+    network: GridNetwork
 
     def terms(self, shapes: Tensor, rng: np.random.Generator, done: float) -> Tensor:
         """See :meth:`.pair_training.PairTraining.terms`."""

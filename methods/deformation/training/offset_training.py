@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..networks.offset_network import OffsetNetwork
 from .pair_training import PairTraining, crossed
 from .terms import chamfer, earth_mover, laplacian_change, squared
 
@@ -16,6 +17,8 @@ AXES = "xyz"
 
 class OffsetTraining(PairTraining):
     """Alignment, symmetry, order and shape: see :class:`bench.methods.deformation.three_dn.ThreeDn`."""
+
+    network: OffsetNetwork
 
     def terms(self, shapes: Tensor, rng: np.random.Generator, done: float) -> Tensor:
         """See :meth:`.pair_training.PairTraining.terms`."""

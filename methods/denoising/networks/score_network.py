@@ -87,11 +87,13 @@ class ScoreNetwork(nn.Module):
         self.convolutions = nn.ModuleList(DenseEdgeConvolution(neighbours, i == 0) for i in range(CONVOLUTIONS))
         condition = FEATURES + 3
         self.into = nn.Linear(condition, width)
-        self.blocks = nn.ModuleList(Block(condition, width) for _ in range(BLOCKS))
+        blocks = [Block(condition, width) for _ in range(BLOCKS)]
+        self.blocks = nn.ModuleList(blocks)
         self.norm, self.out = nn.LayerNorm(width), nn.Linear(width, 3)
         draw(self, generator)
         with torch.no_grad():  # blocks begin as the identity, as in the released code; the score begins at 0
-            for layer in (*(block.layers[1] for block in self.blocks), self.out):
+            for layer in (*(block.layers[1] for block in blocks), self.out):
+                assert isinstance(layer, nn.Linear)
                 layer.weight.zero_()
                 layer.bias.zero_()
 

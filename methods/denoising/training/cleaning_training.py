@@ -116,7 +116,7 @@ def ball(
     squared = relative.square().sum(1).numpy()
     inside = np.flatnonzero(squared <= 1)
     if again and not len(inside):
-        inside = squared.argmin(keepdims=True)
+        inside = squared.argmin(axis=0, keepdims=True)
     if len(inside) > count:
         inside = rng.choice(inside, count, replace=False)
     elif again:

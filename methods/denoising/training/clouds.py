@@ -154,8 +154,10 @@ class Clouds:
         near = _nearest(dense, seed, min(int(AROUND * size * ratio), len(dense)))
         turn = (random_turns(1, rng) @ principal_frames(noisy[None]))[0].astype(np.float32)
         surface = dense[near] - seed - place
-        turned = (torch.from_numpy(x @ turn.T) for x in (noisy, surface, normals[near] / np.float32(UNIT)))
-        return Patch(*turned, DISC * float(np.linalg.norm(dense[near[-1]] - seed)) / len(near) ** 0.5)
+        parts = (noisy, surface, normals[near] / np.float32(UNIT))
+        disc = DISC * float(np.linalg.norm(dense[near[-1]] - seed)) / len(near) ** 0.5
+        turned = [torch.from_numpy(x @ turn.T) for x in parts]
+        return Patch(turned[0], turned[1], turned[2], disc)
 
     def region(self, share: float, noise: tuple[float, float], rng: np.random.Generator) -> tuple[Patch, float]:
         """A region around a random point of a random shape at a random density, wide enough for balls in its middle.
@@ -184,7 +186,8 @@ class Clouds:
         dense, normals = self.cloud(shape, min(level + 1, len(self.counts) - 1))
         near = _within(dense, seed, REGION * radius)
         parts = (moved, dense[near] - seed, normals[near] / np.float32(UNIT))
-        return Patch(*map(torch.from_numpy, parts), DISC * REGION * radius / len(near) ** 0.5), radius
+        tensors = [torch.from_numpy(part) for part in parts]
+        return Patch(tensors[0], tensors[1], tensors[2], DISC * REGION * radius / len(near) ** 0.5), radius
 
 
 def drawn(noise: tuple[float, float], rng: np.random.Generator) -> float:

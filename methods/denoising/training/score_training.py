@@ -61,6 +61,8 @@ class Training(NormalisedTraining):
     run : Run
     """
 
+    network: ScoreNetwork
+
     def __init__(self, network: ScoreNetwork, examples: Mapping[str, np.ndarray], plan: Plan, run: Run):
         self.network, self.plan, self.run = network, plan, run
         self.clouds, self.held_out = Clouds(examples), Clouds(examples, held_out=True)

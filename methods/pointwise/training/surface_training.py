@@ -85,8 +85,9 @@ class Training(DecayingTraining):
 
     def _error(self, batches: list[Batch]) -> Tensor:
         joined = (torch.from_numpy(np.concatenate(arrays)) for arrays in zip(*batches, strict=True))
-        patches, wholes, distances = (tensor.to(self.run.device) for tensor in joined)
-        return surface_loss(*self.network(patches, wholes), distances)
+        patches, wholes, truth = (tensor.to(self.run.device) for tensor in joined)
+        distances, logits = self.network(patches, wholes)
+        return surface_loss(distances, logits, truth)
 
 
 def surface_loss(distances: Tensor, logits: Tensor, truth: Tensor) -> Tensor:

@@ -30,10 +30,11 @@ def surfaces_of(data: TrainingData, run: Run) -> dict[str, np.ndarray]:
     from bench.geometry.signed_distance import signed_distances
 
     points, places, distances = [], [], []
+    low, high = np.log(OFFSETS)
     for number, case in enumerate(data.cases):
         rng = generator(data.seed, case.id, "places")
         points.append(case.reference.surface.sample(DENSE, rng)[0])
-        deviation = np.exp(rng.uniform(*np.log(OFFSETS), (PLACES, 1)))
+        deviation = np.exp(rng.uniform(low, high, (PLACES, 1)))
         places.append(case.reference.surface.sample(PLACES, rng)[0] + deviation * rng.standard_normal((PLACES, 3)))
         distances.append(signed_distances(case.reference.mesh, places[-1]))
         run.progress(number + 1, data.count)
