@@ -126,6 +126,7 @@ class Mpu:
         torch.set_num_threads(run.threads)
         network = self._network()
         run.parameters = sum(parameter.numel() for parameter in network.parameters())
+        assert run.weights is not None  # of a method that learns from examples
         network.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in run.weights.items()})
         network.to(run.device).eval()
         points, left = np.asarray(cloud.points, dtype=np.float64), math.ceil(math.log2(ratio))

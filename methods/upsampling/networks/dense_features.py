@@ -66,11 +66,14 @@ class DenseBlock(nn.Module):
         index = nearest_others(x, self.neighbours)
         points = x.reshape(c, -1)
         first = self.layers[0]
+        assert isinstance(first, Pointwise)
         own, other = first.weight[:, :c], first.weight[:, c:]
         start = torch.addmm(first.bias[:, None], own - other, points).reshape(-1, b, 1, n)
         value = gather((other @ points).reshape(-1, b, n), index) + start
-        parts, made = [x], []  # both newest first
+        parts = [x]  # newest first
+        made: list[Tensor] = []  # likewise
         for layer in self.layers[1:]:
+            assert isinstance(layer, Pointwise)
             value = value.relu_()
             parts.insert(0, value.amax(2))
             made.insert(0, value.reshape(len(value), -1))
@@ -107,8 +110,9 @@ class DenseFeatures(nn.Module):
         super().__init__()
         width = 2 * growth
         self.first = Pointwise(3, width, generator)
-        self.blocks = nn.ModuleList(DenseBlock(width, growth, layers, neighbours, generator) for _ in range(BLOCKS))
-        step = self.blocks[0].outputs
+        blocks = [DenseBlock(width, growth, layers, neighbours, generator) for _ in range(BLOCKS)]
+        self.blocks = nn.ModuleList(blocks)
+        step = blocks[0].outputs
         self.squeeze = nn.ModuleList(Pointwise(width + step * done, width, generator) for done in range(1, BLOCKS))
         self.outputs = width + step * BLOCKS
 

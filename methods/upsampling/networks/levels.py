@@ -56,6 +56,7 @@ def run_levels(
             if level and not recut:
                 current = output
             elif level:
+                assert rng is not None  # to recut by
                 chosen = torch.from_numpy(rng.integers(output.shape[2], size=(points.shape[1], 1, 1)))
                 seed = gather(output, chosen.to(output.device))[:, :, 0].detach()
                 current = _around(seed, output, size)

@@ -53,6 +53,7 @@ class SetAbstraction(nn.Module):
         index = ball_query(queries, points, self.radius, self.samples)
         # W [p_j - p_i, f_j] = W [p_j, f_j] - W_p p_i: the first layer once for each point, not for each neighbour.
         first = self.layers[0]
+        assert isinstance(first, Pointwise)
         own = first(points if features is None else torch.cat([points, features]))
         shift = (first.weight[:, :3] @ queries.reshape(3, -1)).reshape(len(own), -1, 1, count)
         x = F.relu(gather(own, index) - shift)

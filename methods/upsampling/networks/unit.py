@@ -53,6 +53,9 @@ class Unit(nn.Module):
     76,027 parameters with the default form.
     """
 
+    features: DenseFeatures | PointFeatures
+    expansion: CodeExpansion | Branches
+
     def __init__(self, form: Form, generator: torch.Generator | None = None):
         super().__init__()
         self.skip = form.skip
@@ -106,4 +109,6 @@ class Units(nn.Module):
 
     def __getitem__(self, level: int) -> Unit:
         """The unit of a level, from 0; a single unit serves all levels."""
-        return self.units[min(level, len(self.units) - 1)]
+        unit = self.units[min(level, len(self.units) - 1)]
+        assert isinstance(unit, Unit)
+        return unit

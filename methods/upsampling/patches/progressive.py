@@ -137,8 +137,8 @@ def _level(
     device = next(unit.parameters()).device
     patches = covering(points, size, overlap)
     rank = centrality(patches)
-    skips = before is not None and unit.skip
-    if skips:
+    before = before if unit.skip else None
+    if before is not None:
         k = min(NEIGHBOURS, len(before.points))
         distance, index = cKDTree(before.points).query(points, np.arange(1, k + 1))
         squared, index = torch.from_numpy((distance**2).astype(np.float32)), torch.from_numpy(index)
@@ -148,7 +148,7 @@ def _level(
         some = patches[first : first + BATCH]
         part, frames = torch.from_numpy(some), normalise(points[some])
         nearby = None
-        if skips:
+        if before is not None:
             flat = index[part].transpose(1, 2)  # (b, k, n)
             gathered = before.features.index_select(0, flat.reshape(-1)).T.contiguous().reshape(-1, *flat.shape)
             nearby = Nearby(squared[part].transpose(1, 2).to(device), gathered.to(device))

@@ -110,6 +110,7 @@ class Training:
         plan = self.plan
         rng = step_generator(self.seed, step)
         now = self._now
+        assert now is not None
         level = now.draw(rng)
         draw = Draw(plan.noise, plan.scale)
         group = int(rng.integers(len(self._clouds.sizes)))

@@ -58,10 +58,11 @@ def clouds_of(
     from bench import generator
     from bench.geometry.poisson_disk import sample_poisson_disk
 
+    kinds: tuple[str | int, ...] = scans or bases
     for number, case in enumerate(data.cases):
-        for which in scans or bases:
+        for which in kinds:
             rng = generator(data.seed, case.id, str(which))
-            if scans:
+            if isinstance(which, str):
                 cloud = data.sense(case, which, rng).points
             else:
                 cloud = sample_poisson_disk(case.reference, which, rng)[0] if which else case.input["cloud"].points
@@ -145,6 +146,8 @@ class Training(DecayingTraining):
     plan : Plan
     run : Run
     """
+
+    network: DistanceNetwork
 
     def __init__(self, network: DistanceNetwork, examples: Mapping[str, np.ndarray], plan: Plan, run: Run):
         self.network, self.plan, self.run, self.seed = network, plan, run, run.seed
