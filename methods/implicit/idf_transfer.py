@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from bench import Run, register
 from bench.geometry.check import check_mesh
@@ -188,7 +188,7 @@ class IdfTransfer(OrientedWeights):
         from .fields.sine_field import SineField
         from .losses.oriented import OrientedLoss
 
-        form = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": weights}
+        form: dict[str, Any] = {"hidden_layers": self.hidden_layers, "width": self.width, "generator": weights}
         field = SineField(OrientedLoss(*self.base_loss), self.omega, **form)
         begin_as_sphere(field.network, self.sphere)
         field = field.to(draws.device)
@@ -212,7 +212,8 @@ class IdfTransfer(OrientedWeights):
 
         descriptor = Descriptor(self.cells, generator=weights) if self.context == "grid" else None
         condition = (descriptor.channels if descriptor else 0) + 3 * (self.normals or descriptor is None)
-        form = {"width": self.width, "omega": self.omega_detail, "generator": weights}
+        form: dict[str, Any] = {"width": self.width, "omega": self.omega_detail, "generator": weights}
+        displacement: FilmNetwork | JoinedNetwork
         if self.mapping:
             displacement = FilmNetwork(condition, gain=self.gain, **form)
         else:

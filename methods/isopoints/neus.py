@@ -44,7 +44,8 @@ class Neus(FromImages):
 
     def sampler(self, field: ImageField, scene: Scene, run: Run) -> Sampling:
         """Rays with samples."""
-        from .images.volume import VolumeSampler
+        from .images.volume import VolumeField, VolumeSampler
 
+        assert isinstance(field, VolumeField)
         counts = (self.views, self.samples, self.coarse, self.fine)
         return VolumeSampler(field, lambda: float(field.sharpness()), scene, *counts, run.torch_generator())

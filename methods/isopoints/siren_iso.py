@@ -105,8 +105,10 @@ class SirenIso(Fitted):
 
     def sampler_of(self, field: Field, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
         """Points, iso-points of the field, points of the space."""
+        from .fitting.field import RegularisedField
         from .fitting.guide import GuidedSampler, Plan
 
+        assert isinstance(field, RegularisedField)
         own = {name: getattr(self, name) for name in Plan.__dataclass_fields__ if hasattr(self, name)}
         plan = Plan(count=int(np.clip(round(self.share * len(points)), LEAST, MOST)), **own)
         return GuidedSampler(field.network, points, normals, plan, run, run.torch_generator())

@@ -19,7 +19,7 @@ class Cloud:
     points: Tensor
     normals: Tensor
 
-    def some(self, count: int, noise: float, generator: torch.Generator) -> Cloud:
+    def some(self, count: int, noise: float, generator: torch.Generator | None) -> Cloud:
         """``count`` of them, drawn with replacement, with Gaussian noise on positions and normals."""
         device = self.points.device
         rows = torch.randint(len(self.points), (count,), generator=generator, device=device)

@@ -48,6 +48,7 @@ class DisplacedField(Field):
     Parameters
     ----------
     base, displacement : SineNetwork
+        A subclass that has a :meth:`detail` and a :meth:`forward` of its own may displace by another network.
     alpha : float
         Largest displacement.
     nu : float
@@ -64,7 +65,7 @@ class DisplacedField(Field):
         self,
         loss: OrientedLoss,
         base: SineNetwork,
-        displacement: SineNetwork,
+        displacement: nn.Module,
         *,
         alpha: float,
         nu: float,
@@ -121,6 +122,7 @@ class DisplacedField(Field):
 
     def detail(self, x: Tensor, f: Tensor, gradient: Tensor) -> tuple[Tensor, Tensor]:
         """The displacement before bounds, (n,), and its gradient (n, 3), given the base's value and gradient at x."""
+        assert isinstance(self.displacement, SineNetwork)
         return self.displacement.value_and_gradient(x)
 
     def _displaced(self, x: Tensor, f: Tensor, gradient: Tensor) -> tuple[Tensor, Tensor]:

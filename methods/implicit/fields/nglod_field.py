@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import reduce
+from operator import add
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -81,8 +83,8 @@ class NglodField(Field):
     def loss(self, batch: Batch, t: float) -> Tensor:
         """The sum over all levels of detail, of squared errors or of Eq. 4.4."""
         if batch.distances is not None:
-            return sum(squared_error(f, batch) for f in self.levels(batch.x))
-        return sum(self._loss(f, gradient, batch) for f, gradient in self.levels_and_gradients(batch.x))
+            return reduce(add, (squared_error(f, batch) for f in self.levels(batch.x)))
+        return reduce(add, (self._loss(f, gradient, batch) for f, gradient in self.levels_and_gradients(batch.x)))
 
     # -- the field -------------------------------------------------------------------------------------------------
 

@@ -50,6 +50,8 @@ class TransferField(DisplacedField):
         Of that noise, on the device of the training.
     """
 
+    displacement: FilmNetwork | JoinedNetwork
+
     def __init__(
         self,
         loss: OrientedLoss,
@@ -115,6 +117,7 @@ class TransferField(DisplacedField):
         self._steps += 1
         if (self._steps - 1) % self._every and self._constant is not None:
             return self._constant
+        assert self.descriptor is not None
         features = self.descriptor(self._cloud.some(self._encoded, self._noise, self._generator))
         self._constant = features.detach()
         return features
@@ -122,6 +125,7 @@ class TransferField(DisplacedField):
     @torch.no_grad()
     def encode(self) -> Tensor:
         """Features (side^3, channels) of the base, without noise."""
+        assert self.descriptor is not None
         return self.descriptor(self._cloud.first(self._encoded))
 
     # -- the field -------------------------------------------------------------------------------------------------
@@ -158,7 +162,7 @@ class TransferField(DisplacedField):
     def parts(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """The base's value f and the displacement d = chi alpha tanh(T) along its normal, each (n,)."""
         f, gradient = self.base.value_and_gradient(x)
-        return f, self._displacement(x, f, F.normalize(gradient, dim=1))
+        return f, self._along(x, f, F.normalize(gradient, dim=1))
 
     @torch.no_grad()
     def forward(self, x: Tensor) -> Tensor:
@@ -170,10 +174,11 @@ class TransferField(DisplacedField):
         near = x[rows]
         f_near, gradient = self.base.value_and_gradient(near)
         normal = F.normalize(gradient, dim=1)
-        d = self._displacement(near, f_near, normal)
+        d = self._along(near, f_near, normal)
         return f.index_copy(0, rows, self.base(near + d[:, None] * normal))
 
-    def _displacement(self, x: Tensor, f: Tensor, normal: Tensor) -> Tensor:
+    def _along(self, x: Tensor, f: Tensor, normal: Tensor) -> Tensor:
+        """The displacement along normals that are known."""
         _, condition, _ = self._condition(x, normal)
         value = self.displacement(condition, self._scaled(f))
         return self.alpha * torch.tanh(value) * attenuation(f, self.nu)

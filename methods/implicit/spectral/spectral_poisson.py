@@ -9,6 +9,8 @@ Here chi is negative inside, as all fields of this family, and normals point out
 from __future__ import annotations
 
 import math
+from functools import reduce
+from operator import add
 
 import torch
 from torch import Tensor
@@ -33,11 +35,13 @@ def _corners(places: Tensor, resolution: int) -> tuple[Tensor, Tensor]:
     low = low.long()
     rows, weights = [], []
     for corner in range(8):
-        node, weight = 0, 1.0
+        node: Tensor | int = 0
+        weight: Tensor | float = 1.0
         for axis in range(3):
             up = corner >> axis & 1
             node = node * resolution + (low[:, axis] + up).remainder(resolution)
             weight = weight * (w[:, axis] if up else 1 - w[:, axis])
+        assert isinstance(node, Tensor) and isinstance(weight, Tensor)
         rows.append(node)
         weights.append(weight)
     return torch.stack(rows), torch.stack(weights)
@@ -74,7 +78,7 @@ def solve(v: Tensor, sigma: float) -> Tensor:
     """
     resolution = v.shape[-1]
     k = frequencies(resolution, v.device)
-    square = sum(part.square() for part in k).to(v.dtype)
+    square = reduce(add, (part.square() for part in k)).to(v.dtype)
     factor = torch.exp(-2 * (sigma / resolution) ** 2 * square) / (2 * math.pi * square.clamp(min=1))
     spectrum = torch.fft.rfftn(v, dim=(1, 2, 3))
     divergence = sum(part.to(v.dtype) * along for part, along in zip(k, spectrum, strict=True))
@@ -107,7 +111,7 @@ def evenly(points: Tensor, resolution: int = 64) -> Tensor:
     places = to_lattice(points, resolution)
     counts = spread(places, torch.ones_like(points[:, :1]), resolution)
     k = frequencies(resolution, points.device)
-    smooth = torch.exp(-2 * (2 * math.pi / resolution) ** 2 * sum(part.square() for part in k))
+    smooth = torch.exp(-2 * (2 * math.pi / resolution) ** 2 * reduce(add, (part.square() for part in k)))
     counts = torch.fft.irfftn(torch.fft.rfftn(counts[0]) * smooth, s=counts.shape[1:])
     weights = 1 / interpolate(counts, places).clamp(min=1e-3)
     return weights / weights.mean()

@@ -74,5 +74,13 @@ class Samples:
         kinds = (self.surface, self.occupied, self.free, self.space)
         parts = max(1, -(-sum(len(kind) for kind in kinds) // size))
         for i in range(parts):
-            some = [kind[len(kind) * i // parts : len(kind) * (i + 1) // parts] for kind in kinds]
-            yield replace(self, surface=some[0], occupied=some[1], free=some[2], space=some[3])
+            surface, occupied, free, space = (
+                slice(len(kind) * i // parts, len(kind) * (i + 1) // parts) for kind in kinds
+            )
+            yield replace(
+                self,
+                surface=self.surface[surface],
+                occupied=self.occupied[occupied],
+                free=self.free[free],
+                space=self.space[space],
+            )

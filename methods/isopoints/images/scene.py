@@ -46,7 +46,8 @@ class Scene:
         self._intrinsics = tensor(views.intrinsics)
         self._inverse = tensor(np.linalg.inv(views.intrinsics))
         self.lit = views.light_directions is not None
-        if self.lit:
+        if views.light_directions is not None:
+            assert views.light_colors is not None  # they come together
             self.light_directions, self.light_colors = tensor(views.light_directions), tensor(views.light_colors)
         self.ambient = tensor(np.zeros((len(views), 3)) if views.ambient is None else views.ambient)
 
@@ -184,10 +185,11 @@ class Pixels:
 def _kinds(mask: Tensor) -> list[tuple[Tensor, Tensor]]:
     """The numbers of a mask's pixels, of those near its rim and of the others; and of the pixels outside."""
     held = mask.cpu().numpy()
-    kinds = []
+    kinds: list[tuple[Tensor, Tensor]] = []
     for kind in (held, ~held):
         # an image that is all of one kind has no rim; the function would measure to a place that it makes up
         distance = distance_transform_edt(kind) if not kind.all() else np.full(kind.shape, np.inf)
         near, far = kind & (distance <= RIM * max(kind.shape)), kind & (distance > RIM * max(kind.shape))
-        kinds.append(tuple(torch.as_tensor(np.flatnonzero(some), device=mask.device) for some in (near, far)))
+        numbers = [torch.as_tensor(np.flatnonzero(some), device=mask.device) for some in (near, far)]
+        kinds.append((numbers[0], numbers[1]))
     return kinds

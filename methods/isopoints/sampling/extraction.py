@@ -86,7 +86,8 @@ def iso_cloud(field: object, count: int, generator: torch.Generator, how: Extrac
     """
     starts = in_ball(MOST * count, 1.0, generator)
     iso = extract(differentiable(field), starts, how or Extraction(count, rounds=3))
-    return PointCloud(*(part.double().cpu().numpy() for part in (iso.points, F.normalize(iso.normals.double(), dim=1))))
+    points, normals = (part.double().cpu().numpy() for part in (iso.points, F.normalize(iso.normals.double(), dim=1)))
+    return PointCloud(points, normals)
 
 
 def in_ball(count: int, radius: float, generator: torch.Generator) -> Tensor:
@@ -126,5 +127,8 @@ class _Stages:
         """As many as are wanted."""
         how = self._how
         if len(self.at.points) < how.count:
-            more = {"edges": how.edges, "neighbours": how.neighbours, "tolerance": how.tolerance}
-            self.take(upsample(self._of, self.at, how.count, **more))
+            self.take(
+                upsample(
+                    self._of, self.at, how.count, edges=how.edges, neighbours=how.neighbours, tolerance=how.tolerance
+                )
+            )

@@ -44,7 +44,7 @@ def differentiable(field: object) -> Differentiable:
     """The field itself, or the network that it consists of, where they report gradients; otherwise by autograd."""
     for candidate in (field, getattr(field, "network", None)):
         if hasattr(candidate, "value_and_gradient"):
-            return candidate  # type: ignore[return-value]
+            return candidate
     return ByAutograd(field)  # type: ignore[arg-type]
 
 

@@ -88,5 +88,6 @@ def upsample(
         best = torch.topk(found.priority, min(some, len(found.priority))).indices
         new = project(field, found.places[best], tolerance=tolerance)
         evaluations += new.evaluations
-        result = Projection(*(torch.cat(pair) for pair in zip(result[:3], new[:3], strict=True)), 0)
+        points, gradients, values = (torch.cat(pair) for pair in zip(result[:3], new[:3], strict=True))
+        result = Projection(points, gradients, values, 0)
     return result._replace(evaluations=evaluations)

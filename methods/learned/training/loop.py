@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor
 
-from bench import InvalidOutput, Run
+from bench import InvalidOutput
 
 from .batches import Batch
 from .field import Field
@@ -24,8 +24,20 @@ MEAN = 50  # states over which a mean goes, about; of the first ones, over a thi
 class Sampling(Protocol):
     """Whatever draws batches."""
 
-    def draw(self) -> Batch:
-        """The next one."""
+    def draw(self) -> Any:
+        """The next one, of whatever kind the loss of the field takes."""
+        ...
+
+
+class Clock(Protocol):
+    """What a training asks of a run."""
+
+    def elapsed(self) -> float:
+        """Seconds so far."""
+        ...
+
+    def progress(self, done: int, total: int) -> None:
+        """Report that ``done`` of ``total`` are done."""
         ...
 
 
@@ -84,7 +96,7 @@ class Diverged(InvalidOutput):
 def fit(
     field: Field,
     sampler: Sampling,
-    run: Run,
+    run: Clock,
     training: Training,
     offer: Callable[[], None] = lambda: None,
 ) -> Fit:
