@@ -59,6 +59,8 @@ class PaparazziL0:
 
         check_points(cloud.points, "paparazzi_l0", at_least=10)
         oriented, spacing = with_normals(cloud), mean_spacing(cloud.points)
+        normals = oriented.normals
+        assert normals is not None
         first, faces = mesh_through(oriented, spacing)
         vertices, regularity = first, Regularity(first, faces, 0.0, self.evenness) if self.evenness else None
         for cycle in range(self.cycles):
@@ -69,14 +71,14 @@ class PaparazziL0:
             gallery, adam = Gallery(wanted, faces, HardDrawn.of, 0.0), Adam()
             for step in range(self.steps):
                 if not run.time_for_more():
-                    return _cloud(vertices, faces, oriented.normals)
+                    return _cloud(vertices, faces, normals)
                 gradient = gallery.look(vertices, np.arange(self.views))[1]
                 if regularity is not None:
                     gradient = gradient + regularity.look(vertices)[1]
                 vertices = adam.step(vertices, gradient, self.rate * spacing)
                 run.progress(cycle * self.steps + step + 1, self.cycles * self.steps)
-            run.trace(_cloud(vertices, faces, oriented.normals))
-        return _cloud(vertices, faces, oriented.normals)
+            run.trace(_cloud(vertices, faces, normals))
+        return _cloud(vertices, faces, normals)
 
 
 def _cloud(vertices: np.ndarray, faces: np.ndarray, otherwise: np.ndarray) -> PointCloud:

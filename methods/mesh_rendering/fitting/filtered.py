@@ -23,6 +23,7 @@ def mesh_through(cloud: PointCloud, spacing: float) -> tuple[np.ndarray, np.ndar
     from open3d.geometry import TriangleMesh
     from open3d.utility import DoubleVector, Vector3dVector
 
+    assert cloud.normals is not None
     oriented = Cloud(Vector3dVector(cloud.points.copy()))
     oriented.normals = Vector3dVector(cloud.normals.copy())
     radii = DoubleVector([radius * spacing for radius in RADII])

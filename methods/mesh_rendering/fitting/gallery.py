@@ -30,6 +30,7 @@ class Gallery:
 
     def __init__(self, views: Views, faces: np.ndarray, draw: Callable[[Scene], Drawn], silhouette: float):
         self.views, self.faces, self._draw, self._silhouette = views, faces, draw, silhouette
+        assert views.light_directions is not None and views.light_colors is not None
         ambient = np.zeros((len(views), 3)) if views.ambient is None else views.ambient
         self.lights = [
             Lights(*of_view) for of_view in zip(views.light_directions, views.light_colors, ambient, strict=True)

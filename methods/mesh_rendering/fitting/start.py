@@ -24,6 +24,7 @@ def mesh_of(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
     like their directions from the middle on the unit sphere, by its convex hull. Otherwise it is the screened Poisson
     surface of the points, with about as many vertices.
     """
+    assert cloud.normals is not None
     middle = cloud.points.mean(axis=0)
     outwards = cloud.points - middle
     length = np.linalg.norm(outwards, axis=1, keepdims=True)
@@ -58,6 +59,7 @@ def _poisson(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
     from open3d.geometry import TriangleMesh
     from open3d.utility import Vector3dVector
 
+    assert cloud.normals is not None
     oriented = Cloud(Vector3dVector(cloud.points.copy()))
     oriented.normals = Vector3dVector(cloud.normals.copy())
     mesh, _ = TriangleMesh.create_from_point_cloud_poisson(oriented, depth=POISSON_DEPTH, n_threads=1)

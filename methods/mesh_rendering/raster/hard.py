@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numba import njit
@@ -37,7 +37,7 @@ class HardDrawn:
     image: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, **more: float) -> HardDrawn:
+    def of(cls, scene: Scene, **more: float) -> Self:
         """Draw a scene."""
         seen = rasterise(scene)
         covered = seen.face >= 0

@@ -27,8 +27,9 @@ class Scene(NamedTuple):
 class Drawn(Protocol):
     """An image, and the way back."""
 
-    image: np.ndarray
-    """(h, w, 4) float64 array: red, green, blue, and how far the mesh covers the pixel (0 to 1)"""
+    @property
+    def image(self) -> np.ndarray:
+        """(h, w, 4) float64 array: red, green, blue, and how far the mesh covers the pixel (0 to 1)."""
 
     def backward(self, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The gradient of a loss.
