@@ -116,5 +116,6 @@ class DssPix2pix(FilteredImages):
 
         torch.set_num_threads(run.threads)
         network = Generator(self.ngf, smoothing=self.smoothing, normalisation=self.normalisation)
-        network = loaded(network, run).to(memory_format=torch.channels_last)
+        network = loaded(network, run)
+        network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch omits it
         return partial(translated, network=network, device=run.device)

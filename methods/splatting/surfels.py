@@ -103,6 +103,7 @@ class Surfels:
         from .gaussian_surfels.losses import Weighting
         from .gaussian_surfels.state import State
 
+        assert cloud.normals is not None
         spacing = mean_spacing(cloud.points)
         weighting = Weighting(self.mask_weight, self.distortion, self.consistency)
         schedule = Schedule(**{name: getattr(self, name) for name in Schedule.__dataclass_fields__})

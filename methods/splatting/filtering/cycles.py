@@ -75,6 +75,7 @@ def filtered(
         if cycle and how.recursive:
             from_points, from_normals = points, normals
         else:
+            assert pictured.normals is not None
             from_points, from_normals = pictured.points, pictured.normals
         cameras, lights = close_ups(from_points, from_normals, how.views, how.pixels, how.span, run.rng)
         gallery = Gallery(cameras, np.empty(0), lights, drawing, run.threads, device=run.device)

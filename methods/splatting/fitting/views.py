@@ -93,6 +93,7 @@ class Gallery:
         """The images of views that have lights."""
         cameras = [Camera.of(views, number) for number in range(len(views))]
         ambient = np.zeros((len(views), 3)) if views.ambient is None else views.ambient
+        assert views.light_directions is not None and views.light_colors is not None
         lights = Lights(views.light_directions, views.light_colors, ambient)
         silhouettes = Silhouettes(views.masks, cameras)
         return cls(cameras, views.images.astype(np.float64) / 255, lights, how, threads, epsilon, silhouettes, device)

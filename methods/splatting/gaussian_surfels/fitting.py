@@ -78,8 +78,13 @@ class Scene:
 
     def shaded(self, normals: np.ndarray, view: int) -> tuple[np.ndarray, np.ndarray]:
         """The colours (n, 3) of normals under the lights of a view, and which lights (n, k) they see."""
-        facing = normals @ self.views.light_directions[view].T
-        return np.maximum(facing, 0) @ self.views.light_colors[view] + self.ambient[view], facing > 0
+        directions, colors = self._lights(view)
+        facing = normals @ directions.T
+        return np.maximum(facing, 0) @ colors + self.ambient[view], facing > 0
+
+    def _lights(self, view: int) -> tuple[np.ndarray, np.ndarray]:
+        assert self.views.light_directions is not None and self.views.light_colors is not None
+        return self.views.light_directions[view], self.views.light_colors[view]
 
     def look(self, surfels: Surfels, view: int) -> tuple[float, Slopes]:
         """The loss of one view, and its gradients; colours count through the normals that make them."""
@@ -88,8 +93,9 @@ class Scene:
         wanted = self.views.images[view] / 255
         loss, slopes = loss_of(rendered.maps, wanted, self.views.masks[view], self.cameras[view], self.weighting)
         back = rendered.back(slopes)
-        by_light = back.colors @ self.views.light_colors[view].T * lit
-        back.frames[:, :, 2] += by_light @ self.views.light_directions[view]
+        directions, light_colors = self._lights(view)
+        by_light = back.colors @ light_colors.T * lit
+        back.frames[:, :, 2] += by_light @ directions
         return loss, back
 
     def weights(self, surfels: Surfels) -> np.ndarray:

@@ -27,6 +27,7 @@ def poisson_mesh(cloud: PointCloud, trim: float) -> Trimesh:
     import open3d as o3d
     from trimesh import Trimesh
 
+    assert cloud.normals is not None
     oriented = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud.points.copy()))
     oriented.normals = o3d.utility.Vector3dVector(cloud.normals.copy())
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):

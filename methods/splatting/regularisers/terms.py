@@ -56,8 +56,8 @@ class Neighbours:
         how = self._how
         settings = (how.repulsion_distance, _opening(how.angle), how.form == "released")
         each, gradient = np.zeros(len(points)), np.zeros((len(points), 3))
-        known = _float(points, normals, 1 / (1 + np.asarray(hidden)))
-        _repulsion(*known, self.index, *settings, each, gradient)
+        places, planes, weights = _float(points, normals, 1 / (1 + np.asarray(hidden)))
+        _repulsion(places, planes, weights, self.index, *settings, each, gradient)
         return how.repulsion * float(each.mean()), how.repulsion * gradient / len(points)
 
     def projected(self, points: np.ndarray, normals: np.ndarray, hidden: np.ndarray) -> np.ndarray:
@@ -75,7 +75,8 @@ class Neighbours:
         visible = 1 / (1 + np.asarray(hidden)) ** (2 if released else 1)
         settings = (how.projection_distance, _opening(how.angle), released)
         move = np.zeros((len(points), 3))
-        _projection(*_float(points, normals, visible), self.index, *settings, move)
+        places, planes, weights = _float(points, normals, visible)
+        _projection(places, planes, weights, self.index, *settings, move)
         return points - how.projection * np.clip(move, -how.largest, how.largest)
 
 

@@ -74,7 +74,7 @@ class _Render(torch.autograd.Function):
     ) -> Tensor:
         known = [tensor.detach().cpu().numpy() for tensor in (points, normals, attributes)]
         width = sigma.detach().cpu().numpy() if isinstance(sigma, Tensor) else sigma
-        ctx.drawn = draw(*known, width, camera, how, threads)
+        ctx.drawn = draw(known[0], known[1], known[2], width, camera, how, threads)
         # Without culling, a normal may be drawn the other way round.
         ctx.turned = (ctx.drawn.ellipses.normal * (known[1] @ camera.rotation.T)).sum(axis=1, keepdims=True) < 0
         holder.append(ctx.drawn)

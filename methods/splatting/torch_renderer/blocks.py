@@ -19,7 +19,7 @@ class Blocks(NamedTuple):
     """Of the levels among the blocks, from those of LEAF pixels across to one of them all, and their number"""
     shapes: list[tuple[int, int]]
     """Of each level, rows and columns of blocks"""
-    count: Tensor
+    count: Tensor  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
     """(blocks,) int64 tensor: classes that have pixels"""
     begin: Tensor
     """(blocks,) int64 tensor: where they are in the tables below"""
@@ -75,6 +75,5 @@ def pyramid(pixels: Pixels, size: tuple[int, int], typical: float) -> Blocks:
     means = sums[:, 1:5] / sums[:, :1]
     depth = torch.where(seen, means[:, 3], torch.inf)
     tables = (means[:, :2], means[:, 2], depth, sums[:, 5], sums[:, 6:])
-    return Blocks(
-        starts, shapes, count, count.cumsum(0) - count, *(each.contiguous().to(values) for each in tables), seen
-    )
+    middle, share, depth, of_image, pull = (each.contiguous().to(values) for each in tables)
+    return Blocks(starts, shapes, count, count.cumsum(0) - count, middle, share, depth, of_image, pull, seen)

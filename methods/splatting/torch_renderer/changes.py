@@ -30,7 +30,7 @@ class Pixels(NamedTuple):
     """(a,) int64 tensor: the smallest block"""
     middle: Tensor
     """(a, 2) tensor: column and row"""
-    index: Tensor
+    index: Tensor  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
     """(a, K) int64 tensor: the list"""
     front: Tensor
     """(a,) int64 tensor"""
@@ -121,7 +121,8 @@ def _in_order(gradient: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     row, column = torch.nonzero((gradient != 0).any(2), as_tuple=True)
     across = (gradient.shape[1] + LEAF - 1) // LEAF
     leaf, order = (row // LEAF * across + column // LEAF).sort(stable=True)
-    return *pick(order, row, column), leaf
+    row, column = pick(order, row, column)
+    return row, column, leaf
 
 
 def _forward(change: Tensor, depth: Tensor, ahead: Tensor) -> Tensor:

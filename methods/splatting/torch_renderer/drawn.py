@@ -13,6 +13,8 @@ import torch
 from torch import Tensor
 
 from ..renderer.camera import Camera
+from ..renderer.ellipses import Ellipses as ArrayEllipses
+from ..renderer.raster import Lists as ArrayLists
 from ..renderer.settings import Drawing
 from .blending import blend, blend_back
 from .ellipses import Ellipses, project
@@ -148,14 +150,14 @@ class ArrayDrawn:
         return _array(self.drawn.covered)
 
     @cached_property
-    def ellipses(self) -> Ellipses:
+    def ellipses(self) -> ArrayEllipses:
         """Of arrays."""
-        return Ellipses(*map(_array, self.drawn.ellipses))
+        return ArrayEllipses(*map(_array, self.drawn.ellipses))
 
     @cached_property
-    def lists(self) -> Lists:
+    def lists(self) -> ArrayLists:
         """Of arrays."""
-        return Lists(*map(_array, self.drawn.lists))
+        return ArrayLists(*map(_array, self.drawn.lists))
 
     def occlusions(self) -> np.ndarray:
         """(n,) int64 array."""
@@ -195,8 +197,8 @@ def draw_arrays(
     pairs: int | None = None,
 ) -> ArrayDrawn:
     """:func:`draw` for arrays, on a device."""
-    tensors = [
-        torch.tensor(np.asarray(each), dtype=torch.float64, device=device) for each in (points, normals, attributes)
-    ]
-    width = torch.tensor(np.asarray(sigma), dtype=torch.float64, device=device)
-    return ArrayDrawn(draw(*tensors, width, camera, how, dtype, pairs))
+    places, planes, colors, width = (
+        torch.tensor(np.asarray(each), dtype=torch.float64, device=device)
+        for each in (points, normals, attributes, sigma)
+    )
+    return ArrayDrawn(draw(places, planes, colors, width, camera, how, dtype, pairs))

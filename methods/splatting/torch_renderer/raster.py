@@ -16,7 +16,7 @@ from .ragged import parts, pick, spread
 class Lists(NamedTuple):
     """For each pixel the nearest splats that cover it, the nearest first."""
 
-    index: Tensor
+    index: Tensor  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
     """(h, w, K) int64 tensor: numbers of points, -1 for none"""
     depth: Tensor
     """(h, w, K) tensor: where the ray meets the tangent planes, inf for none"""
@@ -72,7 +72,8 @@ def rasterise(ellipses: Ellipses, camera: Camera, how: Drawing, pairs: int) -> L
         _merge(index, depth, rho, ellipses, around.pixels(some), camera, how)
     front = (depth - depth[:, :1] <= how.depth_limit).sum(1)  # inf - inf is NaN, which is not below
     shape = (camera.height, camera.width)
-    return Lists(*(each.reshape(*shape, how.layers) for each in (index, depth, rho)), front.reshape(shape))
+    index, depth, rho = (each.reshape(*shape, how.layers) for each in (index, depth, rho))
+    return Lists(index, depth, rho, front.reshape(shape))
 
 
 def _merge(

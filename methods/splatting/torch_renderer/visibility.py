@@ -165,7 +165,8 @@ class Pull:
             return splat, pixel
         off = self.pixels.middle.index_select(0, pixel) - self.ellipses.place.index_select(0, splat)
         some = torch.nonzero(~crossed | (off.abs().amax(1) <= self.how.window))[:, 0]
-        return pick(some, splat, pixel)
+        splat, pixel = pick(some, splat, pixel)
+        return splat, pixel
 
     def by_gaussians(self, camera: Camera) -> None:
         """The derivative of the Gaussians instead, which end soon: pixels beyond FAINT are nothing."""

@@ -21,6 +21,7 @@ def with_rough_normals(cloud: PointCloud, neighbours: int) -> PointCloud:
     oriented = with_normals(cloud)
     if not neighbours:
         return oriented
+    assert oriented.normals is not None
     normals = estimate_normals(cloud.points, min(neighbours, len(cloud))).normals
     inward = np.einsum("ni,ni->n", normals, oriented.normals) < 0
     return PointCloud(cloud.points, np.where(inward[:, None], -normals, normals), cloud.colors)

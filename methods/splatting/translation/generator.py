@@ -113,7 +113,9 @@ class Generator(nn.Module):
         )
         draw_weights(self, generator)
         if smoothing:
-            nn.init.zeros_(self.layers[-2].weight)
+            last = self.layers[-2]
+            assert isinstance(last, nn.Conv2d)
+            nn.init.zeros_(last.weight)
 
     def forward(self, images: Tensor) -> Tensor:
         """Images (b, 3, h, w) to others of the same size, whatever it is."""

@@ -91,16 +91,19 @@ def drawn_pairs(
         0 where the noisy cloud is not seen.
     """
     clean = PointCloud(*sample_poisson_disk(shape, len(cloud), rng))
-    sigmas = [WIDTH * mean_spacing(both.points) for both in (cloud, clean)]
+    assert cloud.normals is not None and clean.normals is not None
+    both = ((cloud.points, cloud.normals), (clean.points, clean.normals))
+    sigmas = [WIDTH * mean_spacing(points) for points, _ in both]
     cameras, lights = close_ups(cloud.points, cloud.normals, views, pixels, 1.0, rng)
     drawing = Drawing(depth_limit=DEPTH_LIMIT)
     gallery = Gallery(cameras, np.empty(0), lights, drawing, threads)
-    factors = np.exp(rng.uniform(*np.log(spans), size=len(cameras)))
+    low, high = np.log(spans)
+    factors = np.exp(rng.uniform(low, high, size=len(cameras)))
     for view, (camera, factor) in enumerate(zip(cameras, factors, strict=True)):
         camera = replace(camera, intrinsics=camera.intrinsics / np.array([[factor, factor, 1]] * 2 + [[1, 1, 1]]))
         before, after = (
-            draw(both.points, both.normals, gallery.shaded(both.normals, view)[0], sigma, camera, drawing, threads)
-            for both, sigma in zip((cloud, clean), sigmas, strict=True)
+            draw(points, normals, gallery.shaded(normals, view)[0], sigma, camera, drawing, threads)
+            for (points, normals), sigma in zip(both, sigmas, strict=True)
         )
         if before.covered.any() and after.covered.any():
             yield before.image, np.where(before.covered[..., None], _extended(after.image, after.covered), 0.0)

@@ -66,7 +66,8 @@ class Training:
         run: Run,
     ):
         self.plan, self.run = plan, run
-        self.both = Both(generator, discriminator).to(run.device).to(memory_format=torch.channels_last)
+        both = Both(generator, discriminator).to(run.device)
+        self.both: Both = both.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch omits it
         self.crops = Crops(examples, plan.crop, run.device)
         held_out = Crops(examples, plan.crop, run.device, held_out=True)
         self.validation = held_out.draw(VALIDATED, step_generator(run.seed, 0, "validation"))
@@ -75,8 +76,16 @@ class Training:
     def weights(self) -> dict[str, np.ndarray]:
         """Train, and return the weights of the generator."""
         every = max(20, (self.plan.steps or 2000) // VALIDATIONS)
-        arguments = {"steps": self.plan.steps, "optimizer": self.optimizer, "every": every}
-        state = train(self.both, self.loss, self.run, prepare=self.prepare, validate=self.validate, **arguments)
+        state = train(
+            self.both,
+            self.loss,
+            self.run,
+            steps=self.plan.steps,
+            optimizer=self.optimizer,
+            prepare=self.prepare,
+            validate=self.validate,
+            every=every,
+        )
         return {name[len(GENERATOR) :]: array for name, array in state.items() if name.startswith(GENERATOR)}
 
     def prepare(self, step: int) -> None:
