@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read, call the method in a child process, write; report what was made."""
     from ..engine.affinity import available
-    from ..engine.forkserver import begin
+    from ..engine.forkserver import prestart
     from ..engine.targets import names_a_folder
     from ..sweep.request import Request
 
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--simplify {args.simplify}: expected a number of faces, at least 4")
     if not any(word.partition("=")[0] == "threads" for word in overrides):
         overrides.append(f"threads={len(available())}")
-    begin(Request.of([word for word in overrides if word.startswith("threads=")]).threads)
+    prestart(Request.of([word for word in overrides if word.startswith("threads=")]).threads)
     jobs = jobs_of(overrides, files, plugins, args.simplify, args.colors)
     if not names_a_folder(files[-1]):
         return _one(jobs[0], traceback=bool(args.plugin))

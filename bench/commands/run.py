@@ -83,7 +83,7 @@ def _sweep(args: argparse.Namespace, request: Request, results: Results, plugins
     """One sweep, or one job, from its launch to its report; the exit code."""
     jobs = request.jobs
     if request.launcher == "basic" and not any(map(is_hydras, request.overrides)):  # jobs with no environment
-        forkserver.begin(request.threads)
+        forkserver.prestart(request.threads)
     ahead = look_ahead(jobs, request, results) if len(jobs) > 1 else None
     _warn(results)
     if ahead and ahead.text:

@@ -1,7 +1,7 @@
 """Which processors a cell may use: two cells that run side by side on one machine get different ones.
 
-What a cell holds is locked by a file in a folder of this user's in the temporary folder, so it works across the
-processes of any launcher, and the system lets go of the locks when a process dies.
+Claims are lock files in a folder of this user's in the temporary folder, so it works across the
+processes of any launcher, and the system releases the locks when a process dies.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def available() -> list[int]:
 
 @contextlib.contextmanager
 def claim(threads: int) -> Iterator[list[int]]:
-    """Hold ``threads`` processors that no other cell of this user holds, as far as there are any.
+    """Hold ``threads`` processors that no other cell of this user holds, as far as possible.
 
     Where fewer are free, the rest is shared.
     """
@@ -43,7 +43,7 @@ def claim(threads: int) -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def hold(name: str, *, if_none: bool = True) -> Iterator[bool]:
-    """Hold the lock of this name, if nobody does: whether it is held now.
+    """Hold the lock of this name if it is free; yields whether it is held now.
 
     Where there can be no locks (a temporary folder that cannot be written, or that somebody else has prepared), the
     answer is ``if_none``.

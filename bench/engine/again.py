@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def run_again(stored: Stored, folder: Path, cases: Collection[str], plugins: Sequence[str] = ()) -> Record:
     """Run these cases with the seed, the parameters and the limits of the record, and keep their outputs.
 
-    What the record would have written elsewhere (``method.save=FILE``) is not written. Weights that were trained for
+    Files that the cell would write elsewhere (``method.save=FILE``) are not written. Weights that were trained for
     the cell are used where its folder has them; otherwise they are trained again.
 
     Parameters
@@ -42,7 +42,7 @@ def run_again(stored: Stored, folder: Path, cases: Collection[str], plugins: Seq
 
 
 def _copy_weights(results: Results, folder: Path, cell: Cell) -> None:
-    """Take what was trained for a cell to another folder."""
+    """Copy the weights trained for a cell to another folder."""
     from .training import WEIGHTS, folder_of, known_weights
 
     if cell.training is None or cell.training.weights != TRAINED or known_weights(results, cell.training) is None:

@@ -1,6 +1,6 @@
 """One method on one file: the worker's side and the runner's side of ``detailbench apply``.
 
-The call is made in a child process like a benchmark cell, so a method that crashes, hangs or takes all memory ends in
+The call is made in a child process like a benchmark cell, so a method that crashes, hangs or takes all memory gives
 a message.
 """
 
@@ -22,12 +22,12 @@ from .isolate import Isolation
 if TYPE_CHECKING:
     from .channel import Channel
 
-UNORIENTED = 0.05  # share of contradicting normals above which the user is told
+UNORIENTED = 0.05  # share of contradicting normals above which the user is notified
 
 
 @dataclass(frozen=True)
 class Application:
-    """What to apply to what."""
+    """A method, its inputs and its output."""
 
     task: Choice
     method: Choice
@@ -36,20 +36,20 @@ class Application:
     seed: int = 0
     threads: int = 1
     device: str = "cpu"
-    normals: str = "file"  # of an input cloud: those of the file where it has any, or "estimate", as if it had none
+    normals: str = "file"  # of an input cloud: "file": those of the file, if any; "estimate": as if it had none
     limit: Limits = field(default_factory=Limits)
     plugins: tuple[str, ...] = ()
     verbose: bool = False
-    simplify: int = 0  # to so many faces at most; 0: as the method made it
+    simplify: int = 0  # to at most this number of faces; 0: not simplified
     colors: bool = False  # whether the output takes the colours of the nearest points of the input
-    training: Training | None = None  # of a learned method: where its weights come from
-    results: str = "results"  # where trained ones are looked for
+    training: Training | None = None  # the source of the weights of a learned method
+    results: str = "results"  # where trained ones are searched
 
 
 class Applier:
     """Applies one method to files, one after the other, each in a child of one fork server.
 
-    What the method needs is imported once. Inside ``with``, call it with an :class:`Application`; all of them have the
+    The method's libraries are imported once. Inside ``with``, call it with an :class:`Application`; all share the
     method, the plugins and the threads of the first.
     """
 
@@ -73,19 +73,19 @@ class Applier:
         dict
             ``status`` and ``message`` like those of a row; with ``ok`` also ``seconds``, ``peak_rss_mb``, ``input`` and
             ``output`` (in words), ``stages`` (seconds by name), ``input_points``, ``output_points``, ``output_faces``,
-            ``pieces``, as far as there are such, and ``notes``, the parts of the message.
+            ``pieces``, where they apply, and ``notes``, the parts of the message.
 
         Raises
         ------
         UsageError
-            If the method needs weights that are not there, with the command that makes some.
+            If the method needs weights that do not exist, with the command that trains them.
         """
         arguments = _arguments(job)
         try:
             return self._call(job, arguments, on_event)
         except CannotStart:
             raise
-        except ServerDied:  # by what was applied before: a new one knows nothing of it
+        except ServerDied:  # by an earlier call: a new one is not affected
             self._end()
             return self._call(job, arguments, on_event)
 
@@ -107,7 +107,7 @@ class Applier:
 
 
 def _arguments(job: Application) -> dict[str, Any]:
-    """What the worker is told."""
+    """The job of the worker."""
     weights = _weights_of(job)
     return {
         "task": asdict(job.task),
@@ -173,7 +173,7 @@ class _StageClock:
 
 
 def _applied(spec: Mapping[str, Any], channel: Channel, notes: list[str]) -> dict[str, Any]:
-    """The row of one call, whose output is written; ``notes`` gets what is to be known about it, also if it fails."""
+    """The row of one call, whose output is written; its notices are added to ``notes``, also if it fails."""
     from ..geometry.io.files import check_target
     from ..notices import collected
     from ..plugins.weights import load
@@ -187,7 +187,7 @@ def _applied(spec: Mapping[str, Any], channel: Channel, notes: list[str]) -> dic
     task, method = Choice(**asked["task"]), Choice(**asked["method"])
     check_device(asked["device"])
     solver = task.build()
-    check_target(asked["output"], solver.output)  # nobody should wait for what cannot be written
+    check_target(asked["output"], solver.output)  # nobody should wait for an output that cannot be written
     channel.enter("case", 0)
     with collected(notes), stage("reading"):
         inputs, frame = solver.read(asked["inputs"])
@@ -221,7 +221,7 @@ def _applied(spec: Mapping[str, Any], channel: Channel, notes: list[str]) -> dic
 
 
 def _simplified(mesh: Any, asked: Mapping[str, Any]) -> Any:
-    """The mesh with fewer faces, and a notice of what that costs."""
+    """The mesh with fewer faces, and a notice of the error that this causes."""
     from ..geometry.simplify import mesh_distance, simplify
     from ..notices import notice
     from ..seeds import generator
@@ -300,7 +300,7 @@ def _with_attributes_of(inputs: Mapping[str, Any], output: Any) -> Any:
 
 
 def _words(values: Iterable[Any]) -> str:
-    """Inputs or outputs in words: ``20,000 points with normals``; numbers and what is not given are left out."""
+    """Inputs or outputs in words: ``20,000 points with normals``; numbers and absent inputs are left out."""
     return "; ".join(filter(None, map(_in_words, values)))
 
 

@@ -1,6 +1,6 @@
-"""What ``detailbench apply`` has made of many files: a small record of each, so that no output is made twice.
+"""The outputs of ``detailbench apply`` on many files: a small record of each, so that no output is made twice.
 
-The record of ``OUT/NAME.ply`` is ``OUT/.detailbench/NAME.ply.json``: a fingerprint of all that the output depends on,
+The record of ``OUT/NAME.ply`` is ``OUT/.detailbench/NAME.ply.json``: a fingerprint of all its dependencies,
 and the line of the summary. An output that somebody has changed since stays as it is, until its input or the settings
 change.
 """
@@ -41,10 +41,10 @@ def fingerprint(job: Application) -> str:
 
 
 def recorded(job: Application, mark: str) -> dict[str, Any] | None:
-    """The summary of an output that is there and has this fingerprint; None where there is none."""
+    """The summary of an existing output with this fingerprint; None without one."""
     if not os.path.isfile(job.output):
         return None
-    with contextlib.suppress(OSError, ValueError):  # a record that cannot be read is none: the output is made again
+    with contextlib.suppress(OSError, ValueError):  # an unreadable record counts as missing: the output is made again
         record = json.loads(_path(job).read_bytes())
         if isinstance(record, dict) and record.get("fingerprint") == mark and isinstance(record.get("row"), dict):
             return record["row"]
@@ -71,5 +71,5 @@ def _content(path: Path) -> Any:
     try:
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:  # whoever reads it next says what is wrong with the file
+    except OSError as error:  # the next reader reports what is wrong with the file
         return f"cannot be read: {error.strerror or error}"

@@ -35,9 +35,9 @@ from .meter import Meter
 class MeasuredCall:
     """One call of a method: prepared, seeded, measured, and its output validated.
 
-    ``columns`` is empty until the method was called. Then, also when it raised, it has the figures of the meter, and
-    what the method reported: ``parameters``, ``active_parameters``, ``message``, ``true_distances``, ``trace`` and
-    ``artefacts``. The channel hears of the stages ``prepare`` and ``method``, and of every pause of the clock.
+    ``columns`` is empty until the method was called. Then, also when it raised, it has the meter's measurements, and
+    the reports of the method: ``parameters``, ``active_parameters``, ``message``, ``true_distances``, ``trace`` and
+    ``artefacts``. The channel receives the stages ``prepare`` and ``method``, and of every pause of the clock.
     """
 
     task: Choice
@@ -45,15 +45,15 @@ class MeasuredCall:
     solver: Any  # the task, built
     inputs: Mapping[str, Any]  # the keyword arguments of the method's function
     seed: int  # of the global generators and of the Run
-    spec: Mapping[str, Any]  # of the job: its ``threads``, and the ``seconds`` that the method is told as its limit
-    meter: Meter  # its device is the method's
+    spec: Mapping[str, Any]  # of the job: its ``threads``, and the ``seconds`` that are the method's limit
+    meter: Meter  # its device is that of the method
     channel: Channel
     index: int = 0  # of the case, for the channel
     case: str = ""  # its id
     weights: Mapping[str, np.ndarray] | None = None  # of a learned method
-    reference: Shape | None = None  # what run.true_distances measures to
-    trace_score: Callable[[Any], Mapping[str, Any]] | None = None  # of a valid output; None: nobody looks at traces
-    store: tuple[Path, Path] | None = None  # where run.keep stores, and what the listed paths are relative to
+    reference: Shape | None = None  # the shape to which run.true_distances measures
+    trace_score: Callable[[Any], Mapping[str, Any]] | None = None  # of a valid output; None: traces are not scored
+    store: tuple[Path, Path] | None = None  # where run.keep stores, and the folder to which listed paths are relative
     columns: dict[str, Any] = field(default_factory=dict, init=False)
     _trace: list[dict[str, Any]] = field(default_factory=list, init=False)
     _files: Artefacts | None = field(default=None, init=False)
@@ -64,14 +64,14 @@ class MeasuredCall:
         Raises
         ------
         InvalidOutput
-            If it is not what the task promises. Whatever the method raises passes through.
+            If it breaks a promise of the task. Exceptions of the method pass through.
         """
         output = self.solve()
         self.validate(output)
         return output
 
     def validate(self, output: Any) -> None:
-        """See that an output is what the task promises, and not too large to be scored."""
+        """Check that an output keeps the promises of the task, and is not too large to be scored."""
         most = self.spec.get("output_points", math.inf)
         for name in ("points", "vertices", "faces"):
             values: Any = getattr(output, name, None)
@@ -80,13 +80,13 @@ class MeasuredCall:
         self.solver.validate(output, self.inputs)
 
     def solve(self) -> Any:
-        """The output of the method, whatever it is."""
+        """The output of the method, not validated."""
         self.channel.enter("prepare", self.index)
         for plugin in self.method.parts:
             plugin.require()
         make_context(self.meter.device)
         method = self.method.build()
-        if hasattr(method, "prepare"):  # weights, say: no part of the call, nor of its limit
+        if hasattr(method, "prepare"):  # for instance of weights: not part of the call, nor of its limit
             method.prepare()
         seed_globals(self.seed)
         run = self._new_run()
@@ -120,7 +120,7 @@ class MeasuredCall:
         return run
 
     def _reported(self, run: Run) -> dict[str, Any]:
-        """The columns of what the method reported through its run."""
+        """The columns that the method reported through its run."""
         columns = {
             "parameters": None if run.parameters is None else int(run.parameters),
             "active_parameters": None if run.active_parameters is None else int(run.active_parameters),
@@ -143,7 +143,7 @@ class MeasuredCall:
 
     @contextlib.contextmanager
     def _off_the_clock(self) -> Iterator[None]:
-        """Neither the time of the call nor its limit runs; what happens in here has limit.setup_seconds."""
+        """Stop the clock and the limit of the call; the code inside has limit.setup_seconds."""
         self.channel.send("pause")
         try:
             with self.meter.paused():
@@ -173,7 +173,7 @@ class MeasuredCall:
             self._files.keep(name, value)
 
     def _distances(self, points: np.ndarray) -> np.ndarray:
-        """Signed distances to the reference: a paper samples them beforehand, so they are not the method's time."""
+        """Signed distances to the reference: papers sample them beforehand, so the method's time excludes them."""
         from ..geometry.signed_distance import signed_distances
 
         assert self.reference is not None
@@ -182,7 +182,7 @@ class MeasuredCall:
 
 
 def seed_globals(seed: int) -> None:
-    """Seed the global generators: nothing of ours draws from them, somebody's method may, and must be repeatable."""
+    """Seed the global generators: our code never draws from them, but a method may, and must be repeatable."""
     random.seed(seed)
     np.random.seed(seed)  # noqa: NPY002
     if "torch" in sys.modules:
@@ -198,12 +198,12 @@ NEEDS_MESH = "needs a reference that is a mesh"
 
 
 class Scores(NamedTuple):
-    """What metrics say of one output: scores, floors where there are any, and the direction of each score."""
+    """The metrics of one output: scores, floors if any, and the direction of each score."""
 
     values: dict[str, float]
     floors: dict[str, float]
     directions: dict[str, str]  # lower, higher or reference
-    left_out: dict[str, str]  # metrics without a score, and why, where they say so
+    left_out: dict[str, str]  # metrics without a score, and their reasons, if given
 
     @property
     def columns(self) -> dict[str, float]:
@@ -238,7 +238,7 @@ def score(
     """
     found = Scores({}, {}, {}, {})
     of_points = floors and case.reference.cloud is not None
-    floors = floors and not of_points  # of points nobody can draw another perfect sample
+    floors = floors and not of_points  # a reference cloud has no second perfect sample
     for choice in metrics:
         metric, plugin = choice.build(), choice.plugin
         try:
@@ -264,7 +264,7 @@ def score(
 def floor(
     choice: Choice, metric: Any, output: Any, case: Case, keys: Mapping[str, str] | None = None
 ) -> dict[str, float]:
-    """What a perfect output, in kind and count, would score: the same for all methods that return as many.
+    """The score of a perfect output of this type and count: the same for all methods with as many points or faces.
 
     A metric may look at the input of the case, so each sensor has floors of its own. One that takes another output for
     perfect than the case does, as evenly spread points where its ground truth is such, has ``perfect(output, case)``.

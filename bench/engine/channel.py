@@ -1,7 +1,7 @@
-"""What a child process tells the runner: lines of JSON, each an event.
+"""The messages of a child process to the runner: lines of JSON, each an event.
 
-The method runs in the process that writes them, so it can write there, too. What is no event is refused by
-:func:`read_event`, and what does not fit the work at hand by the runner; but no secret can protect a process from the
+The method runs in the process that writes them, so it can write there, too. A line that is no event is refused by
+:func:`read_event`, and an event out of place by the runner; but no secret can protect a process from the
 code in it, and a method that forges a row of its own case, as its worker would send it, is believed.
 """
 
@@ -22,7 +22,7 @@ LONGEST = 1 << 23  # bytes of one event; rows have bounds of their own, see benc
 
 
 class NoEvent(ValueError):
-    """What came through the pipe of a worker is no event, or one that does not fit what the worker is doing."""
+    """A message of a worker is no event, or one that the worker cannot send at this point."""
 
     def __init__(self, reason: str):
         super().__init__(f"something else than the worker wrote to the pipe on which it reports: {reason}")
@@ -34,7 +34,7 @@ class Channel:
     Attributes
     ----------
     stage : str
-        What is being done, as the runner was told last.
+        The current stage, as last reported to the runner.
     """
 
     def __init__(self, fd: int):
@@ -44,7 +44,7 @@ class Channel:
         self.stage = "start"
 
     def send(self, event: str, **values: Any) -> None:
-        """Send one event. A process that a method forked has nothing to say here, and ends."""
+        """Send one event. A process that a method forked may not send, and ends."""
         if os.getpid() != self._owner:
             os._exit(0)
         line = json.dumps({"event": event, **values}).encode() + b"\n"
@@ -53,7 +53,7 @@ class Channel:
                 line = line[self._file.write(line) or 0 :]
 
     def enter(self, stage: str, index: int) -> None:
-        """Say what is done from now on, for which case: the runner watches the limits of that stage."""
+        """Report the stage and the case from now on: the runner enforces the limits of that stage."""
         self.stage = stage
         self.send("begin", index=index, stage=stage)
 
@@ -71,12 +71,12 @@ def _is_text(value: Any) -> bool:
 
 
 def _is_end(value: Any) -> bool:
-    """Whether it says what became of something that has no place in a record, as a plan."""
+    """Whether it is the status of something outside records, such as a plan."""
     return isinstance(value, dict) and is_row({"case": "", "case_index": 0, **value})
 
 
 def _is_result(value: Any) -> bool:
-    """Whether it says what became of a single call, whose status is its own."""
+    """Whether it is the result of a single call, whose status is its own."""
     return isinstance(value, dict) and _is_text(value.get("status")) and _is_end({**value, "status": "ok"})
 
 
@@ -84,7 +84,7 @@ def _are_worst(value: Any) -> bool:
     return _is_end({"status": "ok", **value}) and all(key.startswith("worst.") or key == "directions" for key in value)
 
 
-# The events, their values, and what each must be.
+# The events, their values, and the check of each.
 EVENTS: dict[str, dict[str, Callable[[Any], bool]]] = {
     "begin": {"stage": _is_text, "index": _is_index},
     "cases": {"ids": lambda value: isinstance(value, list) and all(map(_is_text, value))},
@@ -107,7 +107,7 @@ def read_event(line: bytes) -> dict[str, Any]:
     Raises
     ------
     NoEvent
-        If it is none of :data:`EVENTS` with the values that it has.
+        If it is none of :data:`EVENTS` with the right values.
     """
     try:
         event = json.loads(line)
@@ -124,7 +124,7 @@ def read_event(line: bytes) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """As JSON can hold it: numpy scalars become Python's, not-a-number becomes null."""
+    """A value for JSON: numpy scalars become Python's, not-a-number becomes null."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""Where a method computes: the processor, or a GPU that is there, that is asked by its number, and that is claimed.
+"""The device of a method: the processor, or a GPU, which is checked, addressed by its number and claimed.
 
 torch is imported only where a GPU is asked for: it takes seconds.
 """
@@ -19,7 +19,7 @@ LOOK = 0.2  # seconds between looks at a GPU that another cell holds
 
 
 def check_device(device: str) -> None:
-    """Raise :class:`UsageError` unless this machine has the device: a result must be of the device that it names."""
+    """Raise :class:`UsageError` unless this machine has the device: a result comes from the device that it names."""
     if device == "cpu":
         return
     try:
@@ -40,9 +40,9 @@ def index_of(device: str) -> int:
 
 
 def make_context(device: str) -> None:
-    """Begin to use a GPU in this process: what the driver takes for it is no part of a method's time or memory.
+    """Initialise a GPU in this process, so that the driver's time and memory are not charged to a method.
 
-    From here on, ``cuda`` without a number means this one, in the thread that called.
+    From here on, ``cuda`` without a number means this one, in the calling thread.
     """
     if device == "cpu":
         return
@@ -55,7 +55,7 @@ def make_context(device: str) -> None:
 
 @contextlib.contextmanager
 def claim_device(device: str, alive: Callable[[], None] = lambda: None) -> Iterator[str]:
-    """Hold a GPU that no other cell of this user holds, and wait until there is one; ``cuda`` is any that is free.
+    """Hold a GPU that no other cell of this user holds, and wait until it is free; ``cuda`` is any free one.
 
     Parameters
     ----------
@@ -82,18 +82,18 @@ def claim_device(device: str, alive: Callable[[], None] = lambda: None) -> Itera
 
 
 def _count(device: str) -> int:
-    """How many GPUs torch sees; 0 where it is not asked for, or is not there."""
+    """How many GPUs torch sees; 0 if none is requested, or torch is not installed."""
     if device == "cpu":
         return 0
     try:
         import torch
     except ImportError:
-        return 0  # the worker says what is missing
+        return 0  # the worker reports what is missing
     return torch.cuda.device_count() if torch.cuda.is_available() else 0
 
 
 def _physical(index: int) -> str:
-    """What the GPU of this number is called where CUDA_VISIBLE_DEVICES gives processes different numbers for it."""
+    """A name of this GPU that does not depend on CUDA_VISIBLE_DEVICES, which renumbers GPUs by process."""
     visible = [name.strip() for name in os.environ.get("CUDA_VISIBLE_DEVICES", "").split(",") if name.strip()]
     name = visible[index] if index < len(visible) else str(index)
     return re.sub(r"[^A-Za-z0-9-]", "_", name)

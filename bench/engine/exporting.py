@@ -2,9 +2,9 @@
 
 ::
 
-    FOLDER/manifest.json              what is to be made of what, see docs/external.md
+    FOLDER/manifest.json              the outputs to make and their inputs, see docs/external.md
     FOLDER/GROUP/inputs/CASE.ply      the inputs of one dataset, sensor and seed
-    FOLDER/GROUP/outputs/             where the outputs are to be, under the same names
+    FOLDER/GROUP/outputs/             the folder for the outputs, under the same names
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .isolate import Isolation
 if TYPE_CHECKING:
     from .channel import Channel
 
-CASES = ".cases.json"  # what a worker has written, for the runner
+CASES = ".cases.json"  # the list of files that a worker wrote, for the runner
 
 
 def group_of(cell: Cell) -> str:
@@ -42,12 +42,12 @@ def export(cell: Cell, folder: Path, limit: Limits, plugins: tuple[str, ...] = (
     Returns
     -------
     list of dict
-        What the manifest says of each case.
+        The entry of each case in the manifest.
 
     Raises
     ------
     DetailbenchError
-        If a case cannot be made, or its input is no cloud.
+        If a case cannot be made, or its input is not a cloud.
     """
     group = group_of(cell)
     (folder / group / "outputs").mkdir(parents=True, exist_ok=True)
@@ -87,7 +87,7 @@ def _write(spec: Mapping[str, Any], channel: Channel) -> None:
 
     asked = spec["arguments"]
     folder, group = Path(asked["folder"]), asked["group"]
-    # The cases are made as a run makes them; nothing of them is cached for others.
+    # The cases are made as a run makes them; they are not cached.
     job = {"cell": asked["cell"], "keys": asked["keys"], "cache_gb": 0, "cache": str(folder / ".cache")}
     session = Session({**spec, **job, "done": [], "owed": []}, channel)
     channel.enter("plan", -1)
@@ -100,7 +100,7 @@ def _write(spec: Mapping[str, Any], channel: Channel) -> None:
 
 
 def _written(case: Any, cell: Cell, folder: Path, group: str) -> dict[str, Any]:
-    """Write the input of one case; what the manifest says of it."""
+    """Write the input of one case; its entry in the manifest."""
     from ..geometry.io.files import save
 
     clouds = {name: value for name, value in case.input.items() if isinstance(value, PointCloud)}

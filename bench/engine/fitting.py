@@ -22,7 +22,7 @@ from ..plugins.weights import as_bytes, facts_of
 from ..results.files import write_atomically
 from .channel import plain
 
-KEPT = 400  # points of a curve that a header keeps
+KEPT = 400  # points of a curve in a header
 
 
 class Fit:
@@ -32,14 +32,14 @@ class Fit:
     ----------
     method : the learned method, built
     folder : Path
-        Of ``weights.safetensors``, ``log.jsonl`` and ``checkpoint.safetensors``; a checkpoint that is there is gone on
-        from, and its seconds count.
+        Of ``weights.safetensors``, ``log.jsonl`` and ``checkpoint.safetensors``; training resumes
+        from an existing checkpoint, whose seconds count.
     facts : mapping
-        What is known of the examples, for the header of the weights.
+        The facts about the examples, for the header of the weights.
     seconds : float
-        Of training, by the clock, those before an interruption included.
+        Of training, wall clock, including those before an interruption.
     device, threads : where and how
-    on_progress : called with the steps that are done, and all
+    on_progress : called with the number of finished steps and the total
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Fit:
         self.step = 0
 
     def run(self, examples: Mapping[str, np.ndarray]) -> dict[str, Any]:
-        """Fit and store; what the header of the weights says of the training."""
+        """Fit and store; the entries on the training in the header of the weights."""
         resumed = self._resumed()
         self._run = Run(
             seed=self.facts["seed"],
@@ -103,7 +103,7 @@ class Fit:
         }
 
     def _resumed(self) -> dict[str, np.ndarray] | None:
-        """The arrays of the checkpoint, where there is one that can be read; the log as it was then."""
+        """The arrays of a readable checkpoint, if any; the log is cut back to that point."""
         if not self.checkpoint.is_file():
             self.log.unlink(missing_ok=True)
             return None
@@ -138,7 +138,7 @@ def _gpu() -> str:
 
 
 def read_log(path: Path) -> list[dict[str, Any]]:
-    """The lines of a log; one that was torn by a death is left out."""
+    """The lines of a log; a line cut off by a crash is left out."""
     lines = []
     if path.is_file():
         for text in path.read_text().splitlines():
@@ -157,7 +157,7 @@ def read_curve(path: Path) -> list[list[float]]:
 
 
 def thinned(curve: list[list[float]], count: int) -> list[list[float]]:
-    """At most about ``count`` of the points of a curve, evenly, the last one included."""
+    """At most about ``count`` of the points of a curve, evenly spaced, including the last one."""
     step = max(1, -(-len(curve) // count))
     return curve[::-1][::step][::-1]
 

@@ -77,12 +77,12 @@ def _prctl(option: int, value: int) -> None:
 
 
 def server_environment(threads: int) -> dict[str, str]:
-    """The environment of a server whose workers have so many threads; how threads wait is the user's choice first."""
+    """The environment of a server for this number of threads; the user's settings of how threads wait prevail."""
     return {**WAITING, **environment(), **dict.fromkeys(THREAD_VARIABLES, str(threads))}
 
 
 def start_process(channel: int, threads: int, printed: int) -> subprocess.Popen[bytes]:
-    """Start the process of a server: its end of the socket, and the file of its standard error, as descriptors."""
+    """Start a server's process, given the descriptors of its end of the socket and of its standard error."""
     code = "from bench.engine.forkserver import serve; serve()"
     return subprocess.Popen(
         [sys.executable, "-P", "-c", code, str(channel), str(threads)],  # -P: see bench/safe_path.py
@@ -90,12 +90,12 @@ def start_process(channel: int, threads: int, printed: int) -> subprocess.Popen[
         stdin=subprocess.DEVNULL,
         stderr=printed,
         env=server_environment(min(threads, len(available()))),
-        start_new_session=True,  # Ctrl-C in the terminal is the runner's business
+        start_new_session=True,  # Ctrl-C in the terminal is handled by the runner
     )
 
 
 class ForkServer:
-    """The runner's handle on one server, which at once begins to import what every worker needs.
+    """The runner's handle on one server, which starts to import the libraries of every worker at once.
 
     Parameters
     ----------
@@ -119,9 +119,9 @@ class ForkServer:
         Raises
         ------
         CannotStart
-            If it ended before that: not even what every worker needs can be imported.
+            If it ended before that: not even the libraries of every worker can be imported.
         ServerDied
-            If it ended while it imported what was asked for.
+            If it ended while importing the given libraries.
         """
         try:
             self._ask({"ready": True}, patience=LOAD_SECONDS)
@@ -171,12 +171,12 @@ class ForkServer:
         return b""
 
     def _go_on(self) -> None:
-        """Let it go on in case that it was stopped, by a method that it has forked for instance."""
+        """Resume it in case it was stopped, for instance by a method that it has forked."""
         if self._process.returncode is None:
             os.kill(self._process.pid, signal.SIGCONT)
 
     def _end(self) -> None:
-        """Kill it and, since it cannot do so itself, what is below it."""
+        """Kill it and, since it cannot do so itself, its descendants."""
         with contextlib.suppress(psutil.Error):
             for process in psutil.Process(self._process.pid).children(recursive=True):
                 with contextlib.suppress(psutil.Error):
@@ -186,17 +186,17 @@ class ForkServer:
 
     def fork(self, spec: dict[str, Any], messages: int, output: int) -> int:
         """Start a worker on ``spec``; it writes to the two file descriptors. Returns its process id."""
-        with tempfile.TemporaryFile() as job:  # a job that has done thousands of cases is too long for a message
+        with tempfile.TemporaryFile() as job:  # a job with thousands of finished cases is too long for a message
             job.write(json.dumps(spec).encode())
             job.flush()
             return self._ask({"fork": True}, (messages, output, job.fileno()))["pid"]
 
     def reap(self, pid: int) -> int:
-        """Wait for a worker that ended or was killed, kill whatever it left behind; its wait status."""
+        """Wait for a worker that ended or was killed, kill its remaining descendants; its wait status."""
         return self._ask({"reap": pid})["status"]
 
     def close(self) -> None:
-        """End the server and everything below it."""
+        """End the server and all its descendants."""
         self._socket.close()
         self._printed.close()
         if self._loaded:
@@ -221,31 +221,31 @@ class CannotStart(DetailbenchError):
         )
 
 
-_begun: list[ForkServer] = []
+_prestarted: list[ForkServer] = []
 
 
-def begin(threads: int) -> None:
+def prestart(threads: int) -> None:
     """Prestart a server before its work is known: it imports while this process reads its configs.
 
-    Of use where there is a second processor only. The first that asks :func:`begun` for as many threads gets it;
+    Useful only with a second processor. The first call of :func:`take_prestarted` with as many threads gets it;
     otherwise it is ended then, or with this process.
     """
-    if len(available()) > 1 and not _begun:
-        _begun.append(ForkServer(threads))
-        atexit.register(_end_begun)
+    if len(available()) > 1 and not _prestarted:
+        _prestarted.append(ForkServer(threads))
+        atexit.register(_end_prestarted)
 
 
-def begun(threads: int) -> ForkServer:
+def take_prestarted(threads: int) -> ForkServer:
     """The prestarted server, if its number of threads fits, or a new one."""
-    if _begun and _begun[0].threads == threads:
-        return _begun.pop()
-    _end_begun()
+    if _prestarted and _prestarted[0].threads == threads:
+        return _prestarted.pop()
+    _end_prestarted()
     return ForkServer(threads)
 
 
-def _end_begun() -> None:
-    while _begun:
-        _begun.pop().close()
+def _end_prestarted() -> None:
+    while _prestarted:
+        _prestarted.pop().close()
 
 
 # -- the side of the server --------------------------------------------------------------------------------------------
@@ -255,7 +255,7 @@ def serve() -> None:
     """The server's main loop; the arguments are the socket's file descriptor and the number of threads."""
     isolate_imports()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))  # not without ending what is below
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))  # not without ending its descendants
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     _prctl(_PR_SET_PDEATHSIG, signal.SIGCONT)  # one that a method stopped sees the end of the runner, too
     channel, threads = socket.socket(fileno=int(sys.argv[1])), int(sys.argv[2])
@@ -279,13 +279,13 @@ def serve() -> None:
                 answer = _load(request)
             channel.send(json.dumps(answer).encode())
     except OSError:
-        pass  # the runner went while we were answering
+        pass  # the runner ended while we were answering
     finally:
         _kill_descendants()
 
 
 def _load(request: dict[str, Any]) -> dict[str, Any]:
-    """Import what the workers of this server will need beyond :data:`ALWAYS`."""
+    """Import what the workers of this server need beyond :data:`ALWAYS`."""
     from ..plugins.registry import registry
 
     found = registry()
@@ -361,7 +361,7 @@ def _children() -> list[int]:
 
 
 def _kill_descendants() -> None:
-    """Kill all processes below this one; those orphaned by it come up as new children, until none is left."""
+    """Kill all descendants; orphans become children of this process, until none is left."""
     while True:
         with contextlib.suppress(psutil.Error):
             for process in psutil.Process().children(recursive=True):

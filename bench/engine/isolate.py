@@ -8,13 +8,13 @@ from typing import Any
 from ..plan.limits import Limits
 from .affinity import claim
 from .devices import claim_device
-from .forkserver import begun
+from .forkserver import take_prestarted
 from .runner import of_death
 from .watch import Death, Worker
 
 
 class Isolation:
-    """A fork server of one's own.
+    """A fork server for single calls.
 
     Example
     -------
@@ -23,7 +23,7 @@ class Isolation:
 
     def __init__(self, preload: tuple[str, ...] = (), plugins: tuple[str, ...] = (), threads: int = 1):
         self.threads = threads
-        self._server = begun(threads)
+        self._server = take_prestarted(threads)
         self._server.load(preload, plugins)
 
     def __enter__(self) -> Isolation:
@@ -33,7 +33,7 @@ class Isolation:
         self.close()
 
     def close(self) -> None:
-        """End the server and everything below it."""
+        """End the server and all its descendants."""
         self._server.close()
 
     def call(
@@ -50,7 +50,7 @@ class Isolation:
         Returns
         -------
         dict
-            The ``row`` of the ``result`` event that it sent, or, when it died before, the columns that tell how.
+            The ``row`` of the ``result`` event that it sent, or, if it died before, the columns that describe how.
         """
         result: dict[str, Any] = {}
 

@@ -7,9 +7,9 @@ make the same mesh, scan it the same way and draw the same samples again, which 
 
     DIR/.cache/ab/ab12....npz     named arrays under the digest of all that they depend on, sealed
 
-Nothing depends on the memory but time: an entry holds the very bytes that would be computed, its name tells all that
+The cache changes nothing but time: an entry holds the very bytes that would be computed, its name covers all that
 it was computed from (parameters, sources, versions, seed), and a damaged or missing one is made again. So is one that
-somebody else made: what came with a folder that was copied or downloaded has not this user's seal. It keeps below
+somebody else made: entries of a copied or downloaded folder lack this user's seal. The cache stays below
 ``limit.cache_gb`` by removing the least recently used entries; 0 switches it off.
 """
 
@@ -50,14 +50,14 @@ OURS = re.compile(r"([0-9a-f]{2})/(\1[0-9a-f]{62}\.npz|.+\.tmp)")
 
 @dataclass(frozen=True)
 class Memo:
-    """A corner of the memory.
+    """A part of the cache.
 
     Attributes
     ----------
     folder : Path, or None
         Without one nothing is cached.
     key : str
-        What everything in this corner depends on.
+        What everything in this part depends on.
     limit_gb : float
     writes : bool
         Whether new arrays are cached; otherwise the cache is only read.
@@ -69,7 +69,7 @@ class Memo:
     writes: bool = True
 
     def at(self, *parts: Any) -> Memo:
-        """The corner below this one for what also depends on ``parts`` (JSON values)."""
+        """The part below this one for arrays that also depend on ``parts`` (JSON values)."""
         return replace(self, key=digest([self.key, *parts]))
 
     def arrays(self, name: str, make: Callable[[], Arrays]) -> Arrays:
@@ -182,14 +182,14 @@ def _of_mesh(mesh: Trimesh) -> Arrays:
 class RememberedSensor:
     """A sensor whose outputs are cached, by shape and by the state of the generator it was given.
 
-    Tasks that give it the same shape share what it gave.
+    Tasks that give it the same shape share its output.
 
     Parameters
     ----------
     sensor : the sensor
     memo : Memo
     noun : type
-        The class of what it gives, which has ``arrays()`` and ``of(arrays)``; see :func:`sensors.noun_of`.
+        The class of its output, which has ``arrays()`` and ``of(arrays)``; see :func:`sensors.noun_of`.
     """
 
     def __init__(self, sensor: Any, memo: Memo, noun: Any = PointCloud):
@@ -199,12 +199,12 @@ class RememberedSensor:
         return getattr(self._sensor, name)
 
     def sense(self, shape: Shape, rng: np.random.Generator) -> Any:
-        """What the sensor gives of ``shape``.
+        """The output of the sensor for ``shape``.
 
         Raises
         ------
         UsageError
-            If that is of another class than the sensor declares.
+            If its class is not the one that the sensor declares.
         """
         # Spawned generators differ by their key alone, which is no part of the state.
         start = [str(rng.bit_generator.state), str(rng.bit_generator.seed_seq)]

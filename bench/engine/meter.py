@@ -17,7 +17,7 @@ MAXRSS_PER_MB = 2**20 if sys.platform == "darwin" else 1024  # the unit of ru_ma
 
 
 class Meter:
-    """Measures what happens inside ``with meter:``: wall and processor seconds, and the peak of resident memory.
+    """Measures the code inside ``with meter:``: wall and processor seconds, and the peak of resident memory.
 
     Memory is that of the largest process: this one, or one that the method started and waited for (where there were
     several such calls in one process, the largest of all that were started so far).
@@ -39,7 +39,7 @@ class Meter:
     def __enter__(self) -> Meter:
         gc.collect()
         self._wall = self._cpu = 0.0
-        self._synchronise()  # what is at work since before the call is not timed
+        self._synchronise()  # work that started before the call is not timed
         self._device_peak = math.nan
         self._before = resident_mb("VmRSS")
         self._reset_peaks()
@@ -58,7 +58,7 @@ class Meter:
 
     @contextlib.contextmanager
     def paused(self) -> Any:
-        """Stand still while a trace is scored."""
+        """Pause while a trace is scored."""
         self._stop()
         try:
             yield
@@ -80,7 +80,7 @@ class Meter:
             self._peak = max(self._peak, children.ru_maxrss / MAXRSS_PER_MB)
 
     def _synchronise(self) -> None:
-        """A GPU works behind our back: wait for it before reading the clock."""
+        """A GPU works asynchronously: wait for it before reading the clock."""
         if self.device != "cpu" and "torch" in sys.modules:
             cuda = sys.modules["torch"].cuda
             cuda.synchronize(self.device)
@@ -93,7 +93,7 @@ class Meter:
             sys.modules["torch"].cuda.reset_peak_memory_stats(self.device)
 
     def figures(self) -> dict[str, float]:
-        """What was measured."""
+        """The measurements."""
         return {
             "seconds": self._wall,
             "cpu_seconds": self._cpu,

@@ -1,4 +1,4 @@
-"""Runs cells: each in a child process of its own, watched, with every finished case kept at once.
+"""Runs cells: each in a child process of its own, watched, with every finished case stored at once.
 
 It behaves the same under every launcher: a launcher only decides in which process :func:`run_cell` is called.
 """
@@ -24,23 +24,23 @@ from ..text import bounded, encodable
 from .affinity import claim
 from .channel import NoEvent
 from .devices import check_device, claim_device
-from .forkserver import CannotStart, ForkServer, ServerDied, begun
+from .forkserver import CannotStart, ForkServer, ServerDied, take_prestarted
 from .watch import Death, Worker
 
 STAGES = ("start", "plan", "case", "prepare", "method", "score", "worst")  # of a worker, for each case in this order
-BEFORE_ANY_CASE = ("start", "plan")  # a failure there says nothing of a method: it is tried again each time
+BEFORE_ANY_CASE = ("start", "plan")  # a failure there is not the method's: it is tried again each time
 TRIES = 3  # of a worker or a server that ends before any case: somebody short of memory may have killed it
 MAX_SERVERS = 6  # a fork server holds its libraries in memory; the least recently used one goes
 
 
 class Reporter(Protocol):
-    """Where progress is shown."""
+    """Receives progress."""
 
     def cell_begins(self, cell: Cell, planned: int, done: int) -> None:
         """A cell starts; ``done`` of its cases are cached."""
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Whatever the worker reports."""
+        """An event of the worker."""
 
 
 class Silent:
@@ -55,13 +55,13 @@ class Silent:
 
 @dataclass
 class Outcome:
-    """What became of a cell."""
+    """The outcome of a cell."""
 
     record: Record
     cached: int  # how many of its cases were cached
-    notes: list[str]  # damaged files that were found
-    for_outputs: int = 0  # how many solved cases were run again because their outputs are to be kept
-    stale: tuple[str, ...] = ()  # what kept the cell's newest record from being current
+    notes: list[str]  # about damaged files
+    for_outputs: int = 0  # how many solved cases were run again only to store their outputs
+    stale: tuple[str, ...] = ()  # why the cell's newest record is not current
 
 
 def run_cell(
@@ -71,7 +71,7 @@ def run_cell(
     alive: Callable[[], None] = lambda: None,
     known: Mapping[int, Mapping[str, Any]] = {},
 ) -> Outcome:
-    """Run what is missing of a cell and store it.
+    """Run the missing cases of a cell and store them.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def run_cell(
     StoreError
         If the results cannot be written.
     UsageError
-        If the dataset has no case in the split, or if something is to be run on a device that is not here.
+        If the dataset has no case in the split, or if a case needs a device that this machine does not have.
     """
     results = Results(settings.results, mends=True)
     parts = ingredients(cell)
@@ -117,9 +117,9 @@ def run_cell(
 def prepared_weights(
     cell: Cell, settings: Settings, reporter: Reporter | None, alive: Callable[[], None]
 ) -> dict[str, Any]:
-    """What the worker of a cell needs of the weights of its method: nothing, a file, or why there is none.
+    """The weights that the worker of a cell needs: none, a file, or the reason why there is none.
 
-    The training is done here and now if it was not done before.
+    The training runs now if it has not run before.
     """
     if cell.training is None:
         return {}
@@ -156,7 +156,7 @@ def standing_rows(
 ) -> tuple[dict[int, dict[str, Any]], Record | None]:
     """:func:`finished_rows` of the record that counts, which an earlier version may have stored.
 
-    Where that record lacks cases, what a run adds to it is stored under today's fingerprint, with its rows.
+    Cases that a run adds to that record are stored with its rows, under the current fingerprint.
     """
     rows, stored = finished_rows(results, cell, stands.record, settings)
     if stands.record == stands.mark or (stored and len(rows) == len(stored.rows)):
@@ -172,7 +172,7 @@ def lacks_output(results: Results, row: Mapping[str, Any], settings: Settings) -
 
 
 def _without_output(results: Results, cell: Cell, mark: str, settings: Settings) -> set[int]:
-    """The solved cases of a cell that are run again for nothing but their outputs."""
+    """The solved cases of a cell that are run again only for their outputs."""
     if settings.outputs == "none" or settings.rerun == "always":
         return set()
     rows, _ = finished_rows(results, cell, mark, replace(settings, outputs="none"))
@@ -187,10 +187,10 @@ def _references(stored: Record | None, rows: list[dict[str, Any]]) -> dict[str, 
 
 
 def must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str, float]) -> bool:
-    """Whether a stored row should be made anew: a limit was raised, a library may be there now, or it is asked for.
+    """Whether a stored row should be computed again: a limit was raised, a library may be installed now, or on request.
 
-    A row with a note counts as one that the limit cut short: what a method left out for want of time may fit now.
-    ``before`` are the limits that its cell was last run under, for those that are no columns.
+    A row with a note counts as cut short by the limit: what a method left out for lack of time may fit now.
+    ``before`` are the limits that its cell was last run under, for those that are not columns.
     """
     limit, noted = settings.limit, row["status"] == "ok" and bool(row.get("message"))
     off_the_clock = row["status"] == "timeout" and row.get("stage") != "method"
@@ -224,9 +224,9 @@ class _Job:
         self.rows, self.reporter, self.alive = rows, reporter, alive
         self.device = cell.device
         self.ids: list[str] = []
-        # Of the worker: what it does, for which case; whether it has listed the cases, and asks for a successor.
+        # Of the worker: its stage and case; whether it has listed the cases, and asks for a successor.
         self.at, self.listed, self.replaced = (-1, 0), False, False
-        self.scored: set[int] = set()  # cases whose worst scores were asked for: once is enough
+        self.scored: set[int] = set()  # cases whose worst scores were requested: once is enough
         self.constants = constant_columns(cell, settings, mark)
 
     def run(self, cpus: list[int]) -> None:
@@ -235,7 +235,7 @@ class _Job:
         Raises
         ------
         CannotStart
-            If no worker can begin, whatever the method.
+            If no worker can start, whatever the method.
         """
         self.reporter.cell_begins(self.cell, self.cell.planned, len(self.rows))
         deaths = starts = 0
@@ -252,7 +252,7 @@ class _Job:
                 death = Death("crashed", str(error), -1, "start", 0.0, "")
             if death is None:
                 return
-            if death.with_server:  # somebody short of memory may have killed it: the case has another try
+            if death.with_server:  # somebody short of memory may have killed it: the case is tried again
                 forget_servers()
                 if death.index not in tried:
                     tried.add(death.index)
@@ -261,21 +261,21 @@ class _Job:
             if death.index < 0:
                 self.no_plan(of_death(death))
                 return
-            if death.index not in self.rows:  # otherwise it died between two cases, and that one is safe
+            if death.index not in self.rows:  # otherwise it died between two cases, and this one is stored
                 self.keep({"case": self.ids[death.index], "case_index": death.index} | of_death(death))
             elif deaths > 2 * len(self.ids):
                 self.no_plan(of_death(death))
                 return
 
     def work(self, cpus: list[int]) -> Death | None:
-        """Fork workers, follow them to their end; how one died, or None when all cases are done.
+        """Fork workers and follow them to their end; returns how one died, or None when all cases are done.
 
         Raises
         ------
         ServerDied
             If a library or a plugin of this cell ends the process that imports it.
         CannotStart
-            If the worker or its server ended before either met anything of this cell.
+            If the worker or its server ended before it loaded anything of this cell.
         """
         server = server_for(self.cell, self.settings)
         limit, verbose = self.settings.limit, self.settings.verbose
@@ -327,7 +327,7 @@ class _Job:
         Raises
         ------
         NoEvent
-            If the worker cannot have sent it: it does one case after the other, of those that it has announced.
+            If the worker cannot have sent it: it runs the announced cases one after the other.
         """
         kind, index = event["event"], event.get("index", self.at[0])
         if not self.fits(event, index):
@@ -344,7 +344,7 @@ class _Job:
             if event["stage"] == "worst":
                 self.scored.add(index)
         elif kind == "worst":
-            row = self.rows.get(index, {})  # none if it could not be kept: that error is on its way
+            row = self.rows.get(index, {})  # empty if it could not be stored: that error is on its way
             row |= {key: value for key, value in event["row"].items() if not row.get(key)}
         elif kind == "replace":
             self.replaced = True
@@ -367,7 +367,7 @@ class _Job:
         """Store one finished case at once."""
         from .worker import now
 
-        # Whatever a method, a dataset or a file's name brings: the row can be stored.
+        # The row can be stored whatever text a method, a dataset or a file name contains.
         row = encodable(
             dict.fromkeys(COLUMNS)
             | {"started": now(), "finished": now()}
@@ -380,7 +380,7 @@ class _Job:
         self.reporter.event({"event": "kept", "row": row})
 
     def no_plan(self, row: dict[str, Any]) -> None:
-        """The cases could not even be listed: one row has the reason, or that of each where they are known."""
+        """The cases could not be listed: one row has the reason, or one row for each case if they are known."""
         missing = [index for index in range(len(self.ids) or self.cell.planned) if index not in self.rows]
         for index in missing if self.ids else missing[:1]:
             name = self.ids[index] if self.ids else f"case-{index:03d}"
@@ -393,7 +393,7 @@ class _Job:
 
 
 def of_death(death: Death) -> dict[str, Any]:
-    """The columns that tell how a worker ended."""
+    """The columns that describe how a worker ended."""
     from .worker import now
 
     return {
@@ -432,7 +432,7 @@ def constant_columns(cell: Cell, settings: Settings, mark: str) -> dict[str, Any
 def _meta(
     cell: Cell, settings: Settings, parts: dict[str, Any], mark: str, job: _Job, cpus: list[int]
 ) -> dict[str, Any]:
-    """The metadata of a record: all that it takes to do it again."""
+    """The metadata of a record: all that is needed to run it again."""
     from dataclasses import asdict
 
     from .worker import now
@@ -459,11 +459,11 @@ def _meta(
 # -- fork servers ------------------------------------------------------------------------------------------------------
 
 _servers: dict[tuple[Any, ...], ForkServer] = {}
-_sources: dict[str, str] = {}  # digests of the plugin sources that the servers have loaded
+_sources: dict[str, str] = {}  # digests of the plugin sources loaded by the servers
 
 
 def server_for(cell: Cell, settings: Settings) -> ForkServer:
-    """The fork server for the libraries of a cell's method; all are started anew when a plugin was edited since.
+    """The fork server for the libraries of a cell's method; all are restarted when a plugin was edited since.
 
     What the dataset, the sensor and the metrics of the first cell need is loaded with it; a later cell's dataset is
     imported by the worker, off the clock.
@@ -482,7 +482,7 @@ def server_for(cell: Cell, settings: Settings) -> ForkServer:
     while len(_servers) >= MAX_SERVERS:
         _servers.pop(next(iter(_servers))).close()
     preload = tuple(sorted({library for plugin in plugins for library in plugin.requires}))
-    server = begun(cell.threads)
+    server = take_prestarted(cell.threads)
     try:
         server.load(preload, settings.plugins)
     except (ServerDied, CannotStart):

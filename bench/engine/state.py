@@ -1,8 +1,8 @@
-"""What a method may leave behind in its process: the next case is not to be run with it.
+"""The state that a method may leave behind in its process, which must not affect the next case.
 
-A worker runs the cases of a cell one after the other. What one call changes of the process (its limits, its working
-folder, a thread that goes on computing) would be met by the next case, whose time or status would be another. So the
-state before and after a call is compared, and a worker that is not as it was is replaced; that costs a fork.
+A worker runs the cases of a cell one after the other. Changes of the process by one call (its limits, its working
+folder, a thread that goes on computing) would affect the next case and its time or status. So the
+state before and after a call is compared, and a worker whose state has changed is replaced, at the cost of a fork.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ OF_STATUS = ("Umask:", "SigBlk:", "SigIgn:", "Cpus_allowed:", "NoNewPrivs:", "Se
 
 
 def state() -> dict[str, Any]:
-    """What of this process a method may change and another call would notice, by name."""
+    """The state of this process that a method may change and that affects another call, by name."""
     found: dict[str, Any] = {
         "the environment": dict(os.environ),
         "limits": {name: resource.getrlimit(getattr(resource, name)) for name in dir(resource) if _is_limit(name)},
@@ -50,7 +50,7 @@ def state() -> dict[str, Any]:
 
 
 def changes(before: dict[str, Any]) -> list[str]:
-    """What is not as it was, in words."""
+    """The changes, in words."""
     try:
         after = state()
     except (OSError, MemoryError) as error:  # no descriptors left, or no memory
@@ -110,7 +110,7 @@ def _threads() -> dict[str, int]:
 
 
 def _are_busy(before: dict[str, int], after: dict[str, int]) -> bool:
-    """Whether a thread that was not there before computes. Those of libraries sleep until they are needed."""
+    """Whether a new thread computes. Those of libraries sleep until they are needed."""
     suspects = after.keys() - before.keys()
     for _ in range(WINDOWS):
         if not suspects:

@@ -1,4 +1,4 @@
-"""Which files ``detailbench apply`` reads, and which file each becomes."""
+"""The input files of ``detailbench apply``, and the output file of each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..errors import UsageError
 from ..geometry.io.files import CLOUD_READERS, check_suffix
 from ..text import shortened
 
-MOST_NAMES = 200  # letters of a list of names in a message
+MOST_NAMES = 200  # characters of a list of names in a message
 
 
 class Target(NamedTuple):
@@ -24,7 +24,7 @@ class Target(NamedTuple):
 
 
 def names_a_folder(output: str) -> bool:
-    """Whether the last word of a command stands for many files: a folder, a word that ends in ``/``, or ``OUT/*.obj``.
+    """Whether the last argument of a command stands for many files: a folder, a path ending in ``/``, or ``OUT/*.obj``.
 
     There a ``*`` is the name of the input without its suffix.
     """
@@ -32,19 +32,19 @@ def names_a_folder(output: str) -> bool:
 
 
 def targets_of(inputs: Sequence[str], output: str, task: Any) -> list[Target]:
-    """The calls that the words of a command ask for.
+    """The calls that the arguments of a command ask for.
 
     Parameters
     ----------
     inputs : files, patterns (``'SCANS/*.ply'``) and folders
-    output : a file, or what :func:`names_a_folder`
+    output : a file, or a name for which :func:`names_a_folder` is true
     task : Task
         Of the kind of its output is the suffix of the files; one that takes images takes folders as they are.
 
     Raises
     ------
     UsageError
-        Where files are not there, two would have one output, or an output is an input.
+        If files do not exist, two would have the same output, or an output is an input.
     """
     found = [path for word in inputs for path in _files(word, is_folder_an_input=task.takes == "views")]
     counts = getattr(task, "files", (1,))
@@ -72,7 +72,7 @@ def targets_of(inputs: Sequence[str], output: str, task: Any) -> list[Target]:
 
 
 def _files(word: str, is_folder_an_input: bool) -> list[str]:
-    """The files that one word stands for, in the order of their names; a number in a name counts as a number."""
+    """The files that one argument stands for, sorted by name, with numbers in numeric order."""
     if os.path.isdir(word) and not is_folder_an_input:
         names = [e.path for e in os.scandir(word) if e.is_file() and not e.name.startswith(".")]
         found = [path for path in names if Path(path).suffix.lower() in CLOUD_READERS]
@@ -93,7 +93,7 @@ def _natural(path: str) -> list[Any]:
 
 
 def _pattern(output: str, kind: str) -> str:
-    """``OUT/*.ply`` for what names a folder."""
+    """``OUT/*.ply`` for the name of a folder."""
     name = os.path.basename(output)
     if "*" not in name or os.path.isdir(output):
         return os.path.join(output, "*.ply")

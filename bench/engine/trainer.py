@@ -1,6 +1,6 @@
 """The child process of a training: makes the examples, fits, and writes the weights.
 
-What fits, and keeps logs and checkpoints, is :class:`bench.engine.fitting.Fit`.
+The fit, with its log and checkpoints, is :class:`bench.engine.fitting.Fit`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def work(spec: Mapping[str, Any], channel: Channel) -> None:
 def _examples(
     training: Training, asked: Mapping[str, Any], spec: Mapping[str, Any], channel: Channel
 ) -> tuple[Mapping[str, np.ndarray], dict[str, Any]]:
-    """What the method makes of the training data, from the file where it is known; and what is known of it."""
+    """The examples that the method makes of the training data, from the file if it exists; and the facts about them."""
     if given := asked["from_examples"]:
         examples, facts = _known(Path(given))
         if facts.get("method") != training.method.name:
@@ -57,7 +57,7 @@ def _examples(
         return examples, facts
     path = Path(asked["examples"])
     if path.is_file():
-        with contextlib.suppress(BadInput):  # damaged: they are made again
+        with contextlib.suppress(BadInput):  # damaged: the examples are made again
             return _known(path)
     shapes: list[str] = []
 
@@ -88,7 +88,7 @@ def _examples(
 
 
 def _known(path: Path) -> tuple[Mapping[str, np.ndarray], dict[str, Any]]:
-    """The arrays of a file of examples, what its header says, and its hash."""
+    """The arrays of a file of examples, its header, and its hash."""
     facts = facts_of(path)
     return load_examples(path), {**facts, "examples": content(path)}
 
@@ -118,7 +118,7 @@ def _fitted(
     examples: Mapping[str, np.ndarray],
     facts: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Fit, and write the weights with what is known of them."""
+    """Fit, and write the weights with the facts about them."""
     from ..results.provenance import machine
     from .call import seed_globals
     from .devices import check_device, make_context

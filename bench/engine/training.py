@@ -2,14 +2,14 @@
 
 ::
 
-    DIR/trainings/ID-FINGERPRINT/weights.safetensors      what it made; the header tells how
-                                 /log.jsonl               losses and validations, a line each
-                                 /curve.png               the validation error over the time
+    DIR/trainings/ID-FINGERPRINT/weights.safetensors      the result; the header describes how it was made
+                                 /log.jsonl               losses and validations, one a line
+                                 /curve.png               the validation error over time
                                  /checkpoint.safetensors  while it is not finished
                                  /failed.json             where it failed
-    DIR/trainings/examples/KEY.safetensors                what methods made of the training data
+    DIR/trainings/examples/KEY.safetensors                the examples that methods made of the training data
 
-A training that was killed goes on from its last checkpoint when it is asked for again. Copying ``trainings`` into
+A killed training resumes from its last checkpoint when it is next requested. Copying ``trainings`` into
 another results folder is enough to use its weights there.
 """
 
@@ -34,18 +34,18 @@ from ..results.provenance import examples_key, training_ingredients, weights_of
 from ..results.store import Results
 from .affinity import claim
 from .devices import check_device, claim_device
-from .forkserver import CannotStart, ServerDied, begun
+from .forkserver import CannotStart, ServerDied, take_prestarted
 from .watch import Worker
 
 STAGE = "train"  # of the rows of cells whose training failed
 WEIGHTS, CHECKPOINT, LOG, FAILED = "weights.safetensors", "checkpoint.safetensors", "log.jsonl", "failed.json"
 SPARE = 1.2  # of its seconds, and
-SPARE_SECONDS = 120.0  # more, before a training that does not end by itself is killed
+SPARE_SECONDS = 120.0  # more, before a training that does not end on its own is killed
 EXAMPLES_SECONDS = 3600.0  # for making examples, where limit.setup_seconds is less
 
 
 class TrainingFailed(Exception):
-    """A training failed: every cell that needs it gets the row, and none tries again in this run."""
+    """A training failed: every cell that needs it gets the row, and it is not tried again in this run."""
 
     def __init__(self, row: Mapping[str, Any]):
         super().__init__(row["message"])
@@ -54,7 +54,7 @@ class TrainingFailed(Exception):
 
 @dataclass(frozen=True)
 class Weights:
-    """What a method is given.
+    """The weights given to a method.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Weights:
     origin : str
         ``shipped``, ``trained`` or ``file``.
     facts : mapping
-        What the header of the file says; a file of somebody else may say less.
+        The header of the file; a file from elsewhere may have less in it.
     """
 
     path: Path
@@ -76,7 +76,7 @@ class Weights:
 
     @property
     def columns(self) -> dict[str, Any]:
-        """What a row says of them."""
+        """The columns of a row about them."""
         facts = self.facts
         return {
             "weights": content(self.path)[:12],
@@ -100,14 +100,14 @@ def _data(facts: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Extra:
-    """What the command ``train`` asks for besides."""
+    """The other options of the command ``train``."""
 
     examples: str = ""  # a file to take the examples from
     only_examples: bool = False
 
 
 def folder_of(results: Results, training: Training) -> Path:
-    """Where a training is kept."""
+    """The folder of a training."""
     return results.folder / "trainings" / f"{training.id}-{weights_of(training)}"
 
 
@@ -121,7 +121,7 @@ def state_of(results: Results, training: Training) -> str:
 
 
 def known_weights(results: Results, training: Training) -> Weights | None:
-    """The weights, where they are there already."""
+    """The weights, if they exist already."""
     if training.weights == SHIPPED:
         path = training.shipped
         if path is None:
@@ -134,7 +134,7 @@ def known_weights(results: Results, training: Training) -> Weights | None:
         return None
     try:
         return Weights.of(path, training.weights)
-    except BadInput as error:  # damaged: it is trained again, as a damaged record is computed again
+    except BadInput as error:  # damaged: it is trained again, just as a damaged record is computed again
         if not results.mends:
             return None
         with contextlib.suppress(OSError):
@@ -150,21 +150,21 @@ def weights_for(
     alive: Callable[[], None] = lambda: None,
     extra: Extra = Extra(),
 ) -> Weights:
-    """The weights of a training, which is done now unless it was done before; others that need it wait.
+    """The weights of a training, which runs now unless it ran before; others that need it wait.
 
     Parameters
     ----------
     training, settings : what and how
-    hear : called with events: ``train`` when it begins, ``waits`` while another process does it, ``progress``
+    hear : called with events: ``train`` when it starts, ``waits`` while another process does it, ``progress``
     alive : called while waiting; raises to stop
-    extra : what the command ``train`` asks for besides
+    extra : the other options of the command ``train``
 
     Raises
     ------
     TrainingFailed
         With the status and the message of the failure.
     UsageError
-        If it is to be done on a device that is not here.
+        If it needs a device that this machine does not have.
     StoreError
         If it cannot be stored.
     """
@@ -194,12 +194,12 @@ def weights_for(
 
 
 def examples_file(results: Results, training: Training) -> Path:
-    """Where the examples of a training are kept."""
+    """The file of a training's examples."""
     return results.folder / "trainings" / "examples" / f"{examples_key(training)}.safetensors"
 
 
 def _failed_before(folder: Path, settings: Settings) -> dict[str, Any] | None:
-    """How this training failed in this very run; an earlier run's failure does not count."""
+    """How this training failed in this run; failures of earlier runs do not count."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         found = json.loads((folder / FAILED).read_bytes())
         if settings.session != "none" and found["session"] == settings.session:
@@ -261,9 +261,9 @@ def _watched(
     hear: Callable[[dict[str, Any]], None],
     alive: Callable[[], None],
 ) -> tuple[str, str, str] | None:
-    """Fork the trainer and follow it to its end; its status, message and output where it died.
+    """Fork the trainer and follow it to its end; its status and message, and its output if it died.
 
-    It has another try where its fork server was killed, as a system short of memory may do.
+    It is tried again if its fork server was killed, as a system short of memory may do.
     """
     limit = Limits(
         seconds=SPARE * training.seconds + SPARE_SECONDS,
@@ -272,7 +272,7 @@ def _watched(
     )
     libraries = {library for choice in training.choices for plugin in choice.parts for library in plugin.requires}
     for _ in range(2):
-        with contextlib.closing(begun(training.threads)) as server:
+        with contextlib.closing(take_prestarted(training.threads)) as server:
             try:
                 server.load(tuple(sorted(libraries)), settings.plugins)
                 death = Worker(server, spec, limit, hear, alive, settings.verbose).watch()
@@ -296,7 +296,7 @@ def _watched(
 
 
 def _about(training: Training) -> dict[str, Any]:
-    """What a training is, for people who look into its folder."""
+    """A description of a training, for people who look into its folder."""
     return {"title": training.title, "training": training.to_json(), "ingredients": training_ingredients(training)}
 
 

@@ -21,11 +21,11 @@ from .forkserver import FAILED, ForkServer, ServerDied
 
 POLL = 0.05  # seconds between looks at the clock and the memory
 LOOK_BELOW = 0.5  # seconds between looks at a worker's own children
-ENDS_WITHIN = 5.0  # seconds that a worker has to end after it said that it is done
-READS = 64  # of one pipe in a row: somebody who writes without end does not keep us from the limits
-TAIL = 16384  # how much of what a worker printed is kept for the report of its death
+ENDS_WITHIN = 5.0  # seconds that a worker has to end after it reported that it is done
+READS = 64  # of one pipe in a row: endless output does not delay the checks of the limits
+TAIL = 16384  # bytes of a worker's output that are stored for the report of its death
 PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
-SETUP_MEMORY_GB = 4.0  # what making a case and scoring may take, where the method's limit is lower
+SETUP_MEMORY_GB = 4.0  # for making a case and scoring, if the method's limit is lower
 
 
 @dataclass
@@ -38,7 +38,7 @@ class Death:
     stage: str
     seconds: float  # since that stage began
     printed: str  # the end of what it wrote
-    with_server: bool = False  # its fork server was gone, too: seldom the doing of what it worked on
+    with_server: bool = False  # its fork server was gone, too: seldom caused by the case
 
 
 class Worker:
@@ -49,7 +49,7 @@ class Worker:
     server : ForkServer
     spec : the worker's job
     limits : Limits
-    on_event : called with what the worker reports; raises :class:`NoEvent` for what the worker cannot have said
+    on_event : called with the events; raises :class:`NoEvent` for one that the worker cannot have sent
     alive : called at every look; raises when the runner itself should stop
     """
 
@@ -67,9 +67,9 @@ class Worker:
         self.stage, self.index = "start", -1
         self.printed = b""
         self._buffer = bytearray()
-        self._finished_at: float | None = None  # when it said that it is done
+        self._finished_at: float | None = None  # when it reported that it is done
         self._below: list[psutil.Process] = []
-        self._below_at = time.monotonic()  # it has just been forked: there is nothing below it yet
+        self._below_at = time.monotonic()  # it has just been forked: it has no children yet
         messages, messages_w = os.pipe()
         output, output_w = os.pipe()
         self._fds = [messages, output]
@@ -110,7 +110,7 @@ class Worker:
         return Death(how, message, self.index, self.stage, seconds, printed, with_server=status is None and not killed)
 
     def _follow(self) -> tuple[str, str] | None:
-        """Listen until the worker is over; how and why it is to be killed, if it is."""
+        """Read until the worker has ended; the status and the reason to kill it, if it must be killed."""
         with selectors.DefaultSelector() as selector:
             for fd in self._fds:
                 selector.register(fd, selectors.EVENT_READ)
@@ -128,11 +128,11 @@ class Worker:
                     if killed := self._passed_limit():
                         return killed
                 elif time.monotonic() - self._finished_at > ENDS_WITHIN:
-                    self.kill()  # its work is done; a thread or a handler of a method keeps it from ending
+                    self.kill()  # its work is done, but a thread or a handler of a method keeps it from ending
                     return None
 
     def kill(self) -> None:
-        """Kill the worker's process group; what left the group falls to the server."""
+        """Kill the worker's process group; the server kills processes that left the group."""
         for kill in (os.killpg, os.kill):  # the group does not exist before the worker has made it
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 kill(self.pid, signal.SIGKILL)
@@ -140,12 +140,12 @@ class Worker:
     # -- what it says ----------------------------------------------------------------------------------------------
 
     def _drain(self, fd: int) -> bool:
-        """Read what there is, of a flood a part; False at the end of the stream.
+        """Read what is available, of a flood a part; False at the end of the stream.
 
         Raises
         ------
         NoEvent
-            For what a worker cannot have written.
+            For a message that a worker cannot have sent.
         """
         for _ in range(READS):
             try:
@@ -175,7 +175,7 @@ class Worker:
     def _hear(self, event: dict[str, Any]) -> None:
         kind, now = event["event"], time.monotonic()
         if self._finished_at is not None:
-            if kind in ("progress", "doing", "pause", "resume"):  # of a thread that a method has left
+            if kind in ("progress", "doing", "pause", "resume"):  # from a thread that a method has left running
                 return
             raise NoEvent(f"an event {kind!r} after 'done'")
         if kind == "pause":
@@ -236,7 +236,7 @@ class Worker:
     # -- how it ended ----------------------------------------------------------------------------------------------
 
     def _is_over(self) -> bool:
-        """Whether it has ended. Its pipe does not tell: a grandchild may hold the other end."""
+        """Whether it has ended. The end of its pipe is no proof: a grandchild may hold the other end."""
         try:
             return psutil.Process(self.pid).status() == psutil.STATUS_ZOMBIE
         except psutil.NoSuchProcess:
@@ -263,7 +263,7 @@ class Worker:
                 return "crashed", message
             return "crashed", f"killed by signal {number}"
         message = f"ended with exit status {os.WEXITSTATUS(status)}"
-        if os.WEXITSTATUS(status) == FAILED and self.printed:  # of a traceback the last line says what it was
+        if os.WEXITSTATUS(status) == FAILED and self.printed:  # the last line of a traceback names the error
             message = f"{message}: {self.printed.decode(errors='replace').strip().splitlines()[-1]}"
         return "crashed", message
 

@@ -1,7 +1,7 @@
 """The child process: runs one cell's cases and streams each row to the runner as soon as it is finished.
 
 Nothing that happens in here can hurt the runner. What a method raises becomes the status of its row; what kills the
-process becomes, in the runner, the status of the case that was being worked on.
+process becomes, in the runner, the status of the current case.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from .meter import Meter
 from .state import changes, state
 from .yardstick import reference_seconds
 
-LONGEST_ID = 200  # letters of a case's id: it names files
+LONGEST_ID = 200  # characters of a case's id: it names files
 
 
 def work(spec: dict[str, Any], fd: int) -> None:
@@ -72,7 +72,7 @@ def work(spec: dict[str, Any], fd: int) -> None:
 
 
 class NoWeights(Exception):
-    """The training of the method failed: ``row`` says how."""
+    """The training of the method failed: ``row`` has the status and message."""
 
     def __init__(self, row: Mapping[str, Any]):
         super().__init__(row["message"])
@@ -86,13 +86,13 @@ class Session:
         self.spec, self.channel = spec, channel
         self.cell = Cell.from_json(spec["cell"])
         self.done = set(spec["done"])  # indices of cases that need not be run
-        self.owed = set(spec["owed"])  # and those of them whose worst scores are not known
-        self.changed: list[str] = []  # what a call has changed of this process
-        self.case: Case | None = None  # the one that was worked on last
+        self.owed = set(spec["owed"])  # those of them whose worst scores are not known
+        self.changed: list[str] = []  # what a call has changed in this process
+        self.case: Case | None = None  # the most recent one
         self.device = spec.get("device", self.cell.device)  # `cuda` may have become cuda:1, where the first was taken
         self.meter = Meter(spec["memory_gb"], self.device)
         self.weights: Mapping[str, Any] = spec.get("weights") or {}
-        # All that is remembered depends on the dataset; what depends on more says so where it is remembered.
+        # Everything cached depends on the dataset; further dependencies are added where it is cached.
         self.memo = Memo(Path(spec["cache"]), spec["keys"]["dataset"], spec["cache_gb"])
 
     def run(self) -> None:
@@ -129,7 +129,7 @@ class Session:
         task = cell.task.build()
         sensor = cell.sensor.build() if cell.sensor in cell.choices else None
         noun = noun_of(cell.sensor.plugin, sensor) if sensor is not None else None
-        if noun is not None and not gives_scans(cell.sensor.plugin, sensor):  # which the user has as files
+        if noun is not None and not gives_scans(cell.sensor.plugin, sensor):  # which the user supplies as files
             sensor = RememberedSensor(sensor, self.memo.at("sensor", self.spec["keys"]["sensor"]), noun)
         dataset = RememberedDataset(cell.dataset.build(), self.memo)
         recipes = list(task.recipes(dataset, sensor, split=cell.split, count=cell.cases, seed=cell.seed))
@@ -151,8 +151,8 @@ class Session:
         return case
 
     def tags(self, case: Case) -> tuple[str, ...]:
-        """What the reference's surface is like, as measured, and what kind of thing the dataset says it is."""
-        if case.reference.cloud is not None:  # traits are of surfaces
+        """The measured traits of the reference's surface, and the tags that the dataset declares."""
+        if case.reference.cloud is not None:  # only surfaces have traits
             return case.tags
         mesh = case.reference.mesh
         memo = self.memo.at("traits", shape_digest(case.reference))
@@ -160,9 +160,9 @@ class Session:
         return all_tags(Traits.of(known), case.tags)
 
     def run_case(self, index: int, recipe: Any, task: Any) -> dict[str, Any]:
-        """The row of one case; whatever is raised on the way is its status."""
+        """The row of one case; an exception on the way becomes its status."""
         row: dict[str, Any] = {}
-        read: list[str] = []  # notices of the user's own files, say
+        read: list[str] = []  # for instance notices about the user's own files
         self.case = None
         try:
             self.channel.enter("case", index)
@@ -197,7 +197,7 @@ class Session:
         return {"message": ""} | row | {"status": "ok", "stage": "", "traceback": ""}
 
     def check_training(self, case: Case) -> None:
-        """See that there are weights, where the method needs some, and that they were trained on other shapes.
+        """Check that weights exist if the method needs them, and that they were trained on other shapes.
 
         Raises
         ------
@@ -240,12 +240,12 @@ class Session:
         )
 
     def score(self, output: Any, case: Case, *, floors: bool = True) -> Scores:
-        """What the metrics of the cell say of an output."""
+        """The scores of an output by the metrics of the cell."""
         return score(self.cell.metrics, output, case, floors=floors, keys=self.spec["keys"])
 
     @property
     def outputs(self) -> str:
-        """Where the outputs of this cell are kept, relative to the results folder."""
+        """The folder of this cell's outputs, relative to the results folder."""
         return f"{FOLDER}/{self.cell.id}-{self.spec['fingerprint']}"
 
     def keeps(self, index: int) -> bool:
@@ -253,7 +253,7 @@ class Session:
         return self.spec["outputs"] == "all" or (self.spec["outputs"] == "first" and index == 0)
 
     def send_worst(self, index: int, recipe: Any, task: Any) -> None:
-        """Tell the runner what a failure is worth on this case.
+        """Send the runner the scores that a failure gets on this case.
 
         After the case's row: whatever happens here, the result of the method is safe, and its clock and memory are as
         they were.
@@ -261,15 +261,15 @@ class Session:
         self.channel.enter("worst", index)
         case, self.case = self.case, None
         try:
-            with collected():  # the case's row has said it all
+            with collected():  # the notices are in the case's row already
                 row = self.worst(self.made(recipe) if case is None else case, task)
-        except Exception as error:  # the boundary: the case has its row, and does without these values
+        except Exception as error:  # the boundary: the case has its row, and these values are left out
             print(f"{recipe.id}: cannot score hopeless outputs: {error!r}", file=sys.stderr)
             return
         self.channel.send("worst", index=index, row=plain(row))
 
     def worst(self, case: Case, task: Any) -> dict[str, Any]:
-        """``worst.<key>`` of every metric: what the worst output scores that knows nothing of the case."""
+        """``worst.<key>`` of every metric: the score of the worst output that ignores the case."""
         row: dict[str, Any] = {}
         directions: dict[str, str] = {}
         if not hasattr(task, "hopeless"):
@@ -284,7 +284,7 @@ class Session:
         return row | ({"directions": json.dumps(directions, sort_keys=True)} if directions else {})
 
     def worst_of(self, choice: Choice, case: Case, task: Any) -> dict[str, np.ndarray]:
-        """The worst scores of one metric. Fewer samples than usual do: no hopeless output is near the reference."""
+        """The worst scores of one metric. Fewer samples than usual suffice: such outputs are far from the reference."""
         from ..geometry.comparison import set_samples
 
         metric, outputs = choice.build(), task.hopeless(case)
@@ -292,7 +292,7 @@ class Session:
         set_samples(rough, imputation.SAMPLES)
         hopeless = []
         for output in outputs:
-            # A metric of a user may refuse what the tasks never let through; it then has no worst score.
+            # A user's metric may refuse outputs that tasks never let through; it then has no worst score.
             with contextlib.suppress(Exception):
                 hopeless.append(metric.score(output, rough))
         if not hopeless:
@@ -300,7 +300,7 @@ class Session:
         try:
             if case.reference.cloud is None:
                 perfect = floor(choice, metric, outputs[0], case, self.spec["keys"])
-            else:  # nobody can draw another sample of points
+            else:  # a reference cloud has no second sample
                 perfect = metric.score(case.reference.cloud, case)
         except NeedsSurface:
             return {}
@@ -313,7 +313,7 @@ class Session:
         Returns
         -------
         dict
-            ``output`` and ``reference``: their paths, relative to the results folder. The second is no column; the
+            ``output`` and ``reference``: their paths, relative to the results folder. The second is not a column; the
             metadata of the record has it.
         """
         if not self.keeps(index):
@@ -338,7 +338,7 @@ def failure(error: BaseException, stage: str, notes: Iterable[str] = ()) -> dict
     remarks = "".join(f" ({remark})" for remark in (*getattr(error, "__notes__", ()), *added))
     try:
         text = str(error).strip()
-    except Exception as inner:  # whatever a method's own class of exceptions does
+    except Exception as inner:  # a method's own exception class may do anything
         text = f"its text cannot be shown ({type(inner).__name__})"
     message = f"{type(error).__name__}: {text}" if text else type(error).__name__
     status = "error"
@@ -359,18 +359,18 @@ def failure(error: BaseException, stage: str, notes: Iterable[str] = ()) -> dict
 
 
 def _is_ours(error: ImportError) -> bool:
-    """Whether what cannot be imported is a module of this package: a mistake in it, no library to install."""
+    """Whether the missing module is one of this package: a mistake in it, not a library to install."""
     return (error.name or "").partition(".")[0] == __package__.partition(".")[0]
 
 
 def _is_out_of_memory(error: BaseException) -> bool:
-    """Whether a library said in its own words that it could not allocate."""
+    """Whether a library reported in its own words that it could not allocate."""
     return type(error).__name__ == "OutOfMemoryError" or (
         isinstance(error, (RuntimeError, OSError)) and any(w in str(error).lower() for w in OUT_OF_MEMORY)
     )
 
 
-# How libraries say it, in lower case; the runner looks for the same words in what a dying process printed.
+# Their messages, in lower case; the runner searches the output of a dying process for the same.
 OUT_OF_MEMORY = (
     "bad_alloc",
     "bad alloc",
@@ -383,7 +383,7 @@ OUT_OF_MEMORY = (
 
 
 def conditions(task: Any, case: Case) -> dict[str, float]:
-    """``input.<key>`` of what the task can tell of a case's input: how noisy, how complete, how even it really is."""
+    """``input.<key>`` of the measured conditions of a case's input: its true noise, completeness and evenness."""
     describe = getattr(task, "describe", None)
     return {f"input.{key}": float(value) for key, value in describe(case).items()} if describe else {}
 
@@ -392,7 +392,7 @@ def conditions(task: Any, case: Case) -> dict[str, float]:
 
 
 def grouped(left_out: Mapping[str, str]) -> dict[str, str]:
-    """The metrics that are left out for a reason, by the reason."""
+    """The metrics that are left out, by reason."""
     names: dict[str, list[str]] = {}
     for name, reason in left_out.items():
         names.setdefault(reason, []).append(name)
@@ -400,7 +400,7 @@ def grouped(left_out: Mapping[str, str]) -> dict[str, str]:
 
 
 def sizes(output: Any) -> dict[str, int]:
-    """How large an output is."""
+    """The size of an output."""
     if isinstance(output, PointCloud):
         return {"output_points": len(output)}
     if hasattr(output, "vertices") and hasattr(output, "faces"):
@@ -409,5 +409,5 @@ def sizes(output: Any) -> dict[str, int]:
 
 
 def now(seconds: float = 0.0) -> str:
-    """The time in so many seconds, UTC, ISO 8601."""
+    """The time in ``seconds`` from now, UTC, ISO 8601."""
     return (datetime.now(UTC) + timedelta(seconds=seconds)).isoformat(timespec="milliseconds")

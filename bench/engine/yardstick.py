@@ -1,7 +1,7 @@
 """How fast this machine is right now: a short fixed workload, timed just before a method is called.
 
-The seconds of two runs are those of two machines, or of one at two times: another processor, another clock rate,
-neighbours. Divided by the time of the same work on the same processors a moment before, they can be compared.
+Times of two runs may come from two machines, or from one at two times: another processor, another clock rate,
+neighbours. Divided by the time of a fixed workload on the same processors a moment before, they can be compared.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-REPEATS = 5  # the median of so many: one alone may be interrupted
+REPEATS = 5  # of which the median is taken: one alone may be interrupted
 POINTS = 1500  # one turn takes two or three milliseconds: much less than any case takes to be made and scored
 
 
@@ -22,7 +22,7 @@ def _points() -> np.ndarray:
 
 
 def _work(points: np.ndarray) -> float:
-    """One turn of what geometry processing does: neighbours, sorting, and Python itself. One thread, no BLAS."""
+    """One turn of what geometry processing does: neighbours, sorting and plain Python. One thread, no BLAS."""
     from scipy.spatial import cKDTree
 
     distances, _ = cKDTree(points).query(points, k=4)
@@ -35,7 +35,7 @@ def _work(points: np.ndarray) -> float:
 def reference_seconds() -> float:
     """Processor seconds of the fixed workload on the processors that this process is pinned to: the median of turns.
 
-    Not of wall time: somebody who takes the processor for the time of a turn says nothing of its speed.
+    Not of wall time: another process that takes the processor during a turn does not change its speed.
     """
     points = _points()
     times = []

@@ -33,7 +33,7 @@ def sphere(count=300, seed=0):
 def here(tmp_path, monkeypatch):
     """An empty folder, in which calls are made in this process instead of a child of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("bench.engine.forkserver.begin", lambda threads: None)
+    monkeypatch.setattr("bench.engine.forkserver.prestart", lambda threads: None)
     monkeypatch.setattr(application, "Applier", InProcess)
     return tmp_path
 

@@ -163,19 +163,19 @@ def test_the_threads_that_words_ask_for_first(words, threads):
     assert Request.of(words).threads == threads
 
 
-def test_a_server_that_was_begun_is_had_once_and_for_its_threads_only(monkeypatch):
-    monkeypatch.setattr(forkserver, "_begun", [])  # an earlier test may have left one for other threads
+def test_a_prestarted_server_is_taken_once_and_only_for_its_number_of_threads(monkeypatch):
+    monkeypatch.setattr(forkserver, "_prestarted", [])  # an earlier test may have left one for other threads
     monkeypatch.setattr(forkserver, "available", lambda: [0, 1])
-    forkserver.begin(2)
-    (early,) = forkserver._begun
-    forkserver.begin(2)  # there is one already
-    assert forkserver.begun(2) is early
-    forkserver.begin(2)
-    (unused,) = forkserver._begun
-    other = forkserver.begun(1)
+    forkserver.prestart(2)
+    (early,) = forkserver._prestarted
+    forkserver.prestart(2)  # there is one already
+    assert forkserver.take_prestarted(2) is early
+    forkserver.prestart(2)
+    (unused,) = forkserver._prestarted
+    other = forkserver.take_prestarted(1)
     assert other.threads == 1
     assert unused._process.returncode is not None  # ended, for nobody will ask for it
-    assert forkserver._begun == []
+    assert forkserver._prestarted == []
     other.load((), ())
     for server in (early, other):
         server.close()
@@ -183,10 +183,10 @@ def test_a_server_that_was_begun_is_had_once_and_for_its_threads_only(monkeypatc
 
 
 def test_one_processor_imports_nothing_in_advance(monkeypatch):
-    monkeypatch.setattr(forkserver, "_begun", [])  # an earlier test may have left one for other threads
+    monkeypatch.setattr(forkserver, "_prestarted", [])  # an earlier test may have left one for other threads
     monkeypatch.setattr(forkserver, "available", lambda: [0])
-    forkserver.begin(1)
-    assert forkserver._begun == []
+    forkserver.prestart(1)
+    assert forkserver._prestarted == []
 
 
 def test_threads_that_wait_sleep_unless_the_user_wants_them_to_spin(monkeypatch):
