@@ -21,7 +21,7 @@ from .training import TRAINED, Training, identity_of
 
 @dataclass(frozen=True)
 class Settings:
-    """How a cell is run; nothing here changes what a finished case says."""
+    """How a cell is run; nothing here changes the result of a finished case."""
 
     results: str = "results"
     limit: Limits = field(default_factory=Limits)
@@ -30,7 +30,7 @@ class Settings:
     verbose: bool = False
     plugins: tuple[str, ...] = ()
     profile: str = "quick"
-    session: str = "none"  # the run that it is a part of
+    session: str = "none"  # the run that it belongs to
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Cell(Resolved):
     cases: int = 4
     threads: int = 1
     device: str = "cpu"
-    training: Training | None = None  # of a learned method: where its weights come from
+    training: Training | None = None  # the source of the weights of a learned method
 
     @functools.cached_property
     def choices(self) -> tuple[Choice, ...]:
@@ -62,15 +62,15 @@ class Cell(Resolved):
 
     @functools.cached_property
     def planned(self) -> int:
-        """How many cases there are to do: ``cases``, or as many as the dataset says that it has, if these are fewer."""
+        """The number of cases to run: ``cases``, or the number that the dataset reports, if that is smaller."""
         return self.cases if self._there is None else min(self.cases, self._there)
 
     @property
     def left_out(self) -> str:
-        """``2 of 6 cases left out (cases=4)``, and what else a dataset ignores; empty where nothing is known to be."""
+        """``2 of 6 cases left out (cases=4)``, and other data that a dataset ignores; empty if none is known."""
         rest = (self._there or 0) - self.cases
         text = f"{rest} of {self._there} cases left out (cases={self.cases})" if rest > 0 else ""
-        ignored = getattr(self.dataset.made, "ignored", str)  # without it: nothing
+        ignored = getattr(self.dataset.made, "ignored", str)  # without it: nothing is ignored
         return "; ".join(filter(None, (text, ignored())))
 
     @functools.cached_property
@@ -80,7 +80,7 @@ class Cell(Resolved):
 
     @property
     def variant(self) -> str:
-        """What differs from the defaults of the method, and from its usual training."""
+        """The differences from the defaults of the method, and from its usual training."""
         trained = self.training.variant(self.dataset, self.sensor, self.seed) if self.training else ""
         return ",".join(filter(None, (self.method.variant, trained)))
 
@@ -95,7 +95,7 @@ class Cell(Resolved):
     def to_json(self) -> dict[str, Any]:
         """Plain values, from which :meth:`from_json` makes the same cell."""
         values = asdict(self)
-        del values["training"]  # left out where there is none: other cells are called as before
+        del values["training"]  # left out if there is none: other cells keep their ids
         return values if self.training is None else {**values, "training": self.training.to_json()}
 
     @classmethod
@@ -160,7 +160,7 @@ def check_dataset(dataset: Any, split: str) -> None:
     Raises
     ------
     NotSolved
-        Where its data were not fetched: such cells are left out, as those of a task that a method does not solve.
+        If its data were not fetched: such cells are left out, like those of a task that a method does not solve.
     """
     check = getattr(dataset, "check", None)
     try:
@@ -196,7 +196,7 @@ def check_limits(limit: Limits) -> None:
 
 
 def check_root(config: Mapping[str, Any]) -> None:
-    """Refuse keys that nothing reads: Hydra lets ``+typo=3`` in."""
+    """Refuse keys that nothing reads: Hydra accepts ``+typo=3``."""
     from .keys import GROUPS
 
     known = {f.name for f in fields(Base)} | set(GROUPS)
@@ -221,7 +221,7 @@ USUAL_SENSOR = "samples"  # what conf/config.yaml chooses
 
 
 def _sensor(node: Mapping[str, Any], task: Choice, dataset: Choice) -> Choice:
-    """The chosen sensor, which must give what the task takes, of what the dataset has; none for a task without one."""
+    """The chosen sensor, which must turn the dataset's shapes into the task's input; none for a task without one."""
     from ..contract.sensors import taken_by
 
     if taken_by(task.made) == "none":
@@ -230,7 +230,7 @@ def _sensor(node: Mapping[str, Any], task: Choice, dataset: Choice) -> Choice:
 
 
 def sensor_of(node: Mapping[str, Any] | None, dataset: Plugin) -> Choice:
-    """The sensor that a dataset is scanned with; scans that came with its shapes are taken as they are by default."""
+    """The sensor that a dataset is scanned with; scans that come with its shapes are used as they are by default."""
     sensor = Choice.of("sensor", node)
     if dataset.options.get("scans") and sensor == Choice.of("sensor", {"_name_": USUAL_SENSOR}):
         return Choice.of("sensor", {"_name_": "scan"})
@@ -238,7 +238,7 @@ def sensor_of(node: Mapping[str, Any] | None, dataset: Plugin) -> Choice:
 
 
 def _sensor_fits(sensor: Choice, task: Choice, dataset: Choice) -> Choice:
-    """The sensor, which must give what the task takes, of what the dataset has."""
+    """The sensor, which must turn the dataset's shapes into the task's input."""
     from ..contract.sensors import given_by, needs_a_source, taken_by
 
     takes = taken_by(task.made)
@@ -262,7 +262,7 @@ def _sensor_fits(sensor: Choice, task: Choice, dataset: Choice) -> Choice:
 
 
 def _check_scans(sensor: Choice, dataset: Choice) -> None:
-    """Raise :class:`NotSolved` where one of both is about scans that came with the shapes, and the other is not."""
+    """Raise :class:`NotSolved` if one of the two is for scans that come with the shapes, and the other is not."""
     from ..contract.sensors import gives_scans
 
     brings, gives = bool(dataset.plugin.options.get("scans")), gives_scans(sensor.plugin, sensor.made)
@@ -280,7 +280,7 @@ def _check_scans(sensor: Choice, dataset: Choice) -> None:
 
 
 def _metrics(nodes: Mapping[str, Any], task: Choice) -> tuple[Choice, ...]:
-    """The chosen metrics that apply to what the task returns, by name."""
+    """The chosen metrics that apply to the output of the task, by name."""
     kind = getattr(task.plugin.cls, "output", "cloud")
     chosen = [Choice.of("metric", node, f"metric.{name}") for name, node in nodes.items()]
     fitting = [m for m in chosen if kind in m.plugin.options.get("outputs", ("mesh", "cloud"))]
@@ -297,7 +297,7 @@ def _cannot_solve(method: Choice, task: str) -> str:
     return f"method {method.label} does not solve {task}: {what}. Methods that do: {', '.join(others) or 'none'}"
 
 
-# As _cannot_solve says it.
+# The wording of _cannot_solve.
 CANNOT_SOLVE = re.compile(r"method (?P<method>\S+) does not solve (?P<task>\w+):")
 
 
@@ -315,7 +315,7 @@ def not_planned(messages: Iterable[str]) -> list[str]:
 
 
 def reference_name(dataset: str, case: str) -> str:
-    """The file of a case's reference below ``outputs/references``, for a dataset as results call it.
+    """The file of a case's reference below ``outputs/references``, for a dataset by its name in results.
 
     With other parameters a dataset has other shapes under the same ids.
     """

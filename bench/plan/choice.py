@@ -15,9 +15,9 @@ from ..plugins.schema import NAME_KEY, build, parameters, variant
 
 
 class NotSolved(UsageError):
-    """Two choices that do not fit: a sweep leaves such a pair out of its plan and says so.
+    """Two choices that do not fit: a sweep leaves such a pair out of its plan and reports it.
 
-    The method has no function for the task, or the sensor does not give what the task takes.
+    The method has no function for the task, or the sensor's output is not the task's input.
     """
 
 
@@ -52,7 +52,7 @@ class Choice(Resolved):
 
     @functools.cached_property
     def parts(self) -> tuple[Plugin, ...]:
-        """The plugin, and those that it is made of where its parameters name others: the steps of a chain."""
+        """The plugin, and those that its parameters name: the steps of a chain."""
         return (self.plugin, *getattr(self.made, "plugins", ()))
 
     def solves(self, task: str) -> bool:
@@ -83,7 +83,7 @@ class Choice(Resolved):
 
         plugin = registry().find(kind, node[NAME_KEY])
         choice = cls(kind, plugin.name, parameters(plugin, build(plugin, node)))
-        vars(choice)["plugin"] = plugin  # found just now
+        vars(choice)["plugin"] = plugin  # looked up above
         check_files(choice)
         return choice
 

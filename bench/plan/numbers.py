@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import UsageError
 from ..text import cut
 
-# The least and the most of whole numbers. A seed is one word of 32 bits of the generators: larger ones would repeat.
+# The bounds of whole numbers. A seed is one 32-bit word of the generators: larger ones would repeat.
 ALL_CASES = 100_000  # as many cases as a dataset has
 WHOLE_NUMBERS = {"cases": (1, ALL_CASES), "threads": (1, 1024), "seed": (0, 2**32 - 1)}
 

@@ -32,21 +32,21 @@ class TrainingKeys:
     sensor: Any = None  # the same for the sensor
     cases: int = 40  # at most
     seed: int = 0
-    seconds: float = 900.0  # of training, by the clock, at most; how many steps there are is a matter of the method
+    seconds: float = 900.0  # of training, wall clock, at most; the method decides on the number of steps
     threads: int = 2
     device: str = "cpu"  # cpu or cuda
 
 
 @dataclass(frozen=True)
 class Training(Resolved):
-    """One training of a learned method, or where its result is.
+    """One training of a learned method, or the place of its result.
 
     Attributes
     ----------
     weights : str
         ``shipped``, ``trained`` or ``file``.
     method : Choice
-        What is trained, with the parameters that the weights depend on alone.
+        The method, with only the parameters that the weights depend on.
     path, sha256 : str
         Of a file.
     task, dataset, sensor : Choice or None
@@ -125,7 +125,7 @@ class Training(Resolved):
         return cls(**values)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values; what is at its default is left out."""
+        """Plain values; defaults are left out."""
         usual = {f.name: f.default for f in fields(self)}
         return {k: v for k, v in asdict(self).items() if k in ("weights", "method") or v != usual[k]}
 
@@ -160,7 +160,7 @@ class Training(Resolved):
         return "training of " + " ".join(part for part in (*parts, f"seed={self.seed}") if part)
 
     def variant(self, dataset: Choice, sensor: Choice, seed: int) -> str:
-        """What tables call it, beside the parameters of the method, in a cell with this dataset, sensor and seed.
+        """Its name in tables, beside the parameters of the method, in a cell with this dataset, sensor and seed.
 
         Nothing for shipped weights. The seed is left out where it is 0 or the cell's own.
         """
@@ -184,7 +184,7 @@ class Training(Resolved):
 
 
 def identity_of(training: Mapping[str, Any]) -> dict[str, Any]:
-    """Of a training's plain values, what a cell's id depends on: the content of a file and not its name."""
+    """The part of a training's plain values that a cell's id depends on: a file's content, not its name."""
     return {key: value for key, value in training.items() if key not in ("path", "method")}
 
 
@@ -194,7 +194,7 @@ def learner_of(method: Choice) -> Choice | None:
     Raises
     ------
     UsageError
-        For several: which of them a file of weights belongs to could not be told.
+        For several: it would be unclear to which of them a file of weights belongs.
     """
     if is_learned(method.plugin):
         return method

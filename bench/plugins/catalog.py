@@ -1,8 +1,8 @@
-"""What the shapes of a dataset are like: exactness, tags, size, time to build, and hashes that catch drift.
+"""The facts about the shapes of a dataset: exactness, tags, size, build time, and hashes that detect drift.
 
-To know it, shapes must be built and measured, which a listing must not do. So the facts are kept in ``catalog.json``
+They require shapes to be built and measured, which a listing must not do. So the facts are stored in ``catalog.json``
 beside the datasets' sources, written by ``python scripts/freeze.py``, and ``detailbench list datasets --measure``
-measures anew, on this machine and for datasets of yours too.
+measures again, on this machine and also for your own datasets.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 FILE = "catalog.json"
-LOOKED_AT = 16  # shapes whose exactness and kinds are looked at; that builds nothing
-BUILT = 8  # shapes that are built for the figures and whose tags are measured
-HASHED = 4  # of which all figures are kept
+LOOKED_AT = 16  # shapes whose exactness and kinds are read, which builds nothing
+BUILT = 8  # shapes that are built and measured
+HASHED = 4  # of which all measurements are stored
 DIGITS = 6  # of a coordinate that count: the last ones differ between processors and versions of libraries
 
 
@@ -71,10 +71,10 @@ def mesh_hash(mesh: Trimesh) -> str:
 
 
 def mesh_measures(mesh: Trimesh) -> list[float]:
-    """Area, volume, centre of the surface and its second moments: (11,) numbers that small changes change little.
+    """Area, volume, centre of the surface and its second moments: (11,) numbers that change little under small changes.
 
-    A hash is equal or not. Where libraries of mathematics round otherwise, a pole or a threshold may move a vertex by
-    more than its last digits; these tell such a mesh from one of another shape.
+    A hash is equal or not. If mathematics libraries round differently, a pole or a threshold may move a vertex by
+    more than its last digits; these numbers distinguish such a mesh from one of another shape.
     """
     middle = mesh.triangles_center
     second = np.einsum("f,fi,fj->ij", mesh.area_faces / mesh.area, middle, middle)[np.triu_indices(3)]
@@ -82,7 +82,7 @@ def mesh_measures(mesh: Trimesh) -> list[float]:
 
 
 def known(plugin: Plugin) -> dict[str, Any] | None:
-    """The facts that are kept beside the source of a dataset; None where there are none."""
+    """The facts stored beside the source of a dataset; None if there are none."""
     return _read(plugin.file.parent / FILE).get(plugin.name)
 
 

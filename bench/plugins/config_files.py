@@ -1,14 +1,14 @@
-"""Where the YAML files of configs are: in our folder, and in those of users and of installed packages.
+"""The places of the YAML files of configs: our folder, and those of users and of installed packages.
 
-A file ``GROUP/NAME.yaml`` is found in four places. Where a name is in several of them, the first of these counts:
+A file ``GROUP/NAME.yaml`` is found in four places. If several have the same name, the first one is used:
 
 1. the folders that ``--config-dir DIR`` names, in their order;
 2. the folder ``conf/`` of the working folder;
-3. ours, ``bench/conf``;
+3. our folder, ``bench/conf``;
 4. the folder ``conf/`` of an installed package with the entry point ``detailbench.plugins``: beside the module that the
-   entry point names, or above it within the package. A package that is installed does not change what our names mean.
+   entry point names, or above it within the package. An installed package does not change the meaning of our names.
 
-Only the groups in :data:`GROUPS` are looked at, so that other files in a folder called ``conf`` are in nobody's way.
+Only the groups in :data:`GROUPS` are read, so that a folder called ``conf`` may hold other files.
 """
 
 from __future__ import annotations
@@ -65,12 +65,12 @@ class ConfigFile(NamedTuple):
 
 
 def use(folders: Sequence[str]) -> tuple[str, ...]:
-    """Look into these folders first, from now on in this process; their absolute paths.
+    """Search these folders first from now on in this process; their absolute paths.
 
     Raises
     ------
     UsageError
-        If one is not there, or holds none of the groups.
+        If one does not exist, or holds none of the groups.
     """
     global _NAMED
     named = tuple(os.path.abspath(os.path.expanduser(folder)) for folder in folders)
@@ -89,27 +89,27 @@ def use(folders: Sequence[str]) -> tuple[str, ...]:
 
 
 def named() -> tuple[str, ...]:
-    """The folders that :func:`use` was told of."""
+    """The folders passed to :func:`use`."""
     return _NAMED
 
 
 def files(group: str, *, own: bool = True) -> Mapping[str, ConfigFile]:
-    """The files of a group by name, sorted: of each name the one that counts; without those of the user's folders."""
+    """The files of a group by name, sorted: for each name the one in use; the user's only with ``own``."""
     return _found(folders() if own else installed_folders())[0].get(group, {})
 
 
 def file_of(group: str, name: str) -> ConfigFile | None:
-    """The file that a name means; None where there is none."""
+    """The file of a name; None if there is none."""
     return files(group).get(name)
 
 
 def hidden() -> list[str]:
-    """One line for each name that is in two places with different content: which one is used."""
+    """One line for each name in two places with different content: which one is used."""
     return list(_found(folders())[1])
 
 
 def folders() -> tuple[Folder, ...]:
-    """The folders that there are, the one that counts most first."""
+    """The existing folders, in order of precedence."""
     try:
         here = os.path.abspath(HERE)
     except FileNotFoundError:  # the working folder is gone
@@ -118,7 +118,7 @@ def folders() -> tuple[Folder, ...]:
 
 
 def installed_folders() -> tuple[Folder, ...]:
-    """Ours, and those of packages."""
+    """Our folder, and those of packages."""
     return tuple(folder for folder in folders() if not folder.is_own)
 
 
@@ -158,7 +158,7 @@ def _of_packages() -> Iterator[Folder]:
         top, *below = entry.module.split(".")
         try:
             spec = importlib.util.find_spec(top)
-        except (ImportError, ValueError):  # the registry says what is wrong with it
+        except (ImportError, ValueError):  # the registry reports what is wrong with it
             continue
         for folder in spec.submodule_search_locations or () if spec else ():
             for depth in range(len(below), -1, -1):
@@ -167,7 +167,7 @@ def _of_packages() -> Iterator[Folder]:
 
 @functools.lru_cache(maxsize=8)
 def _found(folders: tuple[Folder, ...]) -> tuple[dict[str, dict[str, ConfigFile]], tuple[str, ...]]:
-    """The files that count by group and name, and what is to be said of those that are hidden by them."""
+    """The files in use by group and name, and the warnings about the files that they hide."""
     found: dict[str, dict[str, ConfigFile]] = {group: {} for group in GROUPS}
     lines = []
     for folder in folders:

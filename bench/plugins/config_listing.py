@@ -1,4 +1,4 @@
-"""What the YAML files of a group say, as plain values: what ``detailbench list experiments`` prints, for instance."""
+"""The contents of a group's YAML files as plain values, for instance for ``detailbench list experiments``."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _convention(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_run(content: Mapping[str, Any]) -> dict[str, Any]:
-    """What the keys of a run become: ``chosen`` by group, ``swept`` values, and ``values`` of other keys."""
+    """The keys of a run: ``chosen`` by group, ``swept`` values, and ``values`` of other keys."""
     chosen = {}
     for entry in content.get("defaults") or []:
         for key, value in entry.items() if isinstance(entry, Mapping) else ():

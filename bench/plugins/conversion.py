@@ -1,9 +1,9 @@
-"""From JSON values to what an annotation says, and back; whatever does not fit is refused, however deep it is.
+"""From JSON values to the types of an annotation, and back; a value that does not fit is refused at any depth.
 
 The types that a parameter may have: ``int``, ``float``, ``str``, ``bool``, ``Path``, enums, ``Literal``, ``Any``, and
-``list[T]``, ``tuple[T, ...]``, ``tuple[A, B]``, ``dict[str, T]`` and ``A | B | None`` of these, one within another.
+``list[T]``, ``tuple[T, ...]``, ``tuple[A, B]``, ``dict[str, T]`` and ``A | B | None`` of these, nested at will.
 
-Nothing is converted on the quiet but an ``int`` where a ``float`` is expected: ``true`` is no 1, and ``"3"`` is no 3.
+The only silent conversion is ``int`` where a ``float`` is expected: ``true`` is not 1, and ``"3"`` is not 3.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str:
 
 
 def check_type(annotation: Any, where: str) -> None:
-    """Raise :class:`PluginError`, which begins with ``where``, for a type that no config and no record can hold."""
+    """Raise :class:`PluginError`, which begins with ``where``, for a type that configs and records cannot hold."""
     origin, args = _split(annotation)
     if origin in (None, Any, Literal) or origin in SCALARS or _is_enum(origin):
         return
@@ -41,7 +41,7 @@ def check_type(annotation: Any, where: str) -> None:
 
 
 def convert(value: Any, annotation: Any, where: str) -> Any:
-    """``value``, made of JSON values, as ``annotation`` says.
+    """``value``, made of JSON values, converted to ``annotation``.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def convert(value: Any, annotation: Any, where: str) -> Any:
 
 
 def is_text(annotation: Any) -> bool:
-    """Whether every value of a type but null is written as a text: ``str``, paths, enums, choices of texts."""
+    """Whether every value of a type except null is written as text: ``str``, paths, enums, choices of texts."""
     origin, args = _split(annotation)
     if origin is Union:
         return all(is_text(a) for a in args if _split(a)[0] is not None)
@@ -77,7 +77,7 @@ def is_text(annotation: Any) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON has it, the inverse of :func:`convert`: paths and enums as text, tuples as lists."""
+    """The value as JSON, the inverse of :func:`convert`: paths and enums as text, tuples as lists."""
     if isinstance(value, enum.Enum):
         return value.name
     if isinstance(value, Path):
@@ -90,7 +90,7 @@ def plain(value: Any) -> Any:
 
 
 def describe(annotation: Any) -> str:
-    """What values of a type are called in messages: ``a list of whole numbers`` is ``a list (each a whole number)``."""
+    """The name of a type's values in messages: ``a list of whole numbers`` is ``a list (each a whole number)``."""
     origin, args = _split(annotation)
     if origin is Any:
         return "any value"
@@ -120,7 +120,7 @@ _REFUSED = object()
 
 
 def _split(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
-    """What the type is (a scalar, ``None``, ``Literal``, ``Union``, ``list``, ...), and what it is made of."""
+    """The type itself (a scalar, ``None``, ``Literal``, ``Union``, ``list``, ...), and its arguments."""
     if annotation is None or annotation is type(None):
         return None, ()
     origin, args = typing.get_origin(annotation), typing.get_args(annotation)
@@ -139,7 +139,7 @@ def _scalar(value: Any, origin: Any, args: tuple[Any, ...]) -> Any:
     """The converted value, or :data:`_REFUSED`."""
     if origin is None:
         return None if value is None else _REFUSED
-    if origin is Literal:  # 1 == True == 1.0: the type counts too
+    if origin is Literal:  # 1 == True == 1.0: the type matters too
         return next((a for a in args if type(a) is type(value) and a == value), _REFUSED)
     if _is_enum(origin):
         if isinstance(value, origin):
@@ -174,7 +174,7 @@ def _mapping(value: Any, args: tuple[Any, ...], annotation: Any, where: str) -> 
 
 
 def _union(value: Any, args: tuple[Any, ...], annotation: Any, where: str) -> Any:
-    """The first member that takes the value; one that need not convert it goes first: 3 stays 3 in ``float | int``."""
+    """The first member that accepts the value, preferably without conversion: 3 stays 3 in ``float | int``."""
     members = sorted(args, key=lambda a: _split(a)[0] is not type(value))
     errors = {}
     for member in members:
@@ -184,7 +184,7 @@ def _union(value: Any, args: tuple[Any, ...], annotation: Any, where: str) -> An
             errors[member] = error
     alike = [m for m in members if isinstance(value, _HELD_BY.get(_split(m)[0], ()))]
     others = [m for m in members if _split(m)[0] is not None]
-    if len(alike) == 1 or len(others) == 1:  # what is meant is clear: say what is wrong within
+    if len(alike) == 1 or len(others) == 1:  # the intended member is clear: report the error within it
         raise errors[(alike if len(alike) == 1 else others)[0]]
     raise _refusal(value, annotation, where)
 
@@ -199,7 +199,7 @@ _HELD_BY = {list: (list, tuple), tuple: (list, tuple), dict: (Mapping,)}
 
 
 def _refusal(value: Any, annotation: Any, where: str) -> UsageError:
-    """What was expected, and for a text the nearest of those that can be chosen."""
+    """The expected value, and for a text the nearest valid choice."""
     origin, args = _split(annotation)
     names = []
     for member in args if origin is Union else (annotation,):
@@ -211,7 +211,7 @@ def _refusal(value: Any, annotation: Any, where: str) -> UsageError:
 
 
 def _kind(value: Any) -> str:
-    """What a value is, in the words of :func:`describe`."""
+    """The type of a value, in the words of :func:`describe`."""
     if isinstance(value, str):
         return f"the text {_shown(value)!r}"
     if value is None:
@@ -226,6 +226,6 @@ def _kind(value: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value as one would type it, cut where it is long."""
+    """A value as one would type it, shortened if it is long."""
     text = "null" if value is None else str(value).lower() if isinstance(value, bool) else str(plain(value))
     return text if len(text) <= 60 else f"{text[:57]}..."

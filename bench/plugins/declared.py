@@ -24,7 +24,7 @@ def snake_case(name: str) -> str:
 
 
 def registers(file: Path) -> bool:
-    """Whether the text of a module mentions ``register(``; true of a file that cannot be read: its import says why."""
+    """Whether the text of a module mentions ``register(``; true of an unreadable file: its import reports why."""
     try:
         return b"register(" in file.read_bytes()
     except OSError:
@@ -34,7 +34,7 @@ def registers(file: Path) -> bool:
 def declared(file: Path) -> list[tuple[str, str]] | None:
     """The kind and name of each plugin that a module registers.
 
-    None where the text alone does not tell: a name that is computed, or a call of ``register`` that decorates nothing.
+    None if the text is not enough: a computed name, or a call of ``register`` that decorates nothing.
     """
     try:
         text = file.read_text(encoding="utf-8")

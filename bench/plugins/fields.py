@@ -30,7 +30,7 @@ def _comments_of_fields(source: str) -> dict[str, str]:
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         line = token.line.strip()
         if token.type == tokenize.NAME and token.string == "def":
-            depth_of_def = True  # fields stand before the functions
+            depth_of_def = True  # fields precede the functions
         if depth_of_def:
             break
         match = re.match(r"([a-z]\w*)\s*:\s*\S", line, re.IGNORECASE)

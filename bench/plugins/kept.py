@@ -1,6 +1,6 @@
-"""The listing that is kept from one start to the next, with a stamp of all sources that it comes from.
+"""The listing cached from one start to the next, with a stamp of all sources that it comes from.
 
-To show the parameters of all plugins, all are imported, which takes seconds on a busy machine. While the stamp (path,
+Showing the parameters of all plugins imports them all, which takes seconds on a busy machine. While the stamp (path,
 size and time of change of each source) holds, `detailbench list` imports none.
 """
 
@@ -23,7 +23,7 @@ from .config_files import ENTRY_POINTS, installed_folders
 
 
 def kept_listing(stamp: str | None = None) -> dict[str, Any] | None:
-    """The listing that was kept under this stamp, or under any; None where there is none."""
+    """The listing cached under this stamp, or under any; None if there is none."""
     with contextlib.suppress(TypeError, KeyError):
         kept = kept_json("listing") or {}
         if stamp in (None, kept["stamp"]):
@@ -32,25 +32,25 @@ def kept_listing(stamp: str | None = None) -> dict[str, Any] | None:
 
 
 def keep(stamp: str, listing: dict[str, Any]) -> None:
-    """Write the listing; where that is not possible the next start takes longer, no more."""
+    """Write the listing; if that is impossible, the next start merely takes longer."""
     keep_json("listing", {"stamp": stamp, "listing": listing})
 
 
 def _path(name: str) -> Path | None:
-    """One file for each environment and checkout, in a folder of this user's own: the modules it names are imported."""
+    """One file for each environment and checkout, in this user's own folder: the modules in it are imported."""
     folder = cache_folder()
     return folder and folder / f"{name}-{_digest([sys.prefix, str(Path(__file__).parent)])}.json"
 
 
 def kept_json(name: str) -> Any:
-    """What :func:`keep_json` wrote under this name, in this environment; None where there is nothing."""
+    """The value that :func:`keep_json` wrote under this name in this environment; None if there is none."""
     with contextlib.suppress(OSError, ValueError):
         return json.loads(path.read_text(encoding="utf-8")) if (path := _path(name)) else None
     return None
 
 
 def keep_json(name: str, value: Any) -> None:
-    """Keep a value for the next start, where that is possible."""
+    """Cache a value for the next start, if possible."""
     path, content = _path(name), json.dumps(value)
     if path is None:
         return
@@ -79,7 +79,7 @@ def _sources(module: str) -> Iterator[str]:
     """The files of a module or package that a listing can depend on."""
     try:
         spec = importlib.util.find_spec(module)
-    except (Exception, SystemExit):  # a parent package may do anything; the registry says so
+    except (Exception, SystemExit):  # a parent package may do anything; the registry reports it
         return
     if spec is None:
         return

@@ -1,4 +1,4 @@
-"""What there is, as plain values: what ``detailbench list`` prints."""
+"""Plugins and presets as plain values, as ``detailbench list`` prints them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def listing(files: Sequence[str] = ()) -> dict[str, Any]:
-    """Every plugin, every preset, and what is broken.
+    """Every plugin, every preset, and the broken ones.
 
     Parameters
     ----------
@@ -39,15 +39,15 @@ def listing(files: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def names_as_kept() -> dict[str, Any]:
-    """:func:`listing` as it was kept last, though sources may have changed since, without the user's own presets.
+    """:func:`listing` as last cached, though sources may have changed since, without the user's own presets.
 
-    For the completion of a command line, where a look at each source would take longest.
+    For command-line completion, where checking each source would take longest.
     """
     return kept_listing() or listing()
 
 
 def _with_own(found: dict[str, Any]) -> dict[str, Any]:
-    """The listing with the presets of the user's own folders, which are not kept: they depend on where one is."""
+    """The listing with the presets of the user's own folders, not cached: they depend on the working folder."""
     if not any(folder.is_own for folder in config_files.folders()):
         return found
     from . import presets
@@ -68,7 +68,7 @@ def _with_own(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def _is_of_installed(found: dict[str, Any]) -> bool:
-    """Whether nothing in a listing comes from this process alone: a plugin file, or a class that somebody imported."""
+    """Whether a listing has nothing specific to this process, such as a plugin file or a class imported by hand."""
     from .registry import registry
 
     origins = [facts["origin"] for plugins in found["plugins"].values() for facts in plugins]
@@ -142,7 +142,7 @@ def as_json(plugin: Plugin) -> dict[str, Any]:
 
 
 def _choices(annotation: Any) -> dict[str, list[Any]]:
-    """The values that a parameter can have, where they are few: those of a Literal, true and false."""
+    """The possible values of a parameter, if they are few: those of a Literal, true and false."""
     if annotation is bool:
         return {"choices": ["true", "false"]}
     if typing.get_origin(annotation) is typing.Literal:
@@ -152,5 +152,5 @@ def _choices(annotation: Any) -> dict[str, list[Any]]:
 
 
 def missing(requires: Sequence[str]) -> list[str]:
-    """The libraries that are declared and not installed."""
+    """The declared libraries that are not installed."""
     return [library for library in requires if importlib.util.find_spec(library) is None]

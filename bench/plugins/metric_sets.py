@@ -1,7 +1,7 @@
 """Sets of metrics: those of the config group ``metric``, such as ``standard``, and ``full``, which no file lists.
 
 ``full`` is every metric of an installed distribution, ours or another one, in alphabetical order. Metrics of
-``--plugin`` files are added by name: ``metric=[full,my_metric]``. Otherwise a file that brings a method for a try would
+``--plugin`` files are added by name: ``metric=[full,my_metric]``. Otherwise a file with a method under trial would
 give all cells of a sweep new ids.
 """
 
@@ -17,7 +17,7 @@ FULL = "full"
 
 
 def metric_set(name: str) -> list[str] | None:
-    """The names of the metrics in a set; None where no set has that name."""
+    """The names of the metrics in a set; None if no set has that name."""
     return installed("metric") if name == FULL else _of_file(name)
 
 

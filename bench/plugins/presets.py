@@ -9,7 +9,7 @@
 ``sensor=noisy`` is ``sensor=samples sensor.noise=0.01``: the same cell, under the preset's name in tables. A preset may
 also name another one as its plugin, and change parameters of it. Where the files are: :mod:`config_files`.
 
-``_tier_: tuned`` says that a search chose the parameters (`detailbench tune`). It is no parameter: tables mark the
+``_tier_: tuned`` states that a search chose the parameters (`detailbench tune`). It is not a parameter: tables mark the
 method with it.
 """
 
@@ -27,7 +27,7 @@ from .metric_sets import FULL
 from .registry import KINDS, Plugin, registry
 from .schema import build, parameters, variant
 
-TIER = "_tier_"  # the key that says how parameters were chosen
+TIER = "_tier_"  # the key that states how parameters were chosen
 TUNED = "tuned"
 
 
@@ -44,19 +44,19 @@ class Preset(NamedTuple):
 
 
 def names(group: str) -> list[str]:
-    """The names in a config group, sorted; of metrics also the set that is made of the plugins."""
+    """The names in a config group, sorted; of metrics also the set of all plugins."""
     found = {FULL} if group == "metric" else set()
     return sorted(found.union(files(group)))
 
 
 def files(group: str, *, own: bool = True) -> dict[str, ConfigFile]:
-    """The files of a group by name, without those that are called like a plugin, which counts instead."""
+    """The files of a group by name, without those named like a plugin, which takes precedence."""
     taken = registry().names(group) if group in KINDS else ()
     return {name: file for name, file in config_files.files(group, own=own).items() if name not in taken}
 
 
 def warnings() -> list[str]:
-    """What is to be said of names that are in two places: which one is used."""
+    """Warnings about names in two places: which one is used."""
     lines = config_files.hidden()
     for kind in KINDS:
         for name in sorted({*config_files.files(kind)}.difference(files(kind))):
@@ -66,10 +66,10 @@ def warnings() -> list[str]:
 
 
 def presets(kind: str, of: str = "", *, own: bool = True) -> dict[str, Preset]:
-    """The presets of a kind of plugin, by name; of all plugins, or of one. Files of users that are wrong are left out.
+    """The presets of a kind of plugin, by name; of all plugins, or of one. Invalid files of users are left out.
 
-    Those are in :func:`broken`, and what is wrong with one is said where it is asked for. Without ``own`` they are
-    those that are installed.
+    Those are in :func:`broken`, and the error of one is reported when it is requested. Without ``own`` they are
+    the installed ones.
     """
     found = files(kind, own=own) if kind != "metric" else {}  # those of metrics choose several plugins
     return _presets(kind, of, found)
@@ -95,7 +95,7 @@ def _presets(kind: str, of: str, files: Mapping[str, ConfigFile]) -> dict[str, P
 
 
 def broken(*, own: bool) -> list[tuple[str, str]]:
-    """The files of the user's folders, or those of packages, that are no presets, with the reason."""
+    """The files of the user's folders, or those of packages, that are not valid presets, with the reason."""
     found = []
     for kind in KINDS:
         for name, file in files(kind, own=own).items() if kind != "metric" else ():
@@ -114,7 +114,7 @@ def _text(file: ConfigFile) -> str:
 
 @functools.cache
 def _read(kind: str, name: str, file: ConfigFile) -> Preset:
-    """What a file says, checked where it is not ours.
+    """The preset of a file, checked unless it is ours.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def content_of(path: str, text: str) -> dict[str, Any]:
     Raises
     ------
     UsageError
-        If it is no YAML, or no mapping, with the place.
+        If it is not YAML, or not a mapping, with the place.
     """
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
@@ -160,13 +160,13 @@ def content_of(path: str, text: str) -> dict[str, Any]:
 
 
 def help_of(text: str) -> str:
-    """The comment of a YAML file as one paragraph, without the line that says its package."""
+    """The comment of a YAML file as one paragraph, without the line that names its package."""
     lines = [line for line in text.splitlines() if line.startswith("#") and not line.startswith("# @package")]
     return " ".join(line.lstrip("# ").rstrip() for line in lines)
 
 
 def _check(kind: str, plugin: str, values: Mapping[str, Any], path: str) -> None:
-    """Whether a preset's plugin is there and has these parameters; interpolations are left to Hydra."""
+    """Check that a preset's plugin exists and has these parameters; interpolations are left to Hydra."""
     if plugin not in registry().names(kind):
         raise UsageError(f"{path}: no {kind} is called {plugin!r}. {did_you_mean(plugin, registry().names(kind))}")
     known = [f.name for f in registry().find(kind, plugin).fields]
@@ -176,9 +176,9 @@ def _check(kind: str, plugin: str, values: Mapping[str, Any], path: str) -> None
 
 
 def name_of(plugin: Plugin, values: Mapping[str, Any]) -> str | None:
-    """The preset that gives ``plugin`` just these parameters; the first by name where several do.
+    """The preset that gives ``plugin`` exactly these parameters; the first by name where several do.
 
-    A preset of the user's own is called ``NAME[parameters]``: its file may change, and results stay.
+    A preset of the user's own is called ``NAME[parameters]``: its file may change while results stay.
     """
     return _known(plugin.kind, plugin.name, config_files.folders()).get(_key(values))
 
@@ -187,14 +187,14 @@ def name_of(plugin: Plugin, values: Mapping[str, Any]) -> str | None:
 def _known(kind: str, name: str, folders: tuple[config_files.Folder, ...]) -> dict[str, str]:
     plugin = registry().find(kind, name)
     found: dict[str, str] = {}
-    # The first one counts: ours before those of users, and of equals the first by name.
+    # The first one is used: ours before those of users, and of equals the first by name.
     for preset in sorted(presets(kind, name).values(), key=lambda preset: preset.origin != config_files.OURS):
         try:
             values = parameters(plugin, build(plugin, preset.values))
         except UsageError:
             if preset.origin == config_files.OURS:
                 raise
-            continue  # what is wrong with it is said where it is chosen
+            continue  # its error is reported when it is chosen
         changed = variant(plugin, values)
         label = f"{preset.name}[{changed}]" if preset.origin == "own" and changed else preset.name
         found.setdefault(_key(values), label)
@@ -202,7 +202,7 @@ def _known(kind: str, name: str, folders: tuple[config_files.Folder, ...]) -> di
 
 
 def variants(kind: str, of: str) -> Mapping[str, str]:
-    """What each preset of a plugin changes, as results word it: ``{"idf_30": "omega=30"}``.
+    """The changes of each preset of a plugin, as results name them: ``{"idf_30": "omega=30"}``.
 
     Empty for a plugin that is not installed; presets that are broken, or change nothing, are left out.
     """
@@ -217,14 +217,14 @@ def _variants(kind: str, of: str, folders: tuple[config_files.Folder, ...]) -> d
             plugin = registry().find(kind, of)
             changed = variant(plugin, parameters(plugin, build(plugin, preset.values)))
         except UsageError:
-            continue  # what is wrong with it is said where it is chosen
+            continue  # its error is reported when it is chosen
         if changed:
             found[name] = changed
     return found
 
 
 def tuned_variants(kind: str, of: str) -> frozenset[str]:
-    """The parameters of a plugin, as results call them, that a search chose: those of its presets that say so."""
+    """The parameters of a plugin, as results name them, that a search chose, according to its presets."""
     return _tuned(kind, of, config_files.folders())
 
 
@@ -234,7 +234,7 @@ def _tuned(kind: str, name: str, folders: tuple[config_files.Folder, ...]) -> fr
         return frozenset()
     plugin, found = registry().find(kind, name), set()
     for preset in presets(kind, name).values():
-        with contextlib.suppress(UsageError):  # what is wrong with it is said where it is chosen
+        with contextlib.suppress(UsageError):  # its error is reported when it is chosen
             if preset.tier:
                 found.add(variant(plugin, parameters(plugin, build(plugin, preset.values))))
     return frozenset(found - {""})

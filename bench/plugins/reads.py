@@ -1,12 +1,12 @@
-"""The files that a plugin reads: results depend on what is in them, not on what they are called.
+"""The files that a plugin reads: results depend on their content, not on their names.
 
-Found without a word of the plugin's author: a parameter of type ``Path``, and a parameter of type ``str`` whose value
-is the name of an existing file (or lists of these). A plugin says the rest:
+Found without a declaration: a parameter of type ``Path``, and a parameter of type ``str`` whose value
+is the name of an existing file (or lists of these). A plugin declares the rest:
 
 ``reads(self)``
     Files that no parameter names, such as weights that come with the package.
 ``writes``
-    A class attribute: the parameters that name files which the plugin writes. Without it, one that is called ``save``.
+    A class attribute: the parameters that name files which the plugin writes. Without it, a parameter called ``save``.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def contents(choices: Iterable[Choice]) -> dict[str, str]:
 def files_of(choice: Choice) -> Iterator[tuple[str, Path]]:
     """The files that a plugin with its parameters reads, each with a text that names it."""
     made = choice.made
-    for name, value, _ in [] if hasattr(made, "state") else _named(choice, made):  # state() is the plugin's own word
+    for name, value, _ in [] if hasattr(made, "state") else _named(choice, made):  # state() declares it
         if (path := Path(os.path.expanduser(value))).is_file():
             yield f"{value} ({choice.kind}.{name})", path
     for path in getattr(made, "reads", tuple)():
@@ -55,7 +55,7 @@ def files_of(choice: Choice) -> Iterator[tuple[str, Path]]:
 
 
 def check_files(choice: Choice) -> None:
-    """Raise :class:`UsageError` for a parameter of type ``Path`` that names no file or folder."""
+    """Raise :class:`UsageError` for a parameter of type ``Path`` that names no existing file or folder."""
     made = choice.made
     for name, value, is_path in _named(choice, made):
         if is_path and not Path(os.path.expanduser(value)).exists():
@@ -72,7 +72,7 @@ def written(plugin: Any) -> tuple[str, ...]:
 
 
 def _named(choice: Choice, made: Any) -> Iterator[tuple[str, str, bool]]:
-    """Parameter, value, and whether it is a path by type, for what may name a file that is read."""
+    """Parameter, value, and whether its type is a path, for each that may name a file that is read."""
     outputs = written(made)
     for name, hint in field_types(choice.plugin).items():
         kinds = set(_scalars(hint))
@@ -82,7 +82,7 @@ def _named(choice: Choice, made: Any) -> Iterator[tuple[str, str, bool]]:
 
 
 def _scalars(hint: Any) -> Iterator[Any]:
-    """The types in ``list[Path] | None``; the values of a Literal are none of them."""
+    """The types in ``list[Path] | None``; the values of a Literal are not types."""
     origin = typing.get_origin(hint)
     if origin in (list, tuple, dict, typing.Union, types.UnionType):
         for inner in typing.get_args(hint):

@@ -1,4 +1,4 @@
-"""Plugins: how they register, how they are found, and what is said when a name is wrong.
+"""Plugins: how they register, how they are found, and the messages about wrong names.
 
 Three ways in, one interface::
 
@@ -11,9 +11,9 @@ Three ways in, one interface::
     [project.entry-points."detailbench.plugins"]             # 2. in any installed package: the value names a module,
     my_methods = "my_package.methods"                        #    or a package, whose plugin modules are all loaded
 
-    registry().find("method", "poisson")                     # 3. what we ship comes in by way 2
+    registry().find("method", "poisson")                     # 3. shipped plugins use way 2
 
-Discovery is guarded: a plugin that fails to import is listed as broken, with its reason, and stops nothing else.
+Discovery is guarded: a plugin that fails to import is listed as broken, with its reason, and the others still load.
 Modules that do not mention ``register`` (building blocks, and whatever heavy library they import) are not loaded.
 """
 
@@ -41,7 +41,7 @@ from .declared import declared, registers, snake_case
 KINDS = ("task", "dataset", "sensor", "method", "metric")
 DIRECTIONS = ("lower", "higher", "reference")
 
-# Import names whose distribution is called otherwise, or that need another one.
+# Import names whose distribution has another name, or that need another one.
 INSTALL_LINES = {
     "CGAL": "pip install cgal",
     "torch": "pip install torch safetensors",
@@ -63,7 +63,7 @@ def install_line(library: str) -> str:
 
 @dataclass(frozen=True)
 class Plugin:
-    """One registered class and what its author said of it."""
+    """One registered class and what its author declared."""
 
     kind: str
     name: str
@@ -90,12 +90,12 @@ class Plugin:
         return dataclasses.fields(self.cls)
 
     def better(self, key: str) -> str:
-        """Which way a score of this metric is better: ``lower``, ``higher`` or ``reference`` (nearest the truth's)."""
+        """The direction of a score of this metric: ``lower``, ``higher`` or ``reference`` (nearest the truth's)."""
         better = self.options.get("better", "lower")
         return better if isinstance(better, str) else better.get(key, "lower")
 
     def length(self, key: str) -> int:
-        """The power of a length that a score of this metric is: 1 of a distance, 2 of its square, 0 of a share."""
+        """The power of length in a score of this metric: 1 for a distance, 2 for its square, 0 for a share."""
         length = self.options.get("length", 0)
         if length == "file":
             return 0
@@ -121,7 +121,7 @@ class Plugin:
 
 
 def missing_library(error: ImportError, library: str | None = None) -> MissingLibrary:
-    """The message for an import that failed: what to install, from pip or, for a shared object, from the system."""
+    """The message for a failed import: what to install, from pip or, for a shared object, from the system."""
     library = library or (error.name or "a library").partition(".")[0]
     if "shared object" in str(error):
         packages = "apt-get install -y --no-install-recommends libusb-1.0-0 libgl1 libegl1 libopengl0"
@@ -145,7 +145,7 @@ class Registry:
     """All plugins by kind and name, and those that could not be loaded.
 
     Names are read from the text of the modules (:mod:`bench.plugins.declared`), and a module is imported when one of
-    its plugins is asked for, or where its text does not tell what it registers.
+    its plugins is asked for, or if its text does not reveal what it registers.
     """
 
     def __init__(self) -> None:
@@ -153,7 +153,7 @@ class Registry:
         self._known: dict[str, dict[str, tuple[str, str]]] = {kind: {} for kind in KINDS}  # name -> module, origin
         self._collisions: dict[tuple[str, str], PluginError] = {}
         self.broken: list[Broken] = []
-        self.files: set[Path] = set()  # that were loaded as --plugin does
+        self.files: set[Path] = set()  # loaded like those of --plugin
         self._loaded: set[str] = set()
         self._discovered = False
         self._origin: str | None = None
@@ -161,9 +161,9 @@ class Registry:
     # -- registering -----------------------------------------------------------------------------------------------
 
     def add(self, plugin: Plugin) -> None:
-        """Add one plugin; a second one of that name from elsewhere is refused, with both sides named."""
+        """Add one plugin; a second one of that name from elsewhere is refused, naming both."""
         module, origin = self._known[plugin.kind].get(plugin.name, ("", ""))
-        if module == plugin.cls.__module__:  # imported by somebody else than the registry
+        if module == plugin.cls.__module__:  # imported by other code than the registry
             del self._known[plugin.kind][plugin.name]
             plugin = replace(plugin, origin=origin)
         self._load_known(plugin.kind, plugin.name)
@@ -180,7 +180,7 @@ class Registry:
 
     @property
     def origin(self) -> str:
-        """Where the module that is being imported comes from."""
+        """The origin of the module that is being imported."""
         return self._origin or "imported"
 
     # -- asking ----------------------------------------------------------------------------------------------------
@@ -196,11 +196,11 @@ class Registry:
         return [self._plugins[kind][name] for name in self.names(kind)]
 
     def loaded(self) -> list[Plugin]:
-        """The plugins whose modules are imported by now, of all kinds."""
+        """The plugins of all kinds whose modules are already imported."""
         return [plugin for kind in KINDS for plugin in self._plugins[kind].values()]
 
     def find(self, kind: str, name: str, *, also: Iterable[str] = ()) -> Plugin:
-        """The plugin of that kind and name; ``also`` are other names that may have been meant.
+        """The plugin of that kind and name; ``also`` are other names to suggest.
 
         Raises
         ------
@@ -218,7 +218,7 @@ class Registry:
     # -- loading ---------------------------------------------------------------------------------------------------
 
     def discover(self) -> None:
-        """Take note of the plugins of every entry point of the group, once."""
+        """Record the plugins of every entry point of the group, once."""
         if self._discovered:
             return
         self._discovered = True
@@ -227,7 +227,7 @@ class Registry:
             for module, file in self._plugin_modules(entry.module, origin):
                 plugins = declared(file) if file else None
                 taken = [(kind, name) for kind, name in plugins or () if kind not in KINDS or self._has(kind, name)]
-                for kind, name in taken:  # the import of both says what is wrong
+                for kind, name in taken:  # the import of both reports the error
                     self._load_known(kind, name)
                 if plugins is None or taken:
                     self._guarded(origin, module, partial(importlib.import_module, module))
@@ -262,10 +262,10 @@ class Registry:
             raise UsageError(f"--plugin {path}: expected a Python file (.py)")
         for kind in KINDS:
             for name, (module, _) in list(self._known[kind].items()):
-                if module.rpartition(".")[2] == path.stem:  # perhaps one of those that are installed
+                if module.rpartition(".")[2] == path.stem:  # perhaps an installed one
                     self._load_known(kind, name)
         if any(plugin.file == path for kind in KINDS for plugin in self._plugins[kind].values()):
-            return  # one of those that are installed
+            return  # an installed one
         self.files.add(path)
         module = plugin_module_name(path)
         collisions = set(self._collisions)
@@ -281,16 +281,16 @@ class Registry:
         is_imported = module in sys.modules
         try:
             load()
-            if is_imported:  # before the registry asked for it
+            if is_imported:  # before the registry requested it
                 self._adopt(module, origin)
-        except (Exception, SystemExit) as error:  # the guard: whatever a plugin's import does, the others go on
+        except (Exception, SystemExit) as error:  # the guard: whatever a plugin's import does, the others still load
             reason, details = _reason(error)
             self.broken.append(Broken(f"{origin} ({module})" if not file else origin, file, reason, details))
         finally:
             self._origin = None
 
     def _adopt(self, module: str, origin: str) -> None:
-        """Say where the plugins of a module come from that was imported before it was discovered."""
+        """Set the origin of the plugins of a module that was imported before it was discovered."""
         for plugins in self._plugins.values():
             for name, plugin in plugins.items():
                 if plugin.cls.__module__ == module and plugin.origin == "imported":
@@ -327,7 +327,7 @@ def _ours(entry: importlib.metadata.EntryPoint) -> bool:
 
 
 def plugin_module_name(path: Path) -> str:
-    """The module name of a plugin file: stable, and in nobody's way."""
+    """The module name of a plugin file: stable, without conflicts."""
     import zlib
 
     return f"detailbench_plugin_{zlib.crc32(str(path).encode()):08x}_{path.stem}"
@@ -349,10 +349,10 @@ def _import_file(path: Path, name: str) -> None:
 
 
 def _reason(error: BaseException) -> tuple[str, str]:
-    """Why a plugin could not be loaded, and the traceback where it tells more than that.
+    """Why a plugin could not be loaded, and the traceback if it adds information.
 
     A breach of our contract, or of that of ``@dataclass``, is a message with the line of the class. The traceback of
-    other errors begins in the plugin, since how it was imported helps nobody.
+    other errors begins in the plugin, since the frames of its import are of no help.
     """
     frames = traceback.extract_tb(error.__traceback__)
     machinery = (__file__, dataclasses.__file__)
@@ -384,7 +384,7 @@ def registry(*, discover: bool = True) -> Registry:
 
 
 def load_plugins(files: Sequence[str], *, warn: bool = True) -> tuple[str, ...]:
-    """Load everything that is installed, and ``files``; their absolute paths. Broken ones are said on stderr."""
+    """Load everything that is installed, and ``files``; their absolute paths. Broken ones are reported on stderr."""
     found = registry()
     for file in files:
         found.load_file(file)
@@ -417,11 +417,11 @@ def register(
         Of a metric: ``version`` (int), ``better`` (``lower``, ``higher``, ``reference``, or a mapping from score to
         one of them), ``outputs`` (tuple of ``"mesh"``, ``"cloud"``), ``floor`` (bool: score a perfect output too),
         ``length`` (int, or a mapping from score, without its ``@...``, to one: 1 of a length, 2 of its square, 0 of
-        what has no unit, as is every score that is not named; ``"file"``: in the units of the reference's file).
-        Of a dataset: ``own`` (bool: its files are the user's, and a run takes all of them where no number is given),
-        ``scans`` (bool: its shapes bring their scans, and go with the sensors that give these).
-        Of a sensor: ``scans`` (bool: it gives the scan that a shape brings), ``gives`` (``"cloud"``, ``"views"``, or a
-        word of your own that a task ``takes``).
+        scores without a unit, the default; ``"file"``: in the units of the reference's file).
+        Of a dataset: ``own`` (bool: its files are the user's, and a run takes all of them if no number is given),
+        ``scans`` (bool: its shapes come with scans, and need sensors that give these).
+        Of a sensor: ``scans`` (bool: it gives a shape's own scan), ``gives`` (``"cloud"``, ``"views"``, or a
+        name of your own that a task ``takes``).
 
     Raises
     ------
@@ -480,7 +480,7 @@ def _check_class(kind: str, name: str, cls: type) -> None:
         raise PluginError(f"{where}: the name {name!r} should be snake_case: letters, digits and underscores")
     if not dataclasses.is_dataclass(cls) or "__dataclass_params__" not in vars(cls):
         raise PluginError(f"{where}: put @dataclass(frozen=True) between @register and the class")
-    has_docs = sys.flags.optimize < 2  # PYTHONOPTIMIZE=2 leaves them out
+    has_docs = sys.flags.optimize < 2  # PYTHONOPTIMIZE=2 removes them
     text = cls.__doc__ or ""
     if has_docs and (not text.strip() or text.startswith(f"{cls.__name__}(")):
         raise PluginError(f"{where}: give the class a docstring; its first line is shown in listings")

@@ -23,9 +23,9 @@ NAME_KEY = "_name_"  # which plugin a config node is for
 
 
 def config_class(plugin: Plugin) -> type:
-    """A dataclass that Hydra understands, with the plugin's parameters and defaults.
+    """A dataclass for Hydra, with the plugin's parameters and defaults.
 
-    It is made anew instead of handing Hydra the plugin's own class: a class without a home module is pickled by
+    It replaces the plugin's own class for Hydra: a class without a home module is pickled by
     value, so the launchers can carry the config of a ``--plugin`` file into their worker processes.
 
     Raises
@@ -63,7 +63,7 @@ def field_types(plugin: Plugin) -> dict[str, Any]:
     Raises
     ------
     PluginError
-        If an annotation names what is not there.
+        If an annotation names something undefined.
     """
     try:
         return _type_hints(plugin.cls)
@@ -73,7 +73,7 @@ def field_types(plugin: Plugin) -> dict[str, Any]:
         ) from error
 
 
-@functools.lru_cache(maxsize=1024)  # every object that is built asks; what cannot be resolved is not kept
+@functools.lru_cache(maxsize=1024)  # called for every object built; failures are not cached
 def _type_hints(cls: type) -> dict[str, Any]:
     return typing.get_type_hints(cls)
 
@@ -101,7 +101,7 @@ def build(plugin: Plugin, values: Mapping[str, Any]) -> Any:
 
 
 def _key(plugin: Plugin, parameter: str) -> str:
-    """What a parameter is called on the command line."""
+    """The name of a parameter on the command line."""
     return f"metric.{plugin.name}.{parameter}" if plugin.kind == "metric" else f"{plugin.kind}.{parameter}"
 
 
@@ -109,7 +109,7 @@ def check_value(plugin: Plugin, parameter: str, value: Any) -> None:
     """Raise :class:`UsageError` for a value of a command line that does not fit the type of a parameter."""
     annotation = field_types(plugin)[parameter]
     if is_text(annotation) and isinstance(value, (int, float)):
-        value = str(value)  # as the config does it, see _config_types
+        value = str(value)  # as in the config, see _config_types
     convert(value, annotation, _key(plugin, parameter))
 
 
@@ -125,7 +125,7 @@ def _default(field: dataclasses.Field[Any]) -> Any:
 def parameters(plugin: Plugin, instance: Any) -> dict[str, Any]:
     """The value of every parameter of a plugin object, as JSON values; they identify a cell.
 
-    A parameter that a plugin got later (``metadata={"since": VERSION}``) is left out at its default: cells that were
+    A parameter added to a plugin later (``metadata={"since": VERSION}``) is left out at its default: cells that were
     stored before it existed keep their ids.
     """
     values = {f.name: plain(getattr(instance, f.name)) for f in plugin.fields}
@@ -135,7 +135,7 @@ def parameters(plugin: Plugin, instance: Any) -> dict[str, Any]:
 def variant(plugin: Plugin, values: Mapping[str, Any]) -> str:
     """The parameters that are not at their defaults: ``depth=9,trim=0.1``, or an empty string.
 
-    A class attribute ``called`` names a parameter that stands for all of them where it is given.
+    A class attribute ``called`` names a parameter that replaces all of them if it is set.
     """
     if name := values.get(getattr(plugin.cls, "called", "")):
         return str(name)
@@ -160,8 +160,8 @@ def _inner(values: Mapping[str, Any]) -> str:
 class _Group(dict):
     """A group of Hydra's config store whose nodes are made when they are first composed.
 
-    Making a node of each plugin there is takes longer than all else that a start does, and a run composes a few. What
-    is pickled for the processes of a launcher are the nodes that were made: Hydra composes a sweep's jobs beforehand.
+    Making the nodes of all plugins takes longer than the rest of a start, and a run composes only a few. The nodes
+    pickled for the processes of a launcher are the existing ones: Hydra composes a sweep's jobs beforehand.
     """
 
     def __init__(self, kind: str):
@@ -181,7 +181,7 @@ class _Group(dict):
         return _config_node(registry().find(self._kind, name))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _Group:
-        return self  # Hydra copies the store with itself, and every node again when it loads it
+        return self  # Hydra copies the store with itself, and copies every node again when it loads it
 
     def __reduce__(self) -> tuple[Any, ...]:
         return dict, ({name: node for name, node in self.items() if node is not None},)
@@ -200,7 +200,7 @@ def _config_node(plugin: Plugin) -> Any:
 
 
 def _config_set(name: str) -> Any:
-    """What a file ``conf/metric/NAME.yaml`` with a list of defaults would be."""
+    """The equivalent of a file ``conf/metric/NAME.yaml`` with a list of defaults."""
     from hydra.core.config_store import ConfigNode
     from omegaconf import OmegaConf
 

@@ -1,6 +1,6 @@
-"""What learned methods were trained to: which plugins learn, and safetensors files with what is known of the training.
+"""Weights of learned methods: which plugins learn, and safetensors files with the facts about the training.
 
-A file has the arrays and, as text in its header, what they were made by: see :data:`FACTS`. Files that come with a
+A file has the arrays and, as text in its header, how they were made: see :data:`FACTS`. Files that come with a
 package lie in a folder ``weights`` beside the source of their plugin, with floating-point numbers as float16.
 """
 
@@ -43,7 +43,7 @@ FACTS = {
     "training": "the fingerprint of the training",
     "finished": "when, UTC",
 }
-LONGEST_HEADER = 100_000_000  # bytes, as the format has it
+LONGEST_HEADER = 100_000_000  # bytes, the limit of the format
 
 
 def is_learned(plugin: Plugin) -> bool:
@@ -60,9 +60,9 @@ def trained_values(plugin: Plugin, parameters: Mapping[str, Any], attribute: str
 
 
 def shipped(plugin: Plugin, parameters: Mapping[str, Any]) -> Path | None:
-    """The file that comes with a plugin and was trained with these parameters; None where there is none."""
+    """The file that comes with a plugin and was trained with these parameters; None if there is none."""
     wanted = trained_values(plugin, parameters)
-    usual = trained_values(plugin, defaults(plugin))  # what a file says nothing of came later than the file
+    usual = trained_values(plugin, defaults(plugin))  # a parameter missing in a file is newer than the file
     for path in sorted((plugin.file.parent / "weights").glob("*.safetensors")):
         facts = facts_of(path)
         if facts.get("method") == plugin.name and _same({**usual, **(facts.get("parameters") or {})}, wanted):
@@ -71,12 +71,12 @@ def shipped(plugin: Plugin, parameters: Mapping[str, Any]) -> Path | None:
 
 
 def check_fits(plugin: Plugin, parameters: Mapping[str, Any], path: Path) -> None:
-    """Refuse a file of weights that another method has, or that was trained with other parameters.
+    """Refuse a file of weights of another method, or trained with other parameters.
 
     Raises
     ------
     BadInput
-        Naming the file, what differs, and what to say instead.
+        Naming the file, the difference, and the right override.
     """
     facts = facts_of(path)
     if facts.get("method") != plugin.name:
@@ -102,12 +102,12 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def facts_of(path: str | Path) -> dict[str, Any]:
-    """What the header of a file says, each value as it was given to :func:`save`.
+    """The header of a file, each value as it was passed to :func:`save`.
 
     Raises
     ------
     BadInput
-        Naming the file, if it cannot be read or is no safetensors file.
+        Naming the file, if it cannot be read or is not a safetensors file.
     """
     path = Path(os.path.expanduser(path))
     stat = _stat(path)
@@ -133,7 +133,7 @@ def _facts(path: str, mtime_ns: int, size: int) -> Mapping[str, Any]:
 
 
 EXPECTED = "expected a safetensors file that detailbench train made"
-MOST = 100  # letters that are quoted from a header
+MOST = 100  # characters quoted from a header
 
 
 def _damaged(path: str | Path, error: Exception) -> BadInput:
@@ -141,7 +141,7 @@ def _damaged(path: str | Path, error: Exception) -> BadInput:
 
 
 def _stat(path: Path) -> os.stat_result:
-    """What the system says of a file; a pipe, which might be waited for without end, is refused, and so is a device."""
+    """The status of a file; pipes, which might block for ever, and devices are refused."""
     try:
         if path.exists() and not path.is_file():
             raise BadInput(f"{path}: is a folder, a pipe or a device; {EXPECTED}")
@@ -163,7 +163,7 @@ def _header(file: BinaryIO, path: str) -> dict[str, Any]:
 
 
 def content(path: str | Path) -> str:
-    """SHA-256 over the arrays of a file, 64 hexadecimal digits; what its header says besides has no part in it.
+    """SHA-256 over the arrays of a file, 64 hexadecimal digits; the facts in its header do not count.
 
     Raises
     ------
@@ -221,7 +221,7 @@ def as_bytes(arrays: Mapping[str, np.ndarray], facts: Mapping[str, Any], *, half
     facts : mapping
         JSON values for the header.
     half : bool
-        Whether floating-point numbers become float16, as in the files that are shipped.
+        Whether floating-point numbers become float16, as in the shipped files.
     """
     from safetensors.numpy import save
 
