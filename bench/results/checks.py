@@ -1,7 +1,7 @@
 """Whether a file is a record: its metadata, columns and types, before anything else looks at them.
 
-A results folder may come from anywhere and hold anything. What is no record is left out, with the reason; what was
-read and is wrong (not: what cannot be opened, or is a table of somebody else) counts as damaged, and a run sets it
+A results folder may come from anywhere and hold anything. Non-records are left out, with the reason; one that was
+read and is wrong (not: cannot be opened, or is a table of another program) counts as damaged, and a run sets it
 aside.
 """
 
@@ -25,13 +25,13 @@ MOST_ROWS = 1_000_000  # of a record: a few bytes of a file can stand for any nu
 MOST_BYTES = 1 << 30  # of a record in memory
 NAME = re.compile(r"[0-9a-f]{12}-[0-9a-f]{16}")
 DIRECTIONS = ("lower", "higher", "reference")
-# Columns that every version wrote, in every row.
+# Columns that every version writes in every row.
 NEEDED = (
     *("cell", "fingerprint", "task", "dataset", "sensor", "method", "variant", "seed", "threads", "device", "host"),
     *("case", "case_index", "status", "finished"),
 )
 OF_THE_CELL = ("split", "method", "seed", "threads", "device")  # columns that are in a cell's plain values
-# What metadata hold, by the path to it; all may be missing but the first three.
+# The types of metadata, by path; all but the first three may be missing.
 META_TYPES: dict[str, type | tuple[type, ...]] = {
     "cell_id": str,
     "fingerprint": str,
@@ -65,7 +65,7 @@ META_TYPES: dict[str, type | tuple[type, ...]] = {
     "sources.*.sha256": str,
     "sources.*.text": (str, type(None)),
 }
-WHOLE = ("cell", "ingredients", "settings", "provenance", "finished")  # what a run, why and reproduce go by
+WHOLE = ("cell", "ingredients", "settings", "provenance", "finished")  # used by run, why and reproduce
 
 
 class NoRecord(Exception):
@@ -74,7 +74,7 @@ class NoRecord(Exception):
     Attributes
     ----------
     damaged : bool
-        Whether it was read and is wrong.
+        Whether it was read and is invalid.
     """
 
     def __init__(self, reason: str, *, damaged: bool = True):
@@ -88,7 +88,7 @@ def read_record(path: Path) -> tuple[pa.Table, dict[str, Any]]:
     Raises
     ------
     NoRecord
-        If the file is none, or cannot be read.
+        If the file is not a record, or cannot be read.
     FileNotFoundError
         If it is gone.
     """
@@ -101,7 +101,7 @@ def read_record(path: Path) -> tuple[pa.Table, dict[str, Any]]:
 
 
 def read_raw(path: Path) -> tuple[pa.Table, dict[str, Any]]:
-    """As :func:`read_record`, but the rows are not looked at: :func:`checked_together` does that for many records."""
+    """As :func:`read_record`, but without checking the rows: :func:`checked_together` does that for many records."""
     return guarded(lambda: _raw(path))
 
 
@@ -120,11 +120,11 @@ def _raw(path: Path) -> tuple[pa.Table, dict[str, Any]]:
 
 
 def read_meta(path: Path) -> dict[str, Any]:
-    """The metadata of a record; its rows are not looked at. Raises as :func:`read_record`."""
+    """The metadata of a record; its rows are not read. Raises as :func:`read_record`."""
     import pyarrow.parquet as pq
 
     def read() -> dict[str, Any]:
-        if not path.is_file():  # a FIFO would be waited for
+        if not path.is_file():  # a FIFO would block
             raise NoRecord("is no regular file", damaged=False)
         meta = checked_meta((pq.read_metadata(path).metadata or {}).get(META_KEY))
         _check_name(path, meta)
@@ -144,7 +144,7 @@ def read_content(path: Path) -> bytes:
 
 
 def guarded(read: Callable[[], T]) -> T:
-    """What ``read`` gives; whatever it raises for a file that is no record becomes :class:`NoRecord`."""
+    """The result of ``read``; its exceptions for a file that is not a record become :class:`NoRecord`."""
     import pyarrow as pa
 
     try:
@@ -167,7 +167,7 @@ def checked_meta(content: bytes | None) -> dict[str, Any]:
     Raises
     ------
     NoRecord
-        If they are not as :data:`META_TYPES` says, or if the cell is not that of its id.
+        If they do not match :data:`META_TYPES`, or if the cell does not match its id.
     """
     if content is None:
         raise NoRecord("is no record of detailbench (it has no metadata of it)", damaged=False)
@@ -198,7 +198,7 @@ def checked_meta(content: bytes | None) -> dict[str, Any]:
 
 
 def _values(value: Any, path: list[str]) -> Iterable[Any]:
-    """What is found at a path; ``*`` is every entry."""
+    """The values at a path; ``*`` is every entry."""
     if not path:
         return [value]
     key, *rest = path
@@ -210,13 +210,13 @@ def _values(value: Any, path: list[str]) -> Iterable[Any]:
 
 
 def lacks(meta: Mapping[str, Any]) -> list[str]:
-    """What a record lacks to be gone by: metadata of files that others than us have written, perhaps."""
+    """The metadata that a record lacks, for instance one written by other software."""
     parts = ["limit"] if "limit" not in meta.get("settings", {}) else []
     return [key for key in WHOLE if key not in meta] + [f"settings.{key}" for key in parts if "settings" in meta]
 
 
 def _check_name(path: Path, meta: Mapping[str, Any]) -> None:
-    """See that the file is called after its record: by its name it is found."""
+    """Check that the file is named after its record, which is found by that name."""
     expected = f"{meta['cell_id']}-{meta['fingerprint']}"
     if path.stem != expected:
         reason = f"holds the record {expected[:40]}, which is not what its name says"
@@ -232,7 +232,7 @@ def checked_rows(table: pa.Table, meta: Mapping[str, Any]) -> pa.Table:
     Raises
     ------
     NoRecord
-        If a column has another type or values that no record has, or if the rows are not those of the metadata.
+        If a column has another type or impossible values, or if the rows do not match the metadata.
     """
     table = checked_types(table)
     if not table.num_rows or table.num_rows != meta["planned"]:
@@ -262,8 +262,8 @@ def checked_together(entries: Sequence[tuple[pa.Table, Mapping[str, Any]]]) -> p
     Returns
     -------
     Table
-        Of all rows, in order; None where anything is wrong with, or unusual about, any record: each is then to be
-        looked at by itself.
+        Of all rows, in order; None if any record is invalid or unusual: each must then be
+        checked by itself.
     """
     import numpy as np
     import pyarrow as pa
@@ -298,7 +298,7 @@ def checked_together(entries: Sequence[tuple[pa.Table, Mapping[str, Any]]]) -> p
 
 
 def of_the_cell(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """What columns of every row say of a cell, from its plain values."""
+    """The columns that describe the cell in every row, from its plain values."""
     return {key: cell[key]["name"] if key == "method" else cell[key] for key in OF_THE_CELL if key in cell}
 
 
@@ -308,7 +308,7 @@ def checked_types(table: pa.Table, columns: Iterable[str] = COLUMNS) -> pa.Table
     Raises
     ------
     NoRecord
-        If a column has another type, if two have one name, or if a text is no UTF-8.
+        If a column has another type, if two have the same name, or if a text is not UTF-8.
     """
     import pyarrow as pa
 
@@ -338,12 +338,12 @@ def checked_types(table: pa.Table, columns: Iterable[str] = COLUMNS) -> pa.Table
 
 
 def check_values(table: pa.Table) -> None:
-    """Look at the columns that every row must have, and at those whose text is read as more than text.
+    """Check the columns that every row must have, and those whose text is parsed.
 
     Raises
     ------
     NoRecord
-        For a value that no record has.
+        For a value that no record can have.
     """
     for name in NEEDED:
         if table[name].null_count:

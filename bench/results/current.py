@@ -1,11 +1,11 @@
-"""Which of several records of one place in a table is shown.
+"""The choice among several records for one place in a table.
 
 The record that is *current*: its fingerprint is the one that a run of its cell would have today, with the sources,
-packages and files that are here now. Where none is, or where that cannot be told, the newest. So a table shows what
+packages and files that are here now. If none is, or if that is unknown, the newest. So a table shows what
 `detailbench run` would find, also after an edit was taken back.
 
 A plugin that is not installed here is not imported for this, whatever file the record names: its source is compared
-with that file, if it is there, and what else the plugin would have to say counts as unchanged.
+with that file, if it exists, and everything else about the plugin counts as unchanged.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from ..plugins.registry import registry
 from .earlier import differences, earlier_digest, seconds_of
 from .provenance import STATED, ingredients, package_version, source_digest
 
-# What the metadata of any folder, and the plugins that they name, may raise.
+# Exceptions that the metadata of any folder, and the plugins that they name, may raise.
 UNTOLD = (DetailbenchError, KeyError, TypeError, ValueError, AttributeError, OSError, RecursionError, OverflowError)
 LONGEST = 1 << 20  # bytes of a plugin's file that a record names and that is compared with it
 
 
 class Today:
-    """What the fingerprints of cells depend on today; each plugin is looked at once."""
+    """The current ingredients of the fingerprints of cells; each plugin is examined once."""
 
     def __init__(self) -> None:
         self._known: dict[str, dict[str, Any]] = {}
 
     def is_current(self, meta: Mapping[str, Any]) -> bool:
-        """Whether the record with this metadata is what a run would find; False where that cannot be told."""
+        """Whether the record with this metadata is what a run would find; False if that is unknown."""
         return self.differences(meta) == []
 
     def differences(self, meta: Mapping[str, Any]) -> list[str] | None:
-        """What differs between the ingredients of a record and today's, a line each; None where it cannot be told."""
+        """The differences between the ingredients of a record and today's, one a line; None if unknown."""
         then = meta.get("ingredients")
         if not isinstance(then, Mapping):
             return None
@@ -63,7 +63,7 @@ class Today:
 
 
 def _without_plugins(then: Mapping[str, Any], meta: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Today's ingredients as far as they can be told without building the cell; None where a source is not here."""
+    """Today's ingredients as far as they are known without building the cell; None if a source is missing."""
     recorded = (meta.get("provenance") or {}).get("plugins") or {}
     now = dict(then)
     for key in then:
@@ -85,9 +85,9 @@ def _without_plugins(then: Mapping[str, Any], meta: Mapping[str, Any]) -> dict[s
 
 
 def timestamp(finished: Any, written: float, now: float) -> float:
-    """When a record was made, in seconds since the epoch, for what is newer than what.
+    """When a record was made, in seconds since the epoch, to decide which record is newer.
 
-    A clock that is wrong must not make a record the newest for ever: a time in the future does not count, the file's
-    own does (``written``), and a file that is itself from the future is older than all others.
+    A wrong clock must not make a record the newest for ever: a time in the future is replaced by the file's
+    own (``written``), and a file that is itself from the future is older than all others.
     """
     return next((time for time in (seconds_of(finished), written) if time <= now), -math.inf)

@@ -1,14 +1,14 @@
-"""Records of earlier versions: which of them a run of today would make again, and why.
+"""Records of earlier versions: which of them a run would compute again today, and why.
 
 Until version 0.2, the digest of a source depended on where files stood and on their import lines, so records of a
-checkout in another layout look edited. ``earlier_sources.json`` says what the digests of that time stand for:
+checkout in another layout look edited. ``earlier_sources.json`` maps the digests of that time:
 
-    {"method jet": {"0123456789abcdef": "fedcba9876543210"}}    digest of then: digest of the source with equal results
+    {"method jet": {"0123456789abcdef": "fedcba9876543210"}}    old digest: digest of the source with equal results
 
-made by ``scripts/earlier_sources.py``. A source that is edited later has another digest than the table says; records
+made by ``scripts/earlier_sources.py``. A source that is edited later has another digest than in the table; records
 that it maps are then not current, as they should be.
 
-Of plugins that are not shipped, the digest of that time is made again from their files, which can be done as long as
+For plugins that are not shipped, the old digest is computed again from their files, which works as long as
 they import nothing of ``bench.geometry`` that has changed.
 """
 
@@ -42,16 +42,16 @@ REASONS = 3  # that one line names
 
 
 class Standing(NamedTuple):
-    """How a cell stands in a results folder.
+    """The state of a cell in a results folder.
 
     Attributes
     ----------
     mark : str
         Today's fingerprint.
     record : str
-        The fingerprint of the record that counts: ``mark``, or that of an earlier version's record with equal results.
+        The fingerprint of the record in use: ``mark``, or that of an earlier version's record with equal results.
     stale : tuple of str
-        What keeps the newest record from being current, a line each; empty where one counts, or where there is none.
+        Why the newest record is not current, one reason a line; empty if one is in use, or if there is none.
     """
 
     mark: str
@@ -60,7 +60,7 @@ class Standing(NamedTuple):
 
 
 def standing(results: Results, cell: Cell, parts: Mapping[str, Any]) -> Standing:
-    """Which record of a cell counts, for today's ingredients ``parts``."""
+    """The record of a cell in use, for today's ingredients ``parts``."""
     mark = fingerprint(dict(parts))
     if results.path(cell.id, mark).exists():
         return Standing(mark, mark)
@@ -78,7 +78,7 @@ def standing(results: Results, cell: Cell, parts: Mapping[str, Any]) -> Standing
 
 
 def _unscored(results: Results, cell: Cell) -> Iterator[str]:
-    """The metric, if there is one, without which a cell that has no record is stored: one that came to the usual ones.
+    """If a cell without a record is stored with one metric less: that metric, a later addition to the usual ones.
 
     The metrics are part of a cell's id, for a record holds the scores of all of them.
     """
@@ -92,12 +92,12 @@ def _unscored(results: Results, cell: Cell) -> Iterator[str]:
 
 
 def differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What differs between a record's ingredients and today's, a line each; digests of earlier versions are known."""
+    """The differences between a record's ingredients and today's, one a line; earlier digests are mapped."""
     return explain(translated(then, now), dict(now))
 
 
 def translated(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]:
-    """A record's ingredients, with digests of earlier versions replaced where they stand for the sources of ``now``."""
+    """A record's ingredients, with digests of earlier versions replaced where they map to the sources of ``now``."""
     return dict(then) | {
         key: now[key]
         for key, value in then.items()
@@ -117,17 +117,17 @@ def _same(key: str, before: Any, after: Any) -> bool:
 
 @functools.cache
 def table() -> Mapping[str, Mapping[str, str]]:
-    """By kind and name of a shipped plugin, what digests of earlier versions stand for."""
+    """By kind and name of a shipped plugin, the meaning of digests of earlier versions."""
     return json.loads(TABLE.read_text(encoding="utf-8"))
 
 
 def told(stale: Iterable[Iterable[str]]) -> str:
-    """One line on cells that have records of which none is current, and are run again; empty where there are none.
+    """One line on cells that are run again although they have records, none of them current; empty without such cells.
 
     Parameters
     ----------
     stale : iterable of iterable of str
-        For each cell, what keeps its newest record from being current; cells without such a record bring nothing.
+        For each cell, why its newest record is not current; cells without such a record add nothing.
     """
     lines = [tuple(cell) for cell in stale]
     count = sum(map(bool, lines))
@@ -143,7 +143,7 @@ def told(stale: Iterable[Iterable[str]]) -> str:
 
 
 def seconds_of(finished: Any) -> float:
-    """A time in ISO 8601 as seconds since the epoch, NaN where it is none."""
+    """A time in ISO 8601 as seconds since the epoch, NaN if it is invalid."""
     try:
         moment = datetime.fromisoformat(finished)
         return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

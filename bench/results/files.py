@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# Of the columns. 5: without reference_seconds, exchange_seconds and external; 4: and without those of weights and
+# Column version. 5: without reference_seconds, exchange_seconds and external; 4: and without those of weights and
 # trainings; 3: and without split and worst.<key>; 2: and without active_parameters; 1: and without true_distances; all
 # are read.
 SCHEMA_VERSION = 6
 META_KEY = b"detailbench"
 STATUSES = ("ok", "error", "timeout", "oom", "crashed", "invalid", "skipped")
 
-# Columns of every file, in order; what was measured follows as input.<key>, score.<key>, floor.<key>, worst.<key>.
+# Columns of every file, in order; measurements follow as input.<key>, score.<key>, floor.<key>, worst.<key>.
 COLUMNS = {
     "schema_version": "int64",
     "cell": "string",
@@ -75,11 +75,11 @@ COLUMNS = {
     "finished": "string",
 }
 MEASURED = ("input.", "score.", "floor.", "worst.")
-# What only a reader of one record wants.
+# Needed only by readers of a single record.
 NOT_INDEXED = ("traceback", "trace", "artefacts")
-# One result per place in a table; which of several records counts is told by ORDER.
+# One result per place in a table; ORDER decides which of several records is used.
 ORDER = ("__current", "__when")
-WRITTEN = "__written"  # when the file was written: a record that took over rows of an earlier one has their times
+WRITTEN = "__written"  # when the file was written: a record with rows taken from an earlier one has their times
 IDENTITY = ("task", "dataset", "sensor", "split", "method", "variant", "seed", "threads", "device", "case")
 
 
@@ -89,7 +89,7 @@ def write_atomically(path: Path, content: bytes) -> None:
     Raises
     ------
     StoreError
-        If the folder cannot be written or the disk is full. What was there before is untouched.
+        If the folder cannot be written or the disk is full. An existing file is untouched.
     """
     temporary = None
     try:
@@ -118,13 +118,13 @@ def _umask() -> int:
 
 
 def split_of(meta: Mapping[str, Any]) -> str:
-    """The split of a record's cases by its metadata: rows of versions below 4 have no column of it."""
+    """The split of a record's cases by its metadata: rows of versions below 4 lack the column."""
     cell = meta.get("cell")
     return cell.get("split", "test") if isinstance(cell, dict) else "test"
 
 
 def newest(frame: pd.DataFrame) -> pd.DataFrame:
-    """Of several rows for one place in a table, the one that counts, and what other machines made of that cell.
+    """Of several rows for one place in a table, the one in use, and the results of other machines for that cell.
 
     The last by ``frame[ORDER]`` where these columns are given (current or not, and when it was made; see
     :mod:`bench.results.index`), by ``finished`` otherwise.

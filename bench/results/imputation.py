@@ -1,9 +1,9 @@
-"""What a failed case is worth: the score of the worst output that takes no method at all.
+"""The score of a failed case: that of the worst output that takes no method at all.
 
-With every case the engine scores two outputs that know nothing of the input, random points (or tiny triangles) and
+With every case the engine scores two outputs that ignore the input, random points (or tiny triangles) and
 nothing at all (:mod:`bench.geometry.hopeless`), and stores the worse score of the two beside the floor, as
 ``worst.<key>``. A case that a method failed on enters its mean and its rank with this value. It is the same for all
-methods and known without running one, so that what a failure costs does not depend on who else is in the table.
+methods and known without running one, so that the cost of a failure does not depend on the rest of the table.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PREFIX = "worst."
-CASE = ["task", "dataset", "sensor", "split", "case", "seed"]  # what all methods meet alike
-SAMPLES = 10_000  # that hopeless outputs are scored with
+CASE = ["task", "dataset", "sensor", "split", "case", "seed"]  # the same for all methods
+SAMPLES = 10_000  # for scoring hopeless outputs
 STAGES = ("prepare", "method", "score")  # a case that failed in one of these was made and can be scored
 
 
 def lacks_worst(row: Mapping[str, object]) -> bool:
-    """Whether the worst scores of a stored row are not known, and can be."""
+    """Whether the worst scores of a stored row are unknown, but can be computed."""
     made = row["status"] == "ok" or row["stage"] in STAGES
     return made and not any(key.startswith(PREFIX) and value is not None for key, value in row.items())
 
 
 def lent(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows, with the worst scores of each case in all rows of this case.
+    """The rows, with the worst scores of each case filled in for all rows of the case.
 
-    A method that ended its process, or whose case an earlier version ran, has none of its own; those of another method
-    on the same case are the same. So is the reference's own value, where a metric is to be near it. To be called before
-    methods are filtered: what a failure costs must not depend on who is shown.
+    The row of a method that ended its process, or of an earlier version, has none; those of another method
+    on the same case are the same. So is the reference's own value, if a metric should be near it. Call it before
+    methods are filtered: the cost of a failure must not depend on which methods are shown.
     """
     names = [name for name in rows.columns if name.startswith(PREFIX)]
     if not names:
@@ -65,7 +65,7 @@ def worst_scores(
     -------
     dict
         Without the keys by which no hopeless output is worse than a perfect one: tiny equilateral triangles are of
-        perfect quality, and nothing at all does not intersect itself. Such a metric does not tell what failing costs.
+        perfect quality, and an empty output does not intersect itself. Such a metric gives no cost of a failure.
     """
     found: dict[str, float] = {}
     for scores in hopeless:

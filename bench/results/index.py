@@ -1,7 +1,7 @@
 """The index of a results folder: all rows in one file, so that the second leaderboard is quick.
 
 ``.index/rows.parquet`` holds the rows of every record, each with the name of its file; its metadata holds the size
-and modification time of every file when it was read. Rows of files that changed or went are read again; a missing or
+and modification time of every file when it was read. Rows of changed or removed files are updated; a missing or
 damaged index is made anew, and one that lies behind a link is left alone.
 """
 
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
 
     from .store import Results
 
-FILE = "__file"  # the columns that only this module sees
+FILE = "__file"  # columns internal to this module
 FOLDER = "__folder"
-# What decides whether a case must be run again.
+# The columns that decide whether a case must be run again.
 STATE = ("case_index", "status", "stage", "message", "output", "limit_seconds", "limit_memory_gb")
-MANY = 5000  # files that are worth the start of two processes
-PART = 2000  # files after which such a process hands over what it has read
-BATCH = 256  # files read before their small tables are made one: ten thousand of them are mostly overhead
+MANY = 5000  # files, from which on two processes are worth starting
+PART = 2000  # files after which such a process returns what it has read
+BATCH = 256  # files whose small tables are merged at once: ten thousand separate ones are mostly overhead
 
 
 def rows(folders: Sequence[Results], *, use_index: bool, of: Collection[tuple[str, str]] | None = None) -> pd.DataFrame:
-    """Every row below the folders; where several records have one place in a table, the one that counts.
+    """Every row below the folders; if several records have one place in a table, the one in use.
 
-    With ``of``, the records of one run (cell and fingerprint), of these alone.
+    With ``of``, only those of these records (cell and fingerprint).
     """
     import pandas as pd
 
@@ -61,14 +61,14 @@ def rows(folders: Sequence[Results], *, use_index: bool, of: Collection[tuple[st
 
 
 def states(results: Results) -> tuple[dict[tuple[str, str], list[dict[str, Any]]], set[str]]:
-    """What decides whether a cell is finished, of every record: no file of a current index is opened.
+    """The columns of every record that decide whether a cell is finished: files in a current index are not opened.
 
     Returns
     -------
     rows : dict
         By cell and fingerprint, the columns :data:`STATE` of every row.
     lacking : set of str
-        Names of the records whose metadata are not whole (:func:`bench.results.checks.lacks`).
+        Names of the records whose metadata are incomplete (:func:`bench.results.checks.lacks`).
     """
     table, _, lacking = _merged(results, use_index=True)
     found: dict[tuple[str, str], list[dict[str, Any]]] = {}
@@ -80,7 +80,7 @@ def states(results: Results) -> tuple[dict[tuple[str, str], list[dict[str, Any]]
 
 
 def _gathered(results: Results, use_index: bool) -> pd.DataFrame:
-    """Every row below one folder, with the name of its file and when that was written."""
+    """Every row below one folder, with the name and the time of its file."""
     merged, files, _ = _merged(results, use_index)
     if merged is None:
         return _empty()
@@ -92,7 +92,7 @@ Files = dict[str, tuple[Path, int, int]]
 
 
 def _merged(results: Results, use_index: bool) -> tuple[pa.Table | None, Files, set[str]]:
-    """The rows of all records, None without any; all files; and the names of those whose metadata are not whole."""
+    """The rows of all records, None without any; all files; and the names of those with incomplete metadata."""
     import pyarrow as pa
 
     files = {p.name: (p, s.st_mtime_ns, s.st_size) for p, s in results._files()}
@@ -123,7 +123,7 @@ def _merged(results: Results, use_index: bool) -> tuple[pa.Table | None, Files, 
 def _weighed(frame: pd.DataFrame, several: np.ndarray, folders: Sequence[Results]) -> pd.DataFrame:
     """The rows with the columns ORDER: whether they are current, and when they were made.
 
-    Only rows that share a place with others are looked at.
+    Only rows that share a place with others are checked.
     """
     from .current import Today, timestamp
 
@@ -132,7 +132,7 @@ def _weighed(frame: pd.DataFrame, several: np.ndarray, folders: Sequence[Results
     _warn_of_the_future(rivals, folders, now)
     when = [timestamp(f, w, now) for f, w in zip(rivals["finished"], rivals[WRITTEN], strict=True)]
     others = rivals.drop_duplicates([*IDENTITY, "cell", "fingerprint"])
-    others = others[others.duplicated(list(IDENTITY), keep=False)]  # not two copies of one record
+    others = others[others.duplicated(list(IDENTITY), keep=False)]  # two copies of one record do not count
     current = {
         (folders[folder].folder, cell, fingerprint)
         for folder, cell, fingerprint in dict.fromkeys(_keys(others))
@@ -151,7 +151,7 @@ def _keys(frame: pd.DataFrame) -> Iterator[tuple[int, str, str]]:
 
 
 def _warn_of_the_future(rivals: pd.DataFrame, folders: Sequence[Results], now: float) -> None:
-    """Say which records have a date that cannot be."""
+    """Report the records with an impossible date."""
     from .current import seconds_of
 
     dated = rivals.drop_duplicates([FOLDER, FILE, "finished"])
@@ -163,7 +163,7 @@ def _warn_of_the_future(rivals: pd.DataFrame, folders: Sequence[Results], now: f
 def _read_all(results: Results, paths: list[Path]) -> tuple[list[pa.Table], set[str]]:
     """:func:`_read_some` of all files; very many are read by two processes, a part at a time.
 
-    Half of the work is Python's, of which threads do one thing at a time.
+    Half of the work is Python code, which threads cannot run in parallel.
     """
     if len(paths) < MANY or (os.cpu_count() or 1) < 2:
         return _read_some(results, paths, 4)
@@ -171,7 +171,7 @@ def _read_all(results: Results, paths: list[Path]) -> tuple[list[pa.Table], set[
     try:
         with ProcessPoolExecutor(2, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
             done = list(pool.map(_read_part, [results] * len(parts), parts))
-    except (OSError, BrokenExecutor):  # no semaphores, no room for processes, or one that was killed
+    except (OSError, BrokenExecutor):  # no semaphores, too many processes, or one was killed
         return _read_some(results, paths, 4)
     known = len(results.damaged)
     tables, lacking = [], set()
@@ -184,14 +184,14 @@ def _read_all(results: Results, paths: list[Path]) -> tuple[list[pa.Table], set[
 
 
 def _read_part(results: Results, paths: Sequence[Path]) -> tuple[list[pa.Table], set[str], Results]:
-    """What another process reads, with its own account of files that were left out."""
+    """The work of another process, with its own list of files that were left out."""
     return *_read_some(results, paths, 1), results
 
 
 def _read_some(results: Results, paths: Sequence[Path], threads: int) -> tuple[list[pa.Table], set[str]]:
-    """The tables of some record files, and the names of those whose metadata are not whole.
+    """The tables of some record files, and the names of those with incomplete metadata.
 
-    What is no record is left out and reported.
+    Files that are not records are left out and reported.
     """
     import pyarrow as pa
 
@@ -235,7 +235,7 @@ def _alike(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
 
 
 def _checked(results: Results, entries: Sequence[Entry]) -> Iterator[pa.Table]:
-    """The rows of records, with the names of their files; those of which something is wrong are left out."""
+    """The rows of records, with the names of their files; invalid ones are left out."""
     import pyarrow as pa
 
     together = checked_together([(table, meta) for _, table, meta in entries])
@@ -257,7 +257,7 @@ def _indexed(table: pa.Table) -> pa.Table:
 
 
 def _load(folder: Path) -> tuple[dict[str, Any], set[str], pa.Table | None]:
-    """The index as it was left, or nothing when it cannot be used."""
+    """The index as last saved, or nothing if it is unusable."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -289,7 +289,7 @@ def _save(folder: Path, seen: dict[str, Any], lacking: set[str], table: pa.Table
         b"lacking": json.dumps(sorted(lacking)).encode(),
     }
     pq.write_table(table.replace_schema_metadata(meta), sink, compression="zstd")
-    with contextlib.suppress(StoreError):  # results that can only be read still make a leaderboard
+    with contextlib.suppress(StoreError):  # a leaderboard also works on a read-only folder
         write_atomically(folder / "rows.parquet", sink.getvalue().to_pybytes())
 
 

@@ -1,13 +1,13 @@
-"""Kept outputs and their references: what their files are called, and where they are found again.
+"""Stored outputs and their references: the names of their files, and how they are found again.
 
 ::
 
     DIR/outputs/CELL-FINGERPRINT/CASE.ply               an output; its row names it, relative to DIR
     DIR/outputs/references/DATASET-CASE-CONTENT.ply     a reference; the metadata of the record name it
 
-A results folder can be moved, copied or given away: nothing in it names a place outside. Rows of earlier versions hold
-absolute paths, and are found below the folder that they are in now. References go by their content, so that two tasks,
-seeds or splits whose cases share an id never share a file unless it is the same.
+A results folder can be moved, copied or shared: nothing in it names a place outside. Rows of earlier versions hold
+absolute paths, and are found below their present folder. References are named by their content, so that two tasks,
+seeds or splits whose cases share an id share a file only if it is the same.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from ..contract.shape import Shape
 
 FOLDER = "outputs"
-LONGEST = 120  # letters of a file's name; file systems take 255 bytes with the suffixes of temporary files
+LONGEST = 120  # characters of a file's name; file systems allow 255 bytes with the suffixes of temporary files
 
 
 def file_name(id: str, suffix: str = ".ply") -> str:
-    """A file's name for the id of a case: the id itself where every file system takes it.
+    """A file's name for the id of a case: the id itself if every file system allows it.
 
-    Other letters than those of plain file names become ``_``, and what was left out is told by a digest.
+    Characters that plain file names lack become ``_``, and a digest keeps such names distinct.
     """
     plain = re.sub(r"[^\w.+=@,-]", "_", id.encode("utf-8", "replace").decode(), flags=re.ASCII).lstrip(".")[:LONGEST]
     return f"{plain}{suffix}" if plain and plain == id else f"{plain}-{digest(id)[:8]}{suffix}"
@@ -43,7 +43,7 @@ def reference_file(dataset: str, case: str, reference: Shape) -> str:
 
 
 def found(folder: Path, stored: str | None) -> Path | None:
-    """The file below a results folder that a stored path means, None where there is none.
+    """The file below a results folder that a stored path means, None if there is none.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def found(folder: Path, stored: str | None) -> Path | None:
         The results folder, wherever it is now.
     stored : str or None
         Relative to the folder; or absolute, as earlier versions stored it: then the file of the same name below the
-        folder's own ``outputs`` is meant, for the folder may have been moved or copied since. A record may be somebody
+        folder's own ``outputs`` is meant, since the folder may have been moved or copied. A record may be somebody
         else's, so a path that leads elsewhere means none.
     """
     if not isinstance(stored, str) or not stored or ".." in PurePosixPath(stored).parts:
@@ -77,5 +77,5 @@ def found_reference(folder: Path, meta: Mapping[str, Any], row: Mapping[str, Any
         With ``dataset`` and ``case``.
     """
     named = (meta.get("references") or {}).get(row["case"])
-    # As earlier versions named it.
+    # The name in earlier versions.
     return found(folder, named or f"{FOLDER}/references/{reference_name(row['dataset'], row['case'])}")

@@ -29,18 +29,18 @@ from .sources import BENCH, Stamps, source_closure, source_digest, stamps
 ALWAYS = ("numpy", "scipy", "trimesh")
 
 
-STATED = "version that "  # the ingredients for which a program of the user's was asked
+STATED = "version that "  # the ingredients for which a program of the user was run
 
 
 def ingredients(cell: Cell, recorded: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """All that decides whether a finished result of ``cell`` is current, as a flat mapping for :func:`explain`.
+    """Everything that decides whether a finished result of ``cell`` is current, as a flat mapping for :func:`explain`.
 
     The parameters and the seed (in ``cell``), the source of the plugins that make the output (with the neighbours
-    and the geometry that they import), the versions of metrics, the packages that compute, what a dataset says of its
-    own state (hashes of the user's files), and the contents of the files that plugins read (:mod:`reads`).
+    and the geometry that they import), the versions of metrics, the packages that compute, the state that a dataset
+    reports (hashes of the user's files), and the contents of the files that plugins read (:mod:`reads`).
 
-    A method may state the version of a program that it runs, and runs it for that. So what comes from a record, which
-    may be a stranger's, is given as ``recorded`` ingredients: the versions are then those that stand there, unasked.
+    A method may state the version of a program, which it runs to find out. So the ingredients of a record, which
+    may be a stranger's, are given as ``recorded``: versions are then taken from there, and no program is run.
     """
     parts = {"cell": cell.id} | depends_on(cell.choices, cell.dataset)
     if recorded is not None:
@@ -56,7 +56,7 @@ WEIGHTS = "weights"  # the ingredient
 
 
 def weights_of(training: Training) -> str | None:
-    """What weights are: the content of a file, or the fingerprint of the training that makes them; None without."""
+    """The identity of weights: the content of a file, or the fingerprint of the training behind them; None without."""
     if training.weights == TRAINED:
         return fingerprint(training_ingredients(training))
     path = training.shipped if training.weights == SHIPPED else Path(os.path.expanduser(training.path))
@@ -64,7 +64,7 @@ def weights_of(training: Training) -> str | None:
 
 
 def training_ingredients(training: Training) -> dict[str, Any]:
-    """All that decides what a training makes, like :func:`ingredients` for a cell."""
+    """Everything that the result of a training depends on, like :func:`ingredients` for a cell."""
     return {"training": training.id} | depends_on(training.choices, training.dataset)
 
 
@@ -79,7 +79,7 @@ def examples_key(training: Training) -> str:
 
 
 def depends_on(choices: Iterable[Choice], dataset: Choice | None = None) -> dict[str, Any]:
-    """Sources, versions, packages, and the contents of files; with a dataset also the state that it says it is in."""
+    """Sources, versions, packages, and the contents of files; with a dataset also the state that it reports."""
     choices = tuple(choices)
     parts: dict[str, Any] = {}
     for choice in choices:
@@ -99,16 +99,16 @@ def depends_on(choices: Iterable[Choice], dataset: Choice | None = None) -> dict
 
 
 def stated_versions(method: Choice) -> dict[str, str]:
-    """What a method says of the version of a program, whose file does not tell all; asking may run the program."""
+    """The version of a program that a method states, since its file is not enough; this may run the program."""
     said = method.made.version() if hasattr(method.made, "version") else ""
     return {f"{STATED}method {method.name} states": said} if said else {}
 
 
 def memory_keys(cell: Cell) -> dict[str, str]:
-    """What the shapes, the clouds, the cases and the floors of a cell depend on, for :mod:`bench.engine.memo`.
+    """The dependencies of the shapes, clouds, cases and floors of a cell, for :mod:`bench.engine.memo`.
 
     Under ``dataset``, ``sensor``, ``task`` and ``metric NAME``: digests over parameters, sources and the
-    versions of packages. Our own sources all count, since all cells share them.
+    versions of packages. All our own sources count, since all cells share them.
     """
     common = {
         "detailbench": _own_digest(),
@@ -134,7 +134,7 @@ def memory_keys(cell: Cell) -> dict[str, str]:
 
 
 def _own_digest() -> str:
-    """A digest over the sources of shapes, tasks, effects and geometry: what a case is and how it is measured."""
+    """A digest over the sources of shapes, tasks, effects and geometry: how cases are made and measured."""
     rooms = (_python_files(str(BENCH / room)) for room in ("contract", "geometry", "tasks"))
     files = [
         str(BENCH / "seeds.py"),
@@ -162,7 +162,7 @@ def fingerprint(parts: dict[str, Any]) -> str:
 
 
 def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """What differs between the ingredients of a stored result and those of today, one line each."""
+    """The differences between the ingredients of a stored result and today's, one a line."""
     lines = []
     for key in sorted({*then, *now}):
         before, after = then.get(key), now.get(key)
@@ -190,7 +190,7 @@ def _short(digest: Any) -> str:
 # -- packages ----------------------------------------------------------------------------------------------------------
 
 
-# Import names that are not the names of their distributions; asking importlib.metadata for all takes half a second.
+# Import names that differ from their distributions; querying importlib.metadata for all takes half a second.
 DISTRIBUTIONS = {
     "CGAL": ("cgal",),
     "igl": ("libigl",),
@@ -203,7 +203,7 @@ DISTRIBUTIONS = {
 
 @functools.cache
 def package_version(module: str) -> str | None:
-    """The version of the distribution that brings an import name; None when it is not installed."""
+    """The version of the distribution that provides an import name; None when it is not installed."""
     for name in DISTRIBUTIONS.get(module, (module,)):
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             return importlib.metadata.version(name)
@@ -218,7 +218,7 @@ def package_version(module: str) -> str | None:
 
 @functools.cache
 def machine() -> dict[str, Any]:
-    """What ran: host, processor, memory, system, Python, and the commit of a checkout of detailbench."""
+    """The machine: host, processor, memory, system, Python, and the commit of a checkout of detailbench."""
     import psutil
 
     return {
@@ -247,20 +247,20 @@ def provenance(cell: Cell) -> dict[str, Any]:
     return {**machine(), "plugins": plugins}
 
 
-LONGEST_SOURCE = 1 << 16  # bytes of one file that a record keeps
+LONGEST_SOURCE = 1 << 16  # bytes of one file stored in a record
 LONGEST_SOURCES = 1 << 18  # and of all files together
 
 
 def plugin_sources(cell: Cell) -> dict[str, dict[str, str | None]]:
-    """The sources of the plugins that ``--plugin`` brought, with the files beside them that they import.
+    """The sources of the plugins loaded by ``--plugin``, with the files beside them that they import.
 
-    They are kept in the record for people: nothing imports them from there.
+    They are stored in the record for readers: nothing imports them from there.
 
     Returns
     -------
     dict
-        By path: ``sha256`` of the file, and its ``text``, or None where it is longer than :data:`LONGEST_SOURCE`, or
-        where the files before it fill :data:`LONGEST_SOURCES`.
+        By path: ``sha256`` of the file, and its ``text``, or None if it is longer than :data:`LONGEST_SOURCE`, or
+        if the files before it fill :data:`LONGEST_SOURCES`.
     """
     brought = {part.file for choice in cell.choices for part in choice.parts if is_from_file(part)}
     files = {path for file in brought for path in source_closure(file)}
@@ -296,6 +296,6 @@ def commit_of(folder: Path) -> dict[str, Any] | None:
         return done.stdout.strip() if done.returncode == 0 else None
 
     head = git("rev-parse", "HEAD")
-    if head is None or git("check-ignore", "-q", ".") is not None:  # an ignored folder: somebody's .venv
+    if head is None or git("check-ignore", "-q", ".") is not None:  # an ignored folder, such as a .venv
         return None
     return {"commit": head, "dirty": bool(git("status", "--porcelain", "--untracked-files=no"))}

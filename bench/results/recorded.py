@@ -1,8 +1,8 @@
-"""A stored cell on this machine: which of its records counts, its plugins and its paths.
+"""A stored cell on this machine: its record in use, its plugins and its paths.
 
-A record may be somebody else's, so it is not obeyed blindly: no plugin file that it names is imported, unless the user
-names the file with ``--plugin``; and what it would have written is not written (:func:`writing_nothing`). Its paths may
-lead elsewhere here: ``dataset.path=FOLDER`` stands in place of a path among the parameters of its dataset.
+A record may be somebody else's, so it is not trusted: no plugin file that it names is imported, unless the user
+names the file with ``--plugin``; and its plugins write no files (:func:`writing_nothing`). Its paths may
+not exist here: ``dataset.path=FOLDER`` replaces a path among the parameters of its dataset.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class Stored:
     records : list of Record
         All of the cell, the newest first.
     shown : Record
-        The one that counts: the newest that is current, or the newest.
+        The one in use: the newest that is current, or the newest.
     paths : mapping
-        Parameters of the dataset that are given anew.
+        Replaced parameters of the dataset.
     """
 
     results: Results
@@ -49,12 +49,12 @@ class Stored:
 
     @classmethod
     def of(cls, prefix: str, words: Sequence[str]) -> Stored:
-        """The one cell whose id begins so; ``words`` are ``results=DIR`` and ``dataset.PARAMETER=PATH``.
+        """The one cell whose id has this prefix; ``words`` are ``results=DIR`` and ``dataset.PARAMETER=PATH``.
 
         Raises
         ------
         UsageError
-            For another word, and when there is no such cell, or none that can be read.
+            For another argument, and if there is no such cell, or none that can be read.
         """
         folder, paths = _split(words)
         results = Results(folder)
@@ -81,14 +81,14 @@ class Stored:
 
     @property
     def title(self) -> str:
-        """The cell in one line, as its rows call it: no plugin is needed."""
+        """The cell in one line, as in its rows: no plugin is needed."""
         row = self.shown.rows[0]
         method = f"{row['method']}[{row['variant']}]" if row["variant"] else row["method"]
         return " ".join(filter(None, [row["task"], row["dataset"], row["sensor"], method, f"seed={row['seed']}"]))
 
     @property
     def missing(self) -> list[str]:
-        """The plugins that the cell needs and that are not loaded, as ``method NAME``."""
+        """The plugins of the cell that are not loaded, as ``method NAME``."""
         meta = self.shown.meta
         named = [key.removeprefix(SOURCE) for key in meta["ingredients"] if key.startswith(SOURCE)]
         return [name for name in dict.fromkeys([*meta["provenance"].get("plugins", {}), *named]) if not _is_known(name)]
@@ -112,7 +112,7 @@ class Stored:
         return loaded
 
     def _without(self, missing: Sequence[str]) -> str:
-        """What a record was run with and is not loaded, and what to do."""
+        """The plugins of a record that are not loaded, and what to do."""
         cell, sources = self.shown.cell, self.shown.meta.get("sources", {})
         files: dict[str, list[str]] = {}
         for name in missing:
@@ -129,12 +129,12 @@ class Stored:
 
     @property
     def cell(self) -> Cell:
-        """The cell with the paths of this machine; to be asked for when the plugins are loaded.
+        """The cell with the paths of this machine; available once the plugins are loaded.
 
         Raises
         ------
         UsageError
-            If a path is none of the dataset's, or leads nowhere.
+            If a path is not one of the dataset's, or does not exist.
         """
         cell = _cell_of(self.shown, self.paths)
         check = getattr(cell.dataset.build(), "check", None)
@@ -148,19 +148,19 @@ class Stored:
         return cell
 
     def differences(self, cell: Cell) -> list[str]:
-        """What differs between the day of the record and today, one line each; the paths given anew do not count."""
+        """The differences between the record and today, one a line; replaced paths do not count."""
         then = self.shown.meta["ingredients"]
         lines = differences(then, ingredients(cell, recorded=then) | ({"cell": then.get("cell")} if self.paths else {}))
         return lines + (list(_edited(self.shown.meta, cell)) if any(line.startswith(SOURCE) for line in lines) else [])
 
 
 def _cell_of(record: Record, paths: Mapping[str, str]) -> Cell:
-    """The cell of a record, with other paths of its dataset, and with plugins and parameters that are there.
+    """The cell of a record, with other paths of its dataset; its plugins and parameters must exist.
 
     Raises
     ------
     UsageError
-        If it is no cell, for instance of another version.
+        If it is not a valid cell, for instance of another version.
     """
     try:
         cell = Cell.from_json(record.meta["cell"])
@@ -182,7 +182,7 @@ def _cell_of(record: Record, paths: Mapping[str, str]) -> Cell:
 
 
 def _edited(meta: Mapping[str, Any], cell: Cell) -> Iterator[str]:
-    """Where the files of plugins differ from those that a record keeps, a line each."""
+    """The differences between the files of plugins and those stored in a record, one a line."""
     here = {Path(path).name: (path, kept) for path, kept in plugin_sources(cell).items()}
     for path, kept in meta.get("sources", {}).items():
         found, now = here.get(Path(path).name, ("", {}))
@@ -195,10 +195,10 @@ def _edited(meta: Mapping[str, Any], cell: Cell) -> Iterator[str]:
 
 
 def writing_nothing(cell: Cell) -> tuple[Cell, list[str]]:
-    """The cell without the files that its plugins would write, and the parameters that name them: a record names none.
+    """The cell without the files that its plugins would write, and the parameters that name such files.
 
-    What is written is what a plugin says (:mod:`bench.plugins.reads`); the parts of a plugin, such as the steps of a
-    chain, are looked at, too.
+    A plugin declares what it writes (:mod:`bench.plugins.reads`); the parts of a plugin, such as the steps of a
+    chain, are checked too.
     """
     found: list[str] = []
 
@@ -223,7 +223,7 @@ def writing_nothing(cell: Cell) -> tuple[Cell, list[str]]:
 
 
 def _of_parts(value: Any, parts: Mapping[str, Plugin], found: list[str]) -> Any:
-    """A parameter without what the parts that it names would write; these parameters go to ``found``."""
+    """A parameter without the files that its parts would write; the parameters of these are added to ``found``."""
     if isinstance(value, (list, tuple)):
         return [_of_parts(inner, parts, found) for inner in value]
     if not isinstance(value, Mapping):
@@ -277,7 +277,7 @@ def _check_path(dataset: Choice, name: str) -> None:
 
 
 def lines_of_source(meta: Mapping[str, Any]) -> Iterator[str]:
-    """The sources that a record keeps, each below a line with its path and digest."""
+    """The sources stored in a record, each below a line with its path and digest."""
     for path, kept in (meta.get("sources") or {}).items():
         yield f"# {path} (sha256 {kept['sha256']})"
         yield kept["text"].rstrip("\n") if kept["text"] is not None else "# too long to be kept in the record"

@@ -1,16 +1,16 @@
 """Digests of the sources that a result depends on: of a plugin's file, and of what it imports.
 
-The digest is over what the sources say, not over where they stand. Of each file counts its text without blank lines
-and without its import statements; in place of these stands what they bring: for a file of our own a digest over that
+The digest is over the content of the sources, not over their place. It covers the text of each file without blank lines
+and import statements, which are replaced by what they import: for a file of our own a digest over that
 file's text and the name, for a library the dotted name. So a file that is moved, with its import lines and those of
 others changed to the new place, keeps its digest; one that imports ``f`` from another module with another text does
 not. Imports under ``if TYPE_CHECKING`` do not count.
 
-What is our own: the files beside a plugin and in its package, and of ``bench`` the rooms in :data:`COUNTED`, which
-decide what a case is and how its output is scored. The rest of ``bench`` (registry, messages, tables) changes no
-result: of what is imported from there, the name alone counts.
+Our own are the files beside a plugin and in its package, and of ``bench`` the rooms in :data:`COUNTED`, which
+define a case and the scoring of its output. The rest of ``bench`` (registry, messages, tables) changes no
+result: imports from there count by name only.
 
-This module needs the standard library alone: ``scripts/earlier_sources.py`` loads it for older versions too.
+This module needs only the standard library: ``scripts/earlier_sources.py`` loads it for older versions too.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from typing import NamedTuple, TypeGuard
 BENCH = Path(__file__).resolve().parents[1]
 COUNTED = ("geometry", "contract", "tasks", "seeds")  # rooms and modules of bench that results depend on
 PLUGINS = ("methods", "datasets", "metrics")  # links to folders beside bench, in a checkout
-HOLE = re.compile(rb"\0(\d+)\0")  # where a run of import statements stood; no source holds a NUL
+HOLE = re.compile(rb"\0(\d+)\0")  # the place of a run of import statements; no source contains a NUL
 
 TICK_NS = 1_000_000_000  # two edits within one tick of a file system's clock leave the same times
 
 Stamp = tuple[int, int, int, int]  # size, time of edit, time of change and number of a file
 Stamps = tuple[Stamp, ...]
-Key = tuple[str, Stamp]  # a path, and how its file is
+Key = tuple[str, Stamp]  # a path, and the stamp of its file
 
 
 class Import(NamedTuple):
@@ -45,15 +45,15 @@ class Import(NamedTuple):
     Attributes
     ----------
     dotted : str
-        As it is written: ``numpy.linalg``, ``..geometry.check:check_mesh``.
+        As written: ``numpy.linalg``, ``..geometry.check:check_mesh``.
     name : str
-        What is taken from ``target``; empty where that is the module that is imported.
+        The name taken from ``target``; empty if the module itself is imported.
     bound : str
         The name it has in the file.
     target : str or None
         The file of our own that it comes from; None for a library and for the rest of ``bench``.
     files : tuple of str
-        All files of our own that it reads: a package besides the module in it.
+        All files of our own that it reads: a package in addition to the module in it.
     """
 
     dotted: str
@@ -64,12 +64,12 @@ class Import(NamedTuple):
 
 
 class Source(NamedTuple):
-    """One file, taken apart.
+    """One file, split into lines and imports.
 
     Attributes
     ----------
     lines : tuple of (bytes, bool)
-        With a hole for each run of imports, and whether the line counts even where it is blank (inside a string).
+        With a hole for each run of imports, and whether the line counts even if it is blank (inside a string).
     runs : tuple of tuple of Import
     bare : str
         Digest over the lines without the imports.
@@ -83,7 +83,7 @@ class Source(NamedTuple):
 def source_digest(file: Path) -> str:
     """Sixteen hexadecimal digits over a plugin's file and what it imports of our own, wherever these files are.
 
-    Every cell asks for those of all its plugins, several times: the sources are read again when one has changed.
+    Every cell needs those of all its plugins, several times: the sources are read again only when one has changed.
     """
     known = _digests.get(str(file))
     if known is not None and stamps(known[0]) == known[1]:
@@ -96,11 +96,11 @@ def source_digest(file: Path) -> str:
     return found
 
 
-_digests: dict[str, tuple[list[str], Stamps | None, str]] = {}  # the sources of a file, how they were, their digest
+_digests: dict[str, tuple[list[str], Stamps | None, str]] = {}  # the sources of a file, their stamps, their digest
 
 
 def stamps(files: Iterable[str]) -> Stamps | None:
-    """Size, times and number of each file: what changes when it is edited or exchanged. None where one is gone."""
+    """Size, times and number of each file: they change when it is edited or replaced. None if one is gone."""
     try:
         return tuple(map(_stamp, files))
     except OSError:
@@ -113,17 +113,17 @@ def _stamp(file: str) -> Stamp:
 
 
 def _is_settled(stamp: Stamp) -> bool:
-    """Whether the last change of a file is so long ago that one more would show in its times."""
+    """Whether a file's last change is old enough for another one to change its times."""
     return time.time_ns() - max(stamp[1], stamp[2]) > TICK_NS
 
 
 def source_closure(file: Path) -> set[Path]:
-    """``file`` and, transitively, what it imports from its own folder or package, or from what counts of ``bench``."""
+    """``file`` and, transitively, what it imports from its own folder or package, or from :data:`COUNTED`."""
     return {Path(path) for path, _ in _keys(file)}
 
 
 def _keys(file: Path) -> list[Key]:
-    """The closure, by path; each file with what tells that it changed."""
+    """The closure, by path; each file with its stamp."""
     known: dict[str, Key] = {}
     todo = [os.path.realpath(file)]
     while todo:
@@ -133,7 +133,7 @@ def _keys(file: Path) -> list[Key]:
         try:
             known[path] = (path, _stamp(path))
         except OSError:
-            continue  # it went since it was found
+            continue  # it was removed since it was found
         todo.extend(read for run in _source(known[path]).runs for found in run for read in found.files)
     return sorted(known.values())
 
@@ -148,7 +148,7 @@ def _digest(keys: tuple[Key, ...]) -> str:
 
 
 def _rendered(source: Source, others: dict[str, Source] | None) -> bytes:
-    """The text of a file, with what its imports bring in place of these; without them where ``others`` is None."""
+    """The text of a file, with its imports replaced by what they import; without them if ``others`` is None."""
 
     def fill(hole: re.Match[bytes]) -> bytes:
         if others is None:
@@ -169,7 +169,7 @@ def _brought(one: Import, others: dict[str, Source]) -> str:
 
 
 def _source(key: Key) -> Source:
-    """A file, taken apart; read again where it changed just now, since one more change may not show in its times."""
+    """A split file; read again if it changed just now, since another change may not show in its times."""
     return _known_source(*key) if _is_settled(key[1]) else _known_source.__wrapped__(*key)
 
 
@@ -182,7 +182,7 @@ def _known_source(path: str, _: Stamp) -> Source:
     try:
         text = _decoded(raw).replace("\r\n", "\n").replace("\r", "\n")
         tree = ast.parse(text)
-    except (SyntaxError, ValueError):  # no Python, or of another version: every byte counts, and no import is known
+    except (SyntaxError, ValueError):  # not Python, or another version: every byte counts, and no import is known
         return Source(((raw, True),), (), hashlib.sha256(raw).hexdigest())
     lines = text.encode().split(b"\n")
     runs = list(_runs(tree.body))
@@ -206,7 +206,7 @@ def _decoded(raw: bytes) -> str:
 
 
 def _end(node: ast.stmt | ast.expr) -> int:
-    """The number of its last line, which every node has that was parsed."""
+    """The number of its last line, which every parsed node has."""
     return node.end_lineno or node.lineno
 
 
@@ -216,7 +216,7 @@ def _is_type_checking(node: ast.AST) -> TypeGuard[ast.If]:
 
 
 def _for_type_checkers(nodes: Iterable[ast.AST]) -> Iterator[ast.stmt]:
-    """What only type checkers see: a whole ``if``, or its first branch where it has another."""
+    """The code for type checkers only: a whole ``if``, or its first branch if it has another."""
     for node in nodes:
         if _is_type_checking(node):
             yield from node.body if node.orelse else [node]
@@ -257,7 +257,7 @@ def _runs(body: Sequence[ast.stmt]) -> Iterator[list[ast.stmt]]:
 
 
 def _is_hollow(tree: ast.Module) -> bool:
-    """Whether a file only imports, and has a docstring or none: where it stands says nothing more."""
+    """Whether a file only imports, with or without a docstring: it adds nothing to the digest."""
     return all(
         isinstance(node, ast.Import | ast.ImportFrom)
         or _is_type_checking(node)
@@ -278,7 +278,7 @@ def _lines_of_strings(nodes: Iterable[ast.AST]) -> set[int]:
 
 
 def _cuts(runs: Iterable[list[ast.stmt]], hidden: Iterable[ast.stmt]) -> Iterator[tuple[ast.stmt, bytes]]:
-    """The statements that are cut out, and what is left in place of each."""
+    """The statements to cut, and the replacement of each."""
     for number, run in enumerate(runs):
         for node in run:
             yield node, f"\0{number}\0".encode() if node is run[0] else b""
@@ -287,7 +287,7 @@ def _cuts(runs: Iterable[list[ast.stmt]], hidden: Iterable[ast.stmt]) -> Iterato
 
 
 def _cut(lines: list[bytes], node: ast.stmt, hole: bytes) -> None:
-    """Take a statement out of the lines, which stay as many; columns are bytes of UTF-8."""
+    """Cut a statement from the lines, whose number stays the same; columns are bytes of UTF-8."""
     first, last = node.lineno - 1, _end(node) - 1
     tail = lines[last][node.end_col_offset :]
     head = lines[first][: node.col_offset]
@@ -324,7 +324,7 @@ def _imports(node: ast.stmt, importer: str) -> Iterator[Import]:
 
 
 def _locate(importer: str, level: int, module: str) -> tuple[Path, tuple[str, ...]] | None:
-    """A folder, and the parts of a module's name below it; None for what is not our own."""
+    """A folder, and the parts of a module's name below it; None for other modules."""
     here, parts = Path(importer).parent, tuple(module.split(".")) if module else ()
     package = _place_in(BENCH, here)
     if level:
@@ -347,7 +347,7 @@ def _locate(importer: str, level: int, module: str) -> tuple[Path, tuple[str, ..
 
 @functools.lru_cache(maxsize=1024)
 def _place_in(bench: Path, folder: Path) -> tuple[str, ...] | None:
-    """The package of a folder below ``bench``, also where it is reached by a link; None for other folders."""
+    """The package of a folder below ``bench``, also if it is reached by a link; None for other folders."""
     for name, real in _folders(bench):
         if folder == real or real in folder.parents:
             return (*((name,) if name else ()), *folder.relative_to(real).parts)
@@ -360,7 +360,7 @@ def _folders(bench: Path) -> tuple[tuple[str, Path], ...]:
 
 
 def _file(found: tuple[Path, tuple[str, ...]] | None, importer: str) -> str | None:
-    """The file of a module, where it counts and is not the importer itself."""
+    """The file of a module, if it counts and is not the importer itself."""
     if found is None:
         return None
     folder, parts = found

@@ -5,14 +5,14 @@
     DIR/cells/ab/ab12cd34ef56-0123456789abcdef.parquet   cell id - fingerprint; one row per planned case
     DIR/.partial/...jsonl                                finished cases of a cell that is still running
     DIR/.locks/ab12cd34ef56                              held by the process that runs the cell
-    DIR/.index/                                          all rows in one file, made again when stale
-    DIR/.sweeps/SESSION/                                 what a running sweep has done; removed when it ends
-    DIR/damaged/                                         files that were read and are wrong, set aside by a run
-    DIR/outputs/CELL-FINGERPRINT/CASE.ply                outputs that were kept (outputs=first|all)
+    DIR/.index/                                          all rows in one file, rebuilt when stale
+    DIR/.sweeps/SESSION/                                 the progress of a running sweep; removed when it ends
+    DIR/damaged/                                         invalid files, set aside by a run
+    DIR/outputs/CELL-FINGERPRINT/CASE.ply                stored outputs (outputs=first|all)
     DIR/trainings/...                                    weights of learned methods (bench/engine/training.py)
-    DIR/outputs/CELL-FINGERPRINT/CASE/NAME.*             and what their methods stored beside them (run.keep)
+    DIR/outputs/CELL-FINGERPRINT/CASE/NAME.*             and files stored by their methods (run.keep)
 
-Every file stands alone, so the results of two machines are merged by copying one folder into the other. The columns
+Every file is independent, so the results of two machines are merged by copying one folder into the other. The columns
 and the metadata are described in docs/results.md.
 """
 
@@ -63,22 +63,22 @@ class Results:
     ----------
     folder : path
     mends : bool
-        Whether files that were read and are wrong are set aside, as a run does; whoever only reads moves nothing.
+        Whether invalid files are set aside, as a run does; readers move nothing.
     """
 
     def __init__(self, folder: str | Path, *, mends: bool = False):
         try:
             self.folder = Path(folder).expanduser().absolute()
             self.folder.exists()
-        except (OSError, RuntimeError) as error:  # a name that no file system takes, or the home of nobody
+        except (OSError, RuntimeError) as error:  # an invalid name, or the home of an unknown user
             reason = error.strerror if isinstance(error, OSError) else error
             raise UsageError(f"results={cut(str(folder), 100)}: cannot be a folder: {reason}") from error
         self.mends = mends
-        self.damaged: list[str] = []  # which files were left out, and why, for the report
+        self.damaged: list[str] = []  # the files that were left out, and why, for the report
         self._noted: set[Path] = set()
 
     def prepare(self) -> None:
-        """Make the folder and see that it can be written.
+        """Make the folder and check that it is writable.
 
         Raises
         ------
@@ -88,17 +88,17 @@ class Results:
         if self.folder.exists() and not self.folder.is_dir():
             raise StoreError(f"results={self.folder}: is a file; expected a folder")
         probe = self.folder / ".sweeps" / f".probe-{os.getpid()}"
-        write_atomically(probe, bytes(1 << 16))  # a full disk takes an empty file, and no more
+        write_atomically(probe, bytes(1 << 16))  # a full disk accepts an empty file, but no content
         probe.unlink(missing_ok=True)
 
     # -- one record ------------------------------------------------------------------------------------------------
 
     def path(self, cell: str, fingerprint: str) -> Path:
-        """Where the record of a cell under a fingerprint is."""
+        """The path of the record of a cell under a fingerprint."""
         return self.folder / "cells" / cell[:2] / f"{cell}-{fingerprint}.parquet"
 
     def read(self, cell: str, fingerprint: str) -> Record | None:
-        """The record, or None when there is none; a file that is none is left out and reported in ``damaged``."""
+        """The record, or None when there is none; an invalid file is left out and reported in ``damaged``."""
         return self._read(self.path(cell, fingerprint))
 
     def _read(self, path: Path) -> Record | None:
@@ -114,7 +114,7 @@ class Results:
         )
 
     def leave_out(self, path: Path, why: NoRecord) -> None:
-        """Report, once, that a file is left out; a run sets it aside where it was read and is wrong."""
+        """Report, once, that a file is left out; a run sets it aside if it was read and is invalid."""
         if path in self._noted:
             return
         self._noted.add(path)
@@ -128,7 +128,7 @@ class Results:
             self.damaged.append(f"{path}: damaged ({why}) and could not be set aside; left out")
 
     def _set_aside(self, path: Path) -> Path | None:
-        """Move a file to ``damaged``, where it replaces nothing; None where it cannot be moved."""
+        """Move a file to ``damaged``, without replacing anything; None if it cannot be moved."""
         folder = self.folder / "damaged"
         try:
             folder.mkdir(exist_ok=True)
@@ -143,13 +143,13 @@ class Results:
         return target
 
     def write(self, record: Record) -> None:
-        """Write a finished cell and forget its partial file."""
+        """Write a finished cell and delete its partial file."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         sink = pa.BufferOutputStream()
         table = _table(record)
-        # A record has few rows: reading many small compressed columns takes three times as long, and saves no room.
+        # A record has few rows: reading many small compressed columns takes three times as long, and saves no space.
         # Without dictionaries, statistics and a second copy of the metadata a file is a third as large.
         long = {name: "zstd" if name in NOT_INDEXED else "none" for name in table.column_names}
         slim = {"use_dictionary": False, "write_statistics": False, "store_schema": False}
@@ -204,25 +204,25 @@ class Results:
         return self.folder / ".partial" / f"{cell}-{fingerprint}.jsonl"
 
     def partial_rows(self, cell: str, fingerprint: str) -> list[dict[str, Any]]:
-        """The cases that an interrupted run of this cell had finished; lines that are no rows are ignored.
+        """The cases that an interrupted run of this cell had finished; lines that are not rows are ignored.
 
-        The last one may be torn, and any may be damaged: its case is run again.
+        The last one may be cut off, and any may be damaged: its case is run again.
         """
         rows = []
         with contextlib.suppress(OSError):
             for line in read_regular(self._partial(cell, fingerprint)).split(b"\n"):
-                with contextlib.suppress(ValueError, RecursionError):  # no JSON, or no UTF-8
+                with contextlib.suppress(ValueError, RecursionError):  # not JSON, or not UTF-8
                     rows.append(json.loads(line))
         names = {"cell": cell, "fingerprint": fingerprint}
         return [_plain(row) for row in rows if is_row(row, NEEDED) and names.items() <= row.items()]
 
     def add_partial(self, cell: str, fingerprint: str, row: Mapping[str, Any]) -> None:
-        """Keep one finished case, whatever happens to this process next."""
+        """Store one finished case, safe from whatever happens to this process next."""
         path = self._partial(cell, fingerprint)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with os.fdopen(open_own(path, os.O_WRONLY | os.O_APPEND), "ab") as file:
-                # A line that an earlier death tore is closed first; empty lines are no rows.
+                # A line cut off by an earlier crash is closed first; empty lines are not rows.
                 file.write(b"\n" + json.dumps(row).encode() + b"\n")
                 file.flush()
                 os.fsync(file.fileno())
@@ -241,14 +241,14 @@ class Results:
     def lock(
         self, cell: str, alive: Callable[[], None] | None = None, waits: Callable[[], None] = lambda: None
     ) -> Iterator[None]:
-        """Hold a cell, or a training: two sweeps into one folder share the work. The system lets go when the holder
+        """Hold a cell, or a training: two sweeps into one folder share the work. The system releases it when the holder
         dies.
 
         Parameters
         ----------
         cell : the name of the lock
         alive : called while waiting; raises to stop. Without it the wait cannot be stopped
-        waits : called once if there is something to wait for; only with ``alive``
+        waits : called once if it has to wait; only with ``alive``
         """
         path = self.folder / ".locks" / cell
         try:
@@ -273,7 +273,7 @@ class Results:
                     continue
                 try:
                     found = path.stat()
-                except OSError as error:  # a link to nothing, say
+                except OSError as error:  # for instance a broken link
                     self.leave_out(path, NoRecord(f"cannot be read: {error.strerror}", damaged=False))
                     continue
                 if stat.S_ISREG(found.st_mode):
@@ -282,7 +282,7 @@ class Results:
                     self.leave_out(path, NoRecord("is no regular file", damaged=False))
 
     def _listed(self, folder: Path) -> list[Path]:
-        """What is in a folder; one that cannot be read is left out and reported."""
+        """The entries of a folder; one that cannot be read is left out and reported."""
         try:
             with os.scandir(folder) as entries:
                 return [Path(entry.path) for entry in entries]
@@ -293,7 +293,7 @@ class Results:
             return []
 
     def rows(self, *, use_index: bool = True, of: Collection[tuple[str, str]] | None = None) -> pd.DataFrame:
-        """One row per planned case of every cell: the record that counts where there are several.
+        """One row per planned case of every cell: the record in use if there are several.
 
         The first call reads every file; later ones read an index beside them and the files that changed since.
 
@@ -301,26 +301,26 @@ class Results:
         ----------
         use_index : bool
         of : collection of (cell, fingerprint), optional
-            The records of one run: of these alone. Without it, of several records of one place in a table the one that
-            is current counts where that can be told (:mod:`bench.results.current`), and the newest otherwise.
+            Only these records, those of one run. Without it, of several records for one place in a table the one that
+            is current is used if that is known (:mod:`bench.results.current`), and the newest otherwise.
         """
         from . import index
 
         return index.rows([self], use_index=use_index, of=of)
 
     def meta(self, cell: str, fingerprint: str) -> dict[str, Any]:
-        """The metadata of a record, empty where it cannot be read; its rows are not."""
+        """The metadata of a record, empty if it cannot be read; the rows are not read."""
         try:
             return read_meta(self.path(cell, fingerprint))
         except (NoRecord, FileNotFoundError):
             return {}
 
     def output_of(self, row: Mapping[str, Any]) -> Path | None:
-        """The file of a row's kept output, wherever the folder is now; None where there is none."""
+        """The file of a row's stored output, wherever the folder is now; None if there is none."""
         return found(self.folder, row.get("output"))
 
     def reference_of(self, row: Mapping[str, Any]) -> Path | None:
-        """The file of the reference that a row's kept output is compared with; None where there is none."""
+        """The file of the reference of a row's stored output; None if there is none."""
         return found_reference(self.folder, self.meta(row["cell"], row["fingerprint"]), row)
 
 
@@ -328,7 +328,7 @@ LOOK = 0.2  # seconds between looks at a lock that another process holds
 
 
 def _wait(file: IO[str], alive: Callable[[], None], waits: Callable[[], None]) -> None:
-    """Wait until nobody holds the lock of a file, or its file system has no locks."""
+    """Wait until the lock of a file is free, unless its file system has no locks."""
     said = False
     while True:
         try:
@@ -352,14 +352,14 @@ def is_row(value: Any, needed: Iterable[str] = ("case", "case_index", "status"))
 
 
 def _fits(value: Any, kind: str) -> bool:
-    """Whether a value can stand in a column of this type."""
+    """Whether a value fits a column of this type."""
     if isinstance(value, int) and not isinstance(value, bool):
         return kind != "string" and -(2**63) <= value < 2**63
     return isinstance(value, {"string": str, "float64": float}.get(kind, ()))
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row with the columns of a record, and the reference that its output is compared with, which is none."""
+    """A row with the columns of a record, and the reference of its output, which is not a column."""
     plain = {}
     for key, value in row.items():
         if key in COLUMNS or key.startswith(MEASURED):

@@ -1,1 +1,1 @@
-"""Search good parameters of a method on train shapes, and judge them on others."""
+"""Search for good parameters of a method on train shapes, and evaluate them on others."""

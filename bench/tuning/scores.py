@@ -1,4 +1,4 @@
-"""How a setting does: one number per case, and the geometric mean over them."""
+"""The scores of a setting: one number per case, and the geometric mean over them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import UsageError, did_you_mean
 from ..ranking.headline import primary_metrics
 
-LEAST = 1e-9  # scores below count as this much
-FAR = 1e6  # times the largest score of a case: a failure whose worth is not known
+LEAST = 1e-9  # lower scores count as this
+FAR = 1e6  # times the largest score of a case: a failure without a known score
 CASE = ("task", "dataset", "sensor", "case", "seed")
 FEW = 4  # shapes, from which on there is an interval
 
@@ -32,7 +32,7 @@ class Scores:
     solved : dict
         By case, the score; of a reference metric, how far it is from the reference's own.
     failed : dict
-        By case that failed, the score of the worst output that takes no method; NaN where that is not known.
+        By failed case, the score of the worst output that takes no method; NaN if it is not known.
     index : dict
         By case, its place in its dataset.
     """
@@ -43,7 +43,7 @@ class Scores:
     index: dict[Case, int] = field(default_factory=dict)
 
     def add(self, rows: Iterable[Mapping[str, Any]], metric: str) -> None:
-        """Take in the rows of a cell."""
+        """Add the rows of a cell."""
         for row in rows:
             case = tuple(row[name] for name in CASE)
             self.better = _direction(row, metric) or self.better
@@ -57,7 +57,7 @@ class Scores:
     def losses(self, others: Iterable[Scores] = ()) -> dict[Case, float]:
         """By case, the logarithm of the score such that lower is better, failures included.
 
-        What a failure costs is known from any setting that was scored on the same case.
+        The cost of a failure is known from any setting scored on the same case.
         """
         sign = -1.0 if self.better == "higher" else 1.0
         logs = {case: sign * math.log(max(score, LEAST)) for case, score in self.solved.items()}
@@ -93,7 +93,7 @@ def _shown(row: Mapping[str, Any], key: str, metric: str, better: str) -> float:
 
 
 def metric_of(rows: Iterable[Mapping[str, Any]], task: str, asked: str | None) -> str:
-    """The score that decides: what is asked for, or the first of those that the task is ranked by.
+    """The score that decides: the requested one, or the first of those that the task is ranked by.
 
     Raises
     ------
@@ -136,7 +136,7 @@ class Ratio:
 def ratio(one: Scores, other: Scores, cases: Iterable[Case], level: float = 0.95) -> Ratio:
     """The ratio of two settings on the cases that both were run on.
 
-    Each shape counts once, whatever sensors and seeds it was met with: the interval is Student's, of the means of the
+    Each shape counts once, whatever its sensors and seeds: the interval is Student's, of the means of the
     shapes' logarithms.
     """
     from scipy.stats import t
@@ -156,6 +156,6 @@ def ratio(one: Scores, other: Scores, cases: Iterable[Case], level: float = 0.95
 
 
 def surely_worse(one: Scores, best: Scores, error: float = 0.005) -> bool:
-    """Whether one setting is worse than another on the cases that it was run on, by Student's test over shapes."""
+    """Whether one setting is significantly worse than another on its own cases, by Student's test over shapes."""
     shared = ratio(one, best, one.losses(), level=1 - 2 * error)
     return shared.shapes >= FEW and shared.low > 1

@@ -1,13 +1,13 @@
-"""What a search may set: the parameters of a method, and the values that each may take.
+"""The space of a search: the parameters of a method, and the values that each may take.
 
-A parameter is searched over what the user names, in Hydra's words and one more::
+A parameter is searched over the values that the user names, in Hydra's syntax and one addition::
 
     method.depth=range(5,9)           5, 6, 7, 8
-    method.weight=interval(0.1,10)    any number between, or whole number where the parameter is one
+    method.weight=interval(0.1,10)    any number between, a whole one for such a parameter
     method.weight=log(0.1,10)         the same, with factors instead of differences
     method.k=8,16,24                  one of these
 
-Where none is named, over what is declared: ``field(metadata={"range": (5, 12)})`` of the plugin's dataclass, with
+If none is named, over the declared values: ``field(metadata={"range": (5, 12)})`` of the plugin's dataclass, with
 ``"log": True`` if wanted, the choices of a parameter that is a bool or a Literal, and the grid of the experiment
 ``tune_METHOD`` for the others.
 """
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     import optuna
 
 LOG = re.compile(r"log\(\s*([^,()]+)\s*,\s*([^,()]+)\s*\)")
-DIGITS = 3  # of a number between two others: a preset is to be read
-FACTOR = 8.0  # between the ends of a grid, from which on it is taken as one of factors
-EDGE = 0.05  # of an interval's length: nearer to its end the best may lie outside
+DIGITS = 3  # of a number between two others, for readable presets
+FACTOR = 8.0  # between the ends of a grid, from which on it counts as logarithmic
+EDGE = 0.05  # of an interval's length: if the best is nearer to an end, the optimum may lie outside
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class Axis:
     ----------
     name : str
     default : Any
-        Of the plugin, or what the words fix.
+        Of the plugin, or fixed by an override.
     low, high : float or int, optional
         The ends of an interval, both included; None where there are ``choices``.
     whole, log : bool
         Whether values are whole numbers; whether they are searched by factors.
     choices : tuple
-        All values, numbers in their order.
+        All values, numbers in order.
     """
 
     name: str
@@ -83,7 +83,7 @@ class Axis:
         return f"{self.low:g} to {self.high:g}" + (" by factors" if self.log else "")
 
     def suggested(self, trial: optuna.Trial) -> Any:
-        """The value that a trial tries; the default itself where it is no value of the axis and is tried as such."""
+        """The value that a trial tries; the default itself if it is tried without being a value of the axis."""
         if not self.holds_default and trial.suggest_categorical(f"{self.name} at its default", [True, False]):
             return self.default
         if self.choices:
@@ -97,13 +97,13 @@ class Axis:
         return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)  # type: ignore[type-var]
 
     def of_default(self) -> dict[str, Any]:
-        """What optuna's parameters are for the default."""
+        """Optuna's parameters for the default."""
         if not self.holds_default:
             return {f"{self.name} at its default": True}
         return {self.name: self.choices.index(self.default) if self.choices else self.default}
 
     def edge(self, value: Any) -> str:
-        """``low`` or ``high`` where a value is at an end of what was searched, or next to it; empty elsewhere."""
+        """``low`` or ``high`` if a value is at an end of the searched range, or next to it; empty elsewhere."""
         if not _is_number(value) or (self.choices and not all(map(_is_number, self.choices))):
             return ""
         low: Any
@@ -127,7 +127,7 @@ def _is_number(value: Any) -> bool:
 
 
 def split_words(overrides: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """The overrides that fix something, and by parameter those that name values of the method to search."""
+    """The overrides that fix a value, and by parameter those that name values of the method to search."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import OverrideParseException
 
@@ -151,18 +151,18 @@ def split_words(overrides: Sequence[str]) -> tuple[list[str], dict[str, str]]:
 
 
 def named_axes(plugin: Plugin, named: Mapping[str, str], fixed: Mapping[str, Any]) -> list[Axis]:
-    """The axes that words name.
+    """The axes that overrides name.
 
     Parameters
     ----------
     plugin : the method
-    named : words by parameter, as :func:`split_words` gives them
-    fixed : values of the method's parameters where they are not the plugin's own
+    named : overrides by parameter, as returned by :func:`split_words`
+    fixed : values of the method's parameters that replace the plugin's own
 
     Raises
     ------
     UsageError
-        For a parameter that the method has not, and for values that it cannot have.
+        For a parameter that the method lacks, and for values that it cannot have.
     """
     usual = {**defaults(plugin), **fixed}
     return [_axis(plugin, name, word, usual) for name, word in named.items()]
@@ -193,7 +193,7 @@ def _axis(plugin: Plugin, name: str, word: str, usual: Mapping[str, Any]) -> Axi
 
 
 def _value(plugin: Plugin, name: str, text: Any) -> Any:
-    """A value as the parameter has it."""
+    """A value in the type of the parameter."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     (override,) = OverridesParser.create().parse_overrides([f"x={text}"])
@@ -238,7 +238,7 @@ def declared_axes(plugin: Plugin, fixed: Mapping[str, Any]) -> list[Axis]:
     Raises
     ------
     UsageError
-        If nothing is declared: the words have to name what is searched.
+        If nothing is declared: overrides must then name the values to search.
     """
     usual, grid = defaults(plugin), grid_of(plugin.name)
     axes = []

@@ -18,13 +18,13 @@ from .space import Axis
 if TYPE_CHECKING:
     import optuna
 
-STARTS = 8  # random settings before the search learns from what it saw
-REPEATS = 25  # settings in a row that were tried before: what is left to try is not found
+STARTS = 8  # random settings before the search learns from results
+REPEATS = 25  # settings in a row that were tried before: the search space is exhausted
 
 
 @dataclass
 class Trial:
-    """One setting and how it did.
+    """One setting and its result.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Trial:
     changed : dict
         The parameters that are not at their defaults.
     stopped : bool
-        Whether it was given up after some cells, significantly worse than the best.
+        Whether it was stopped after some cells, significantly worse than the best.
     seconds : float
         Wall-clock seconds of its cells; near 0 where they were finished before.
     """
@@ -59,7 +59,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Bench:
-    """Where settings are tried: the cells of the method with its defaults, and what runs one.
+    """The setup for trials: the cells of the method with its defaults, and the function that runs one.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Bench:
     run: Callable[[Cell, Settings], list[dict[str, Any]]]
 
     def rows(self, changed: Mapping[str, Any], cases: int | None = None) -> Iterator[list[dict[str, Any]]]:
-        """The rows of a setting, cell by cell; with ``cases``, of as many shapes of each dataset."""
+        """The rows of a setting, cell by cell; with ``cases``, of that many shapes of each dataset."""
         for values in self.configs:
             method = {**values["method"], **changed}
             own = {"method": method, "cases": values["cases"] if cases is None else cases}
@@ -95,11 +95,11 @@ class Search:
 
     Parameters
     ----------
-    bench : where settings are tried
-    axes : what is searched
+    bench : the setup for trials
+    axes : the axes to search
     seed : of the suggestions; with it and a number of trials, the same trials come each time
-    trials : how many at most, the default included; None: until the time is up
-    seconds : of wall clock at most; None: without end
+    trials : the maximum number, including the default; None: until the time is up
+    seconds : of wall clock at most; None: no limit
     score : the score that decides; None: the task's own
     tell : called with each trial that ended, the best, and the seconds that are left (None: not known)
     """
@@ -126,11 +126,11 @@ class Search:
         return self.done[0]
 
     def run(self, held_out: int = 0) -> None:
-        """Try settings until the trials, the time or the space is used up.
+        """Try settings until the trials, the time or the space is exhausted.
 
         Parameters
         ----------
-        held_out : shapes of each dataset that are run at the end, for which time is kept
+        held_out : shapes of each dataset that are run at the end, for which time is reserved
         """
         self._started = time.monotonic()
         study = self._study()
@@ -152,14 +152,14 @@ class Search:
     def _study(self) -> optuna.Study:
         optuna = imported()
         optuna.logging.set_verbosity(optuna.logging.WARNING)
-        # Of more trials the first ones are the same, so that a search can be gone on with.
+        # With more trials the first ones are the same, so that a search can be continued.
         sampler = optuna.samplers.TPESampler(seed=self.seed, n_startup_trials=STARTS)
         study = optuna.create_study(sampler=sampler, direction="minimize")
         study.enqueue_trial({key: value for axis in self.axes for key, value in axis.of_default().items()})
         return study
 
     def _first(self) -> None:
-        """The default, which is run in full: it says which score decides."""
+        """The default, which is run in full: it determines the score that decides."""
         trial, begin = Trial(0, {}), time.monotonic()
         rows = [row for cell in self.bench.rows({}) for row in cell]
         self.metric = metric_of(rows, self.bench.task, self.score)
@@ -202,7 +202,7 @@ class Search:
         return sum(whole) / len(whole)
 
     def _time_left(self, held_out: int) -> float | None:
-        """Seconds for further trials: the end, on shapes that the search did not see, takes its share."""
+        """Seconds for further trials: the final run, on shapes that the search did not see, takes its share."""
         if self.seconds is None:
             return None
         cases = self.bench.configs[0]["cases"]

@@ -1,4 +1,4 @@
-"""What a search found: the default and the tuned setting side by side, and the preset of the latter."""
+"""The result of a search: the default and the tuned setting side by side, and the preset of the latter."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _failed(default: Scores, tuned: Scores) -> str:
 
 
 def verdict(held: Ratio | None) -> str:
-    """One sentence: what the cases that the search did not see say."""
+    """One sentence: the result on the cases that the search did not see."""
     if held is None or not held.shapes:
         return "No held-out case: the trial cases alone flatter the tuned setting, which was chosen by them."
     if not math.isfinite(held.low):
@@ -62,7 +62,7 @@ def verdict(held: Ratio | None) -> str:
 
 
 def parameters(search: Search) -> list[str]:
-    """A line for each parameter that was searched: default, tuned, and what was searched; with a note at an edge."""
+    """A line for each searched parameter: default, tuned, and searched values; with a note at an edge."""
     lines = []
     for axis in search.axes:
         value = search.best.changed.get(axis.name, axis.default)
@@ -73,7 +73,7 @@ def parameters(search: Search) -> list[str]:
 
 
 def check_target(name: str, method: str, taken: Sequence[str]) -> Path:
-    """The file of a preset, which may be there only if an earlier search wrote it.
+    """The file of a preset, which may exist only if an earlier search wrote it.
 
     Raises
     ------
@@ -100,10 +100,10 @@ def write_preset(
     Parameters
     ----------
     path : file
-    search : that has ended
+    search : the finished search
     held : tuned over default on held-out cases
-    command : the words of the command
-    facts : what else is to be known, by name: a comment each
+    command : the arguments of the command
+    facts : further facts, by name: a comment each
     """
     import yaml
 
