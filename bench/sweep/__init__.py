@@ -1,1 +1,1 @@
-"""Hydra: what is asked for becomes jobs."""
+"""Hydra: from requests to jobs."""

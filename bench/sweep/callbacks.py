@@ -1,4 +1,4 @@
-"""What Hydra calls between the jobs of a sweep."""
+"""The callback of Hydra between the jobs of a sweep."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from hydra.experimental.callback import Callback
 
 
 class ForgetConfigs(Callback):
-    """Drops the config of a job that has ended: Hydra keeps what it returns until the sweep ends, 0.1 MB a job."""
+    """Drops the config of an ended job: Hydra holds return values until the sweep ends, 0.1 MB a job."""
 
     def on_job_end(self, config: Any, job_return: Any, **kwargs: Any) -> None:
-        """Nothing after a job reads them: a record has all of its cell."""
+        """Nothing reads them afterwards: a record has everything about its cell."""
         job_return.cfg = job_return.hydra_cfg = None

@@ -1,4 +1,4 @@
-"""How Hydra is asked to compose the configs of a run."""
+"""Composition of the configs of a run by Hydra."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ VERSION_BASE = "1.3"
 
 
 def usual_cases(count: int, *, _root_: DictConfig) -> int:
-    """How many cases a profile takes of the chosen dataset: ``count``, but all of the user's own files.
+    """The number of cases of the chosen dataset in a profile: ``count``, but all of the user's own files.
 
-    Profiles say ``cases: ${usual_cases:4}``; what the user gives stands in place of it.
+    Profiles have ``cases: ${usual_cases:4}``; the user's value replaces it.
     """
     from ..plugins.registry import load_plugins
     from ..safe_path import isolate_imports
@@ -48,7 +48,7 @@ def register_resolvers() -> None:
 
 
 def register_base() -> None:
-    """Put the typed base, and every plugin, into Hydra's config store; those that are new since the last call."""
+    """Put the typed base, and every plugin, into Hydra's config store; new ones since the last call are added."""
     from ..plugins.registry import KINDS
     from .config_source import register
 
@@ -84,24 +84,24 @@ def compose(overrides: Sequence[str]) -> DictConfig:
     Raises
     ------
     UsageError
-        With Hydra's own message when it cannot compose.
+        With Hydra's own message if it cannot compose.
     """
     from hydra import compose as hydra_compose
 
     with hydra_ready(), in_words(overrides):
         config = hydra_compose(CONFIG_NAME, overrides=list(overrides))
         if "cases" in config:
-            config.cases = config.cases  # the number, where a profile has asked for the usual one
+            config.cases = config.cases  # the number, if a profile has the resolver for it
         return config
 
 
 def resolved(overrides: Sequence[str]) -> dict[str, Any]:
-    """The values of one composed config, with all interpolations put in.
+    """The values of one composed config, with all interpolations resolved.
 
     Raises
     ------
     UsageError
-        As :func:`compose`, and for an interpolation of what is not there.
+        As :func:`compose`, and for an interpolation of a missing key.
     """
     from omegaconf import OmegaConf
 
@@ -113,7 +113,7 @@ def resolved(overrides: Sequence[str]) -> dict[str, Any]:
 
 @contextmanager
 def in_words(overrides: Sequence[str]) -> Iterator[None]:
-    """Whatever Hydra raises while it reads and composes overrides, and does nothing else, is about these."""
+    """Turn exceptions of Hydra while it only reads and composes overrides into errors about these."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
@@ -129,7 +129,7 @@ def in_words(overrides: Sequence[str]) -> Iterator[None]:
 
 
 def hydra_message(error: BaseException) -> str:
-    """What Hydra said, with the cause under it when the cause says more, without hints to add keys, without types."""
+    """Hydra's message, with the underlying cause if it adds information, without types or hints to add keys."""
     if line := _no_parameter(str(error), str(error.__cause__ or "")):
         return line
     parts = [str(error)]
@@ -146,7 +146,7 @@ def hydra_message(error: BaseException) -> str:
 def _no_parameter(*texts: str) -> str:
     """The message for a parameter that a plugin lacks, where Hydra names its class; empty for another one.
 
-    What the words of a command line say is checked before; this is for those of an experiment that chooses plugins.
+    The overrides of a command line are checked before; this is for those of an experiment that chooses plugins.
     """
     text = "\n".join(texts)
     name = re.search(r"Key '(\w+)' (?:is )?not in '(\w+)'", text)
@@ -163,7 +163,7 @@ def _no_parameter(*texts: str) -> str:
 
 @functools.lru_cache(maxsize=4)
 def experiment_config(word: str) -> DictConfig | None:
-    """The config of one ``experiment=NAME``, with Hydra's own part; None where it cannot be composed."""
+    """The config of one ``experiment=NAME``, with Hydra's own part; None if it cannot be composed."""
     from hydra.errors import HydraException
     from hydra.types import RunMode
     from omegaconf.errors import OmegaConfBaseException
@@ -171,5 +171,5 @@ def experiment_config(word: str) -> DictConfig | None:
     with hydra_ready() as loader:
         try:
             return loader.load_configuration(CONFIG_NAME, [word], run_mode=RunMode.RUN)
-        except (HydraException, OmegaConfBaseException, ValueError):  # the last for a name that is no text
+        except (HydraException, OmegaConfBaseException, ValueError):  # the last for a name that is not text
             return None

@@ -1,7 +1,7 @@
 """The configs of users and of installed packages, as Hydra sees them: files of our groups, which are data.
 
-Hydra makes objects of what a config's ``_target_`` names, and configures itself from whatever stands below ``hydra``:
-a config can run code. One's own command line may. A file that is found because it lies in the working folder, or came
+Hydra instantiates what a config's ``_target_`` names, and configures itself from the keys below ``hydra``:
+a config can run code. The user's command line may do so. A file that is merely in the working folder, or came
 with a package, may not: it chooses plugins, gives values to the keys of a run, and sweeps over them.
 """
 
@@ -24,14 +24,14 @@ from ..plan.keys import GROUPS, Base
 from ..plugins.config_files import OURS
 from ..plugins.presets import TIER, content_of, files
 
-PRIVATE = ("plugins", "session", "config_dirs")  # set by the front door: the first names files to be imported
+PRIVATE = ("plugins", "session", "config_dirs")  # set by the front door: the first names files to import
 LAUNCHERS = ("basic", "joblib")  # the others start programs that their parameters name
 INSTANTIATES = ("_target_", "_partial_", "_args_", "_recursive_", "_convert_")
 ROOTS = ("convention", "profile", "experiment")  # groups whose files hold keys of the run
 
 
 class OwnConfigs(ConfigSource):
-    """All files that are not ours, of all folders; those that count, where a name is in several."""
+    """All files that are not ours, of all folders; those in use, if a name is in several."""
 
     def __init__(self, provider: str, path: str) -> None:
         super().__init__(provider, path)
@@ -45,7 +45,7 @@ class OwnConfigs(ConfigSource):
 
     @staticmethod
     def scheme() -> str:
-        """What the search path calls this source."""
+        """The name of this source in the search path."""
         return "detailbench"
 
     def load_config(self, config_path: str) -> ConfigResult:
@@ -59,7 +59,7 @@ class OwnConfigs(ConfigSource):
         text = Path(path).read_text(encoding="utf-8")
         check(name.partition("/")[0], path, text)
         config: Any = OmegaConf.create(text) if text.strip() else OmegaConf.create()
-        config.pop(TIER, None)  # no parameter
+        config.pop(TIER, None)  # not a parameter
         return ConfigResult(provider=self.provider, path=path, config=config, header=self._get_header_dict(text[:512]))
 
     def available(self) -> bool:
@@ -67,11 +67,11 @@ class OwnConfigs(ConfigSource):
         return True
 
     def is_group(self, config_path: str) -> bool:
-        """Whether there are files of this group."""
+        """Whether this group has files."""
         return any(name.startswith(f"{config_path}/") for name in self.files)
 
     def is_config(self, config_path: str) -> bool:
-        """Whether there is this file."""
+        """Whether this file exists."""
         return config_path.removesuffix(".yaml") in self.files
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
@@ -82,7 +82,7 @@ class OwnConfigs(ConfigSource):
 
 
 class OwnSearchPath(SearchPathPlugin):
-    """Puts the source before ours: what counts where a name is in both has been decided before."""
+    """Puts the source before ours: which of two files of a name is used has been decided before."""
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
         """Add the source, once."""
@@ -90,14 +90,14 @@ class OwnSearchPath(SearchPathPlugin):
 
 
 def register() -> None:
-    """Tell Hydra of the two; as often as wanted."""
+    """Register both with Hydra; may be called repeatedly."""
     plugins = Plugins.instance()
     plugins.register(OwnConfigs)
     plugins.register(OwnSearchPath)
 
 
 def check(group: str, path: str, text: str) -> None:
-    """Whether a file of a user's is data, of keys that a run has.
+    """Check that a user's file is data, with keys of a run only.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def _keys(content: Any) -> Iterator[Any]:
 
 
 def _check_defaults(path: str, defaults: Any) -> None:
-    """Each entry chooses from a group of ours, or a launcher that starts processes of Python only."""
+    """Each entry must choose from one of our groups, or a launcher that starts Python processes only."""
     if not isinstance(defaults, list):
         raise UsageError(f"{path}: defaults: expected a list, for instance [poisson]")
     for entry in defaults:
@@ -150,7 +150,7 @@ def _check_defaults(path: str, defaults: Any) -> None:
 
 
 def _check_names(path: str, key: str, value: Any) -> None:
-    """Names lead to files of the groups, and to no other file; what is put in for ``${...}`` is checked by the jobs."""
+    """Names must refer to files of the groups only; the values of ``${...}`` are checked by the jobs."""
     for name in value if isinstance(value, list) else [value]:
         if "/" in str(name) or "\\" in str(name):
             raise UsageError(f"{path}: {key}: {name}: expected names, without a folder")

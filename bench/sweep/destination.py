@@ -1,7 +1,7 @@
-"""The one folder that the results of a run go to, as the command line or an experiment says it.
+"""The one folder for the results of a run, set by the command line or an experiment.
 
-The front door reads results from where the jobs write them, so every job of a run has the same folder: what would give
-jobs folders of their own, a sweep or an interpolation of other keys, is refused before anything runs.
+The front door reads results where the jobs write them, so all jobs of a run have the same folder: overrides that give
+jobs folders of their own, a sweep or an interpolation of other keys, are refused before anything runs.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ OF_A_JOB = re.compile(r"\$\{(?!\s*oc\.env:)")
 
 
 def settled(request: Request) -> Request:
-    """The request with its one results folder in place of all that it, or its experiment, says of that.
+    """The request with its one results folder in place of all overrides of it, its experiment's included.
 
     Raises
     ------
     UsageError
-        If that is none, or more than one.
+        If there is none, or more than one.
     """
     from hydra.core.override_parser.types import Quote, QuotedString
 
@@ -68,7 +68,7 @@ def _of_experiment(request: Request) -> str:
 
 
 def _resolved(text: str, said: str) -> str:
-    """The folder, with variables of the environment put in."""
+    """The folder, with environment variables resolved."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 

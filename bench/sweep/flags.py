@@ -8,7 +8,7 @@ from ..errors import UsageError, did_you_mean
 from ..plan.keys import GROUPS
 
 OURS = ("-m", "--multirun", "--plugin", "--config-dir", "--no-leaderboard", "--help")
-# What applications of Hydra have, and what is here in its place.
+# Flags of other Hydra applications, and their replacement here.
 _CONFIGS = "experiments and presets of your own are found in ./conf and in --config-dir DIR (DIR/experiment/NAME.yaml)"
 OTHERWISE = {
     "--config-path": _CONFIGS,
@@ -21,8 +21,8 @@ OTHERWISE = {
     "--run": "leave it out; -m is for sweeps",
     "--experimental-rerun": "detailbench reproduce CELL runs a stored cell again",
 }
-SHOW = ("--cfg", "--info", "--hydra-help")  # what is shown; the other flags say how
-# What may stand behind each: a choice, anything, or nothing.
+SHOW = ("--cfg", "--info", "--hydra-help")  # these select what is shown, the others how
+# The value of each: a choice, anything, or none.
 VALUES: dict[str, tuple[str, ...] | None] = {
     "--cfg": ("job", "hydra", "all"),
     "--info": ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath"),
@@ -33,14 +33,14 @@ VALUES: dict[str, tuple[str, ...] | None] = {
 
 
 def split_words(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """The overrides among the words of a command line, and the flags that Hydra knows, each with its value.
+    """The overrides among the arguments of a command line, and the flags of Hydra, each with its value.
 
-    Names of files among the overrides are quoted where Hydra needs it.
+    File names in the overrides are quoted where Hydra needs it.
 
     Raises
     ------
     UsageError
-        For any other flag, with the nearest right one, for a value that a flag cannot have, and for flags that do not
+        For any other flag, with the nearest right one, for an invalid value of a flag, and for flags that do not
         go together.
     """
     from .quoting import quoted_files
@@ -68,7 +68,7 @@ def split_words(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
 
 
 def only_overrides(words: Sequence[str], instead: str) -> list[str]:
-    """The overrides of a command that has no flags of Hydra; ``instead`` is what a message says of one.
+    """The overrides of a command that has no flags of Hydra; ``instead`` is the advice in the message about one.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def only_overrides(words: Sequence[str], instead: str) -> list[str]:
 
 
 def _without_plus(word: str) -> str:
-    """``experiment=demo`` for ``+experiment=demo``, as other applications of Hydra have it: every group is chosen."""
+    """``experiment=demo`` for ``+experiment=demo``, as in other applications of Hydra: here no group needs it."""
     return word[1:] if word.startswith("+") and word[1:].partition("=")[0] in GROUPS else word
 
 

@@ -1,6 +1,6 @@
-"""How long a sweep takes: from finished cases in the same folder, from what methods say of themselves, from its start.
+"""The duration of a sweep: from finished cases in the same folder, from declarations of methods, from its start.
 
-All times are wall-clock seconds of cases from their beginning to their end: making the input and scoring the output
+All times are wall-clock seconds of whole cases: making the input and scoring the output
 count, too.
 """
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Pace:
-    """Median seconds of a case, by what it is a case of."""
+    """Median seconds of a case, by kind of cell."""
 
     known: Mapping[tuple[str, ...], float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, results: Results) -> Pace:
-        """What the finished cases in a folder took."""
+        """The times of the finished cases in a folder."""
         import pandas as pd
 
         rows = results.rows()
@@ -50,10 +50,10 @@ class Pace:
         return cls(known)
 
     def seconds(self, cell: Cell) -> float | None:
-        """Seconds of one case of a cell; None where nothing like it was timed and its method does not say.
+        """Seconds of one case of a cell; None if no similar cell was timed and its method declares nothing.
 
         Cases of the same method with the same parameters come first, then a parameter ``seconds`` with which a method
-        is told how long to take, then the same method with other parameters.
+        is given its time, then the same method with other parameters.
         """
         names = {
             "task": cell.task.label,
@@ -73,26 +73,26 @@ class Pace:
 
 
 class Forecast:
-    """How long the rest of a sweep takes, corrected by what its first jobs took.
+    """The time for the rest of a sweep, corrected by the times of its first jobs.
 
     Parameters
     ----------
-    expected : of each job, seconds that it is expected to take: 0 where all is there, None where nobody knows
-    kinds : of each job, a text that is the same for those that may take about as long, such as its method
+    expected : of each job, its expected seconds: 0 if all is cached, None if unknown
+    kinds : of each job, a text that is the same for jobs of similar duration, such as its method
     workers : how many jobs are run at a time
     """
 
     def __init__(self, expected: Sequence[float | None], kinds: Sequence[str], workers: int = 1):
         self._expected, self._kinds, self.workers = list(expected), list(kinds), max(workers, 1)
-        self._took: dict[int, float] = {}  # of jobs that ended, 0 where all was there
+        self._took: dict[int, float] = {}  # of ended jobs, 0 if all was cached
 
     def ended(self, job: int, seconds: float) -> None:
-        """Take note of a job that ended: what it took, 0 where all its cases were there."""
+        """Record the time of an ended job: 0 if all its cases were cached."""
         if 0 <= job < len(self._expected):
             self._took[job] = seconds
 
     def left(self) -> float | None:
-        """Seconds until the end; None where that is not known of some job that is to come."""
+        """Seconds until the end; None if unknown for a remaining job."""
         ran = {job: took for job, took in self._took.items() if took}
         both = [(self._expected[job], took) for job, took in ran.items() if self._expected[job]]
         factor = sum(took for _, took in both) / sum(expected or 0.0 for expected, _ in both) if both else 1.0
@@ -112,7 +112,7 @@ class Forecast:
 
 
 def workers_of(request: Request, threads: int = 1) -> int:
-    """How many cells the launcher of a request runs at a time, as far as there are processors for them."""
+    """How many cells the launcher of a request runs at a time, as far as processors allow."""
     if request.launcher != "joblib" or request.hydra is None:
         return 1
     from omegaconf import OmegaConf
@@ -125,13 +125,13 @@ def workers_of(request: Request, threads: int = 1) -> int:
 
 
 def summary(planned: int, finished: int, seconds: Sequence[float | None], unknown: int, workers: int) -> str:
-    """``48 cases, 12 finished, 36 to do, about 3 min``: what a plan ends with and a sweep begins with.
+    """``48 cases, 12 finished, 36 to do, about 3 min``: the last line of a plan and the first of a sweep.
 
     Parameters
     ----------
     planned, finished : cases
-    seconds : of each cell, what is left to do; None where nobody knows
-    unknown : cases that are to do, of cells whose time nobody knows
+    seconds : of each cell, for its unfinished cases; None if unknown
+    unknown : unfinished cases of cells whose time is unknown
     workers : how many cells are run at a time
     """
     text = f"{counted(planned, 'case')}, {finished} finished, {planned - finished} to do"
@@ -142,7 +142,7 @@ def summary(planned: int, finished: int, seconds: Sequence[float | None], unknow
 
 
 def seconds_to_do(cell: Cell, finished: int, pace: Pace) -> float | None:
-    """Seconds of a cell's cases that are not finished; None where nobody knows."""
+    """Seconds for a cell's unfinished cases; None if unknown."""
     to_do = cell.planned - finished
     one = pace.seconds(cell) if to_do else 0.0
     return None if one is None else to_do * one

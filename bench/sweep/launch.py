@@ -1,7 +1,7 @@
-"""One sweep: what the front door hands to Hydra, and what Hydra hands back, job by job.
+"""One sweep: the exchange between the front door and Hydra, job by job.
 
-Hydra enumerates and places the jobs; :func:`job` is what it calls, in this process or in those of a launcher. A job
-never raises for what a method did: every outcome is a file in the sweep's session folder, which the front door reads
+Hydra enumerates and places the jobs; it calls :func:`job` in this process or in those of a launcher. A job
+never raises because of a method: every outcome is a file in the sweep's session folder, which the front door reads
 when Hydra is done.
 """
 
@@ -41,7 +41,7 @@ PROGRESS: Progress | None = None  # set by the front door for jobs that run in i
 
 
 def job(config: DictConfig) -> None:
-    """What Hydra calls for every job."""
+    """The function that Hydra calls for every job."""
     from omegaconf import OmegaConf
 
     from .composition import register_resolvers
@@ -50,12 +50,12 @@ def job(config: DictConfig) -> None:
     values: Any = OmegaConf.to_container(config, resolve=True)
     session = Session(Path(os.path.expanduser(values["results"])).absolute(), values["session"])
     here = session.owner[0] == os.getpid()
-    if not here:  # a launcher's process; Ctrl-C is the front door's business, and so is the end
+    if not here:  # a launcher's process; the front door handles Ctrl-C and the end
         _ignore_interrupts()
         isolate_imports()
         config_files.use(list(config.config_dirs))
         load_plugins(list(config.plugins), warn=False)
-    register_resolvers()  # they ask which plugins there are
+    register_resolvers()  # they query the plugins
     values = OmegaConf.to_container(config, resolve=True)
 
     def alive() -> None:
@@ -71,7 +71,7 @@ def job(config: DictConfig) -> None:
     number = _number()
     name = f"job-{number:06d}"
     if session.has(name):
-        return  # the sweep was launched once more, after a process of the launcher was killed
+        return  # the sweep was launched again after a process of the launcher was killed
     reporter = PROGRESS if here else None
     try:
         word = {"kind": "cell", **_run(values, reporter, alive)}
@@ -79,18 +79,18 @@ def job(config: DictConfig) -> None:
         word = {"kind": "not_solved", "title": _title(values), "message": str(error)}
     except UsageError as error:
         word = {"kind": "usage", "title": _title(values), "message": str(error)}
-    except CannotStart as error:  # every other job would meet the same; two processes may say so, one line is enough
+    except CannotStart as error:  # every other job would fail alike; two processes may report it, one line is enough
         session.leave("stopped", kind="stopped", title=_title(values), message=str(error))
         raise SystemExit(1) from error
     except StoreError as error:
-        # There is no point in going on: every other job would meet the same disk.
+        # Going on is pointless: every other job would fail on the same disk.
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(1) from error
     session.leave(name, job=number, **word)
 
 
 def _run(values: Mapping[str, Any], reporter: Progress | None, alive: Callable[[], None]) -> dict[str, Any]:
-    """Run the cell of a composed config; what its job leaves."""
+    """Run the cell of a composed config; the entry that its job leaves."""
     from ..engine.runner import run_cell
     from .progress import line_of
 
@@ -120,25 +120,25 @@ def _number() -> int:
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 
-    config: Any = HydraConfig.get()  # a node, and not what Hydra's types call it
+    config: Any = HydraConfig.get()  # a node, although Hydra's types differ
     return OmegaConf.select(config, "job.num", default=None) or 0
 
 
 @functools.cache
 def _leave_with(session: Session) -> None:
-    """End this process of a launcher when the front door is gone, also while it waits for the next job."""
+    """End this process of a launcher when the front door has ended, also while it waits for the next job."""
 
     def look() -> None:
         while session.is_watched():
             time.sleep(0.5)
-        os._exit(1)  # the fork servers see their socket close and end what is below them
+        os._exit(1)  # the fork servers see their socket close and end their descendants
 
     threading.Thread(target=look, daemon=True, name="front door").start()
 
 
 def _title(values: Mapping[str, Any]) -> str:
     names = {kind: (values.get(kind) or {}).get("_name_", "?") for kind in ("task", "dataset", "sensor", "method")}
-    with contextlib.suppress(UsageError):  # which is what the message below the title is about
+    with contextlib.suppress(UsageError):  # the message below the title reports it
         names["sensor"] = sensor_of(values.get("sensor"), registry().find("dataset", names["dataset"])).name
     return " ".join([*names.values(), f"seed={values.get('seed')}"])
 
@@ -149,10 +149,10 @@ def _ignore_interrupts() -> None:
 
 
 def representatives(batch: Sequence[Sequence[str]]) -> list[Sequence[str]]:
-    """So many of a sweep's jobs that each combination of overrides of one group is in at least one of them.
+    """A subset of a sweep's jobs that contains each combination of overrides of one group at least once.
 
     Whether ``method=jet method.k=24`` can be composed does not depend on the dataset, and ``seed=7`` is composed like
-    ``seed=8``, so of thousands of jobs a few tell whether all can.
+    ``seed=8``, so a few of thousands of jobs show whether all can.
     """
     seen: set[tuple[str, ...]] = set()
     chosen = []
@@ -168,7 +168,7 @@ def representatives(batch: Sequence[Sequence[str]]) -> list[Sequence[str]]:
 
 
 def _kind_of_number(override: str) -> str:
-    """``seed=<int>`` for ``seed=7``: of a key of the run, one number is composed like another of its type."""
+    """``seed=<int>`` for ``seed=7``: numbers of the same type are composed alike for a key of the run."""
     key, _, value = override.partition("=")
     if key.lstrip("+~").startswith("hydra") or _head(key) in GROUPS:
         return override
@@ -181,7 +181,7 @@ def _head(override: str) -> str:
     return re.split(r"[./=@]", override.lstrip("+~"), maxsplit=1)[0]
 
 
-# As Hydra's grammar has them; what may not be a number there is composed as it stands.
+# Numbers in Hydra's grammar; anything else is composed as it is.
 NUMBERS = {
     "int": re.compile(r"[+-]?(0|[1-9](_?[0-9])*)"),
     "float": re.compile(r"[+-]?([0-9]+\.[0-9]*|[0-9]*\.[0-9]+|[0-9]+(?=[eE]))([eE][+-]?[0-9]+)?"),
@@ -190,7 +190,7 @@ NUMBERS = {
 
 @contextlib.contextmanager
 def _deaf_to_interrupts(request: Request) -> Iterator[None]:
-    """Let the processes that submitit starts on this machine leave Ctrl-C to the front door, whose end they see.
+    """Make submitit's processes on this machine leave Ctrl-C to the front door, whose end they notice.
 
     They are in its process group, and each would print a traceback of its own.
     """
@@ -200,13 +200,13 @@ def _deaf_to_interrupts(request: Request) -> Iterator[None]:
         return
     try:
         from submitit.local import local
-    except ImportError:  # Hydra says that this launcher is not installed
+    except ImportError:  # Hydra reports that this launcher is not installed
         yield
         return
     start = local.start_controller
 
     def started(*arguments: Any, **options: Any) -> Any:
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a process inherits what is ignored
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # a process inherits ignored signals
         try:
             return start(*arguments, **options)
         finally:
@@ -223,7 +223,7 @@ class WorkerDied(DetailbenchError):
     """A process of the launcher was killed, by a system short of memory for instance, and the sweep ended early."""
 
 
-# How launchers call it: joblib (BrokenExecutor is Python's), submitit, ray.
+# The exceptions of launchers for it: joblib (BrokenExecutor is Python's), submitit, ray.
 WORKER_DIED = ("BrokenExecutor", "UncompletedJobError", "RayError")
 
 
@@ -232,17 +232,17 @@ def launch(request: Request, jobs: Sequence[Sequence[str]]) -> int:
 
     Parameters
     ----------
-    request : which has the launcher, with its parameters
+    request : with the launcher and its parameters
     jobs : the overrides of each job
 
     Raises
     ------
     UsageError
-        With what Hydra said, when it cannot compose a config or find a launcher.
+        With Hydra's message, if it cannot compose a config or find a launcher.
     StoreError
-        When the launcher's own files cannot be written.
+        If the launcher's own files cannot be written.
     WorkerDied
-        When a process of the launcher was killed.
+        If a process of the launcher was killed.
     """
     try:
         with safe_children(), _deaf_to_interrupts(request), _launcher(request, jobs) as (launcher, batches):
@@ -252,7 +252,7 @@ def launch(request: Request, jobs: Sequence[Sequence[str]]) -> int:
                     _ = ended.return_value  # raises what the job raised
                 first += len(batch)
     except SystemExit as error:
-        if error.code == signal.SIGTERM:  # a launcher (ray) that makes SIGTERM its own
+        if error.code == signal.SIGTERM:  # a launcher (ray) that handles SIGTERM itself
             raise Terminated(signal.SIGTERM) from error
         return error.code if isinstance(error.code, int) else 1
     except OSError as error:
@@ -276,10 +276,10 @@ def launch(request: Request, jobs: Sequence[Sequence[str]]) -> int:
 
 @contextlib.contextmanager
 def _launcher(request: Request, jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Launcher, list[list[list[str]]]]]:
-    """Hydra's launcher, and the jobs in the batches in which it is to have them.
+    """Hydra's launcher, and the batches of jobs for it.
 
     Hydra's own sweeper would compose every job once before the first starts, which takes minutes for thousands; here
-    some are composed that stand for all. A job that is the only one says itself what is wrong with it.
+    representatives are composed. A single job reports its own errors.
     """
     from hydra._internal.callbacks import Callbacks
     from hydra.core.plugins import Plugins
@@ -309,12 +309,12 @@ def _launcher(request: Request, jobs: Sequence[Sequence[str]]) -> Iterator[tuple
 
 
 def launch_all(session: Session, request: Request, jobs: Sequence[Sequence[str]]) -> int:
-    """:func:`launch`, and once more for what a killed process of a launcher left undone: finished jobs end at once.
+    """:func:`launch`, and once more for jobs left undone by a killed process of a launcher: finished jobs end at once.
 
     Returns
     -------
     int
-        As :func:`launch`; 3 where a process was killed again, and some jobs are still undone.
+        As :func:`launch`; 3 if a process was killed again, and some jobs are still undone.
     """
     for again in (False, True):
         try:
@@ -333,7 +333,7 @@ def launch_all(session: Session, request: Request, jobs: Sequence[Sequence[str]]
 
 
 def show(flags: Mapping[str, str], request: Request) -> int:
-    """Let Hydra print what its flags ask for, of the one config that the request makes; the exit code."""
+    """Let Hydra print what its flags ask for about the one config of the request; the exit code."""
     from argparse import Namespace
 
     from hydra._internal.utils import get_args_parser
@@ -350,6 +350,6 @@ def show(flags: Mapping[str, str], request: Request) -> int:
                 hydra.show_info(flags["--info"], CONFIG_NAME, words)
             else:
                 hydra.hydra_help(None, get_args_parser(), Namespace(overrides=words))
-        except SystemExit as error:  # a package that the config has not
+        except SystemExit as error:  # a package that the config lacks
             return error.code if isinstance(error.code, int) else 1
     return 0

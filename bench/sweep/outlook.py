@@ -1,4 +1,4 @@
-"""What a sweep has to do, found without composing the config of every job: that takes longer than small cells do."""
+"""The work of a sweep, found without composing the config of every job, which takes longer than small cells."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from .forecast import Forecast, Pace, seconds_to_do, summary, workers_of
 from .planned import Planned, Shelf, entry_of, planned_jobs
 from .request import Request, parse
 
-LOOKED_UP = 100  # jobs of a large sweep that stand for all
+LOOKED_UP = 100  # jobs of a large sweep that represent all
 
 
 @dataclass(frozen=True)
 class Outlook:
-    """A forecast of a sweep, and the same in words: empty where no time is known.
+    """A forecast of a sweep, and the same in words: empty if no time is known.
 
     Attributes
     ----------
     ended : dict
-        By place in the sweep, what jobs would leave that need not be launched: their cells are finished, or there is
-        no cell. Empty where that is not known beforehand.
+        By place in the sweep, the entries of jobs that need not be launched: their cells are finished, or they have
+        no cell. Empty if that is not known beforehand.
     """
 
     forecast: Forecast
@@ -43,10 +43,10 @@ class Outlook:
 
 
 def look_ahead(jobs: Sequence[Sequence[str]], request: Request, results: Results) -> Outlook | None:
-    """What the jobs of a sweep have to do; None where they differ in what cannot be looked up.
+    """The work of the jobs of a sweep; None if they differ in a way that cannot be looked up.
 
-    Every job is looked up where their configs can be put together from parts. Otherwise, of a large sweep some jobs,
-    evenly spread, stand for all.
+    Every job is looked up if their configs can be assembled from parts. Otherwise, some jobs of a large sweep,
+    evenly spread, represent all.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def look_ahead(jobs: Sequence[Sequence[str]], request: Request, results: Results
         if plan is not None:
             return _outlook(plan, jobs, request, results)
     except UsageError:
-        return None  # what is wrong is said where the job is run
+        return None  # the job itself reports the error
     return _likely(jobs, request, results)
 
 
@@ -89,13 +89,13 @@ def _outlook(plan: Iterator[Planned], jobs: Sequence[Sequence[str]], request: Re
 
 
 def _likely(jobs: Sequence[Sequence[str]], request: Request, results: Results) -> Outlook | None:
-    """The outlook of a sweep of which some jobs are looked at."""
+    """The outlook of a sweep from some of its jobs."""
     chosen = range(0, len(jobs), -(-len(jobs) // LOOKED_UP) or 1)
     try:
         cells = dict(zip(chosen, likely_cells([jobs[job] for job in chosen]), strict=True))
         done = {job: _finished(results, *entry) if entry else 0 for job, entry in cells.items()}
     except UsageError:
-        return None  # what is wrong is said where the job is run
+        return None  # the job itself reports the error
     pace = Pace.of(results)
     seconds = {job: seconds_to_do(entry[0], done[job], pace) if entry else 0.0 for job, entry in cells.items()}
     kinds = [_kind(job) for job in jobs]
@@ -116,12 +116,12 @@ def _finished(results: Results, cell: Cell, settings: Settings) -> int:
 
 
 def _kind(job: Sequence[str]) -> str:
-    """The words of a job that choose its method and task."""
+    """The overrides of a job that choose its method and task."""
     return " ".join(word for word in job if re.match(r"\+?(method|task)\b", word))
 
 
 def _spread(seconds: Mapping[int, float | None], kinds: Sequence[str]) -> list[float | None]:
-    """Seconds of every job: of those that were not looked up, the mean of their kind; None where nobody knows."""
+    """Seconds of every job: of those that were not looked up, the mean of their kind; None if unknown."""
     of_kind: dict[str, list[float]] = {}
     for job, value in seconds.items():
         if value is not None:
@@ -133,13 +133,13 @@ def _spread(seconds: Mapping[int, float | None], kinds: Sequence[str]) -> list[f
 def likely_cells(jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Cell, Settings] | None]:
     """The cells of jobs that differ in plugins, their parameters and plain values; None for a pair that has no cell.
 
-    The first job is composed, and what the words of the others change is changed in that. An experiment may give
-    parameters to a plugin that another job has not: such a cell may be missed.
+    The first job is composed, and the changes of the others are applied to it. An experiment may give
+    parameters to a plugin that other jobs lack: such a cell may be missed.
 
     Raises
     ------
     UsageError
-        If a job cannot be composed, or if jobs differ in more: in their profile, say.
+        If a job cannot be composed, or if jobs differ in more, for instance in their profile.
     """
     first = dict(_parsed(jobs[0]))
     base = resolved(jobs[0])
@@ -155,7 +155,7 @@ def likely_cells(jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Cell, Settings
             name = values["dataset"]["_name_"]
             cases[name] = cases[name] if name in cases else resolved(job)["cases"]
             values["cases"] = dict(words).get("cases", cases[name])
-        for key, value in words:  # a plugin that was chosen anew has lost what the words give to it
+        for key, value in words:  # choosing another plugin has dropped the values that the overrides give it
             if key.partition(".")[0] in chosen and "." in key:
                 _change(values, key, value)
         try:
@@ -169,7 +169,7 @@ def _parsed(job: Sequence[str]) -> list[tuple[str, Any]]:
 
 
 def _change(values: dict[str, Any], key: str, value: Any) -> None:
-    """Put one word's value into a composed config."""
+    """Put one override's value into a composed config."""
     group, _, parameter = key.partition(".")
     if key in KINDS and key != "metric":
         plugin = presets.resolve(key, str(value))
@@ -188,7 +188,7 @@ def _change(values: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _as_before(now: Any, value: Any, key: str) -> Any:
-    """A value for a key of the run, of which Hydra has taken another one: of its type, or left to Hydra."""
+    """A value for a key of the run for which Hydra accepted another one: of the same type, or left to Hydra."""
     if type(value) is type(now) or (type(now), type(value)) == (float, int):
         return value
     raise UsageError(f"{key}={value}: a value of another type is composed")

@@ -1,7 +1,7 @@
-"""A look at overrides before Hydra gets them: every wrong name and parameter gets the nearest right one.
+"""Checks of overrides before Hydra gets them: errors about wrong names and parameters suggest the nearest right one.
 
 Hydra itself lists the options of a group but suggests none, and for an unknown key it advises ``+key=value``, which
-then lets any typo in.
+then accepts any typo.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 
 def checked(words: Sequence[str], command: str = "run", *, multirun: bool = False, sweeps: bool = False) -> Request:
-    """The request of a command's words, with one folder of results, and every name and parameter checked.
+    """The request of a command's overrides, with one folder of results, and every name and parameter checked.
 
     Parameters
     ----------
-    words : the overrides among the words of the command line
+    words : the overrides of the command line
     command : the one that has been called
-    multirun : whether several values of a key are several jobs; an experiment may say so, too, where ``sweeps`` is true
-    sweeps : whether the command takes sweeps
+    multirun : whether several values of a key are several jobs; an experiment may set it, too, if ``sweeps`` is true
+    sweeps : whether the command accepts sweeps
 
     Raises
     ------
@@ -49,7 +49,7 @@ def checked(words: Sequence[str], command: str = "run", *, multirun: bool = Fals
 
 
 def check(request: Request) -> None:
-    """Raise :class:`UsageError` for names and parameters that do not exist, and for a sweep that is none."""
+    """Raise :class:`UsageError` for names and parameters that do not exist, and for an invalid sweep."""
     for override in request.overrides:
         key = override.key_or_group
         values = values_of(override)
@@ -89,7 +89,7 @@ def _instead_of_sweep(command: str) -> str:
     return f"`detailbench {command}` takes one value for each key"
 
 
-# Keys of Hydra that would do nothing here, or not what they do elsewhere.
+# Keys of Hydra that have no effect here, or another one than elsewhere.
 NOT_HERE = {
     "hydra.searchpath": "experiments and presets of your own are found in ./conf and in --config-dir DIR",
     "hydra.sweeper.params": "give each key its values, as in seed=0,1,2; an experiment file has hydra.sweeper.params",
@@ -112,7 +112,7 @@ def _check_hydra(key: str, values: Sequence[Any], override: Override) -> None:
 
 
 def _check_root_key(key: str, request: Request, line: str) -> None:
-    """A key of the run; one that is a parameter of a chosen plugin gets that one's name."""
+    """A key of the run; for a parameter of a chosen plugin, the error suggests its full name."""
     known = [*(f.name for f in dataclasses.fields(Base) if f.name not in SET_ELSEWHERE), *GROUPS]
     if key in known or key in SET_ELSEWHERE:
         return
@@ -122,13 +122,13 @@ def _check_root_key(key: str, request: Request, line: str) -> None:
     _check_key("", key, known, line)
 
 
-SET_ELSEWHERE = ("plugins", "config_dirs", "session", "published", "sizes")  # keys that no command line needs
+SET_ELSEWHERE = ("plugins", "config_dirs", "session", "published", "sizes")  # keys not meant for the command line
 
 
 def _parameters_of_chosen(kind: str, request: Request) -> set[str]:
     names = [presets.resolve(kind, name) for name in request.chosen(kind)]
     if kind == "task" and not request.about("task"):
-        names = registry().names(kind)  # `apply` finds out which one is meant
+        names = registry().names(kind)  # `apply` finds the right one
     known = registry().names(kind)
     return {f.name for name in names if name in known for f in registry().find(kind, name).fields}
 
@@ -164,7 +164,7 @@ def _check_preset(group: str, name: Any, is_deleted: bool) -> None:
 
 
 def _check_parameter(kind: str, tail: str, request: Request, override: Override) -> None:
-    """A parameter must be one of a plugin that the run chooses (or, where it chooses none, of some plugin)."""
+    """A parameter must belong to a plugin that the run chooses (or, if it chooses none, to some plugin)."""
     line = text_of(override)
     names = [presets.resolve(kind, n) for n in request.chosen(kind)]
     names = [n for n in names if n in registry().names(kind)] or registry().names(kind)
@@ -187,7 +187,7 @@ def _check_parameter(kind: str, tail: str, request: Request, override: Override)
 
 
 def _without_it(kind: str, names: Sequence[str]) -> str:
-    """The beginning of a message: who has no parameter of a name."""
+    """The beginning of a message: the plugins that lack a parameter."""
     names = list(dict.fromkeys(names))
     if len(names) == 1:
         return f"{kind} {names[0]} has no"
@@ -197,7 +197,7 @@ def _without_it(kind: str, names: Sequence[str]) -> str:
 
 
 def _check_all_have(kind: str, names: Sequence[str], parameter: str, line: str) -> None:
-    """A parameter beside several plugins is one of each of them: Hydra gives all of a sweep the same keys."""
+    """A parameter given with several plugins must belong to each: Hydra gives all jobs of a sweep the same keys."""
     having = [n for n in names if any(f.name == parameter for f in registry().find(kind, n).fields)]
     lacking = [n for n in dict.fromkeys(names) if n not in having]
     if lacking:
@@ -224,7 +224,7 @@ def check_jobs(jobs: Iterable[Sequence[str]]) -> None:
 
 
 def _check_parameters_of(jobs: Iterable[Sequence[str]]) -> None:
-    """Of a parameter that some plugins of a sweep have: say which have not, and what to do."""
+    """For a parameter that only some plugins of a sweep have: report which lack it, and what to do."""
     names: dict[tuple[str, str], dict[str, None]] = {}
     lines: dict[tuple[str, str], str] = {}
     for job in jobs:
@@ -243,7 +243,7 @@ def _check_parameters_of(jobs: Iterable[Sequence[str]]) -> None:
 def _check_values(plugins: Sequence[Plugin], parameter: str, override: Override) -> None:
     """Each value of a parameter must fit its type, in one of the plugins that have it.
 
-    This is found out before a sweep starts; what a plugin itself refuses is, by the job that meets it.
+    This is checked before a sweep starts; values that a plugin itself refuses are reported by their job.
     """
     from hydra.core.override_parser.types import Glob, QuotedString, Transformer
 
@@ -276,7 +276,7 @@ def _hint(prefix: str, key: str, known: Iterable[str]) -> str:
 
 
 def _check_scans(kind: str, names: Sequence[Any], request: Request, line: str) -> None:
-    """Raise :class:`UsageError` where the usual simulation of scans is asked for, and each dataset brings its own."""
+    """Raise :class:`UsageError` if the usual simulation of scans is requested, but each dataset has its own."""
     from ..plan.cell import USUAL_SENSOR
 
     if kind != "sensor" or USUAL_SENSOR not in names:

@@ -1,18 +1,18 @@
-"""The configs of all jobs of a sweep, put together from parts that Hydra composes once each.
+"""The configs of all jobs of a sweep, assembled from parts that Hydra composes once each.
 
-Hydra takes a tenth of a second to compose a config: hours for fifty thousand jobs. But what ``method=rimls
-method.filterscale=3`` makes of the config does not depend on the dataset, so one composition for each distinct choice
+Hydra takes a tenth of a second to compose a config: hours for fifty thousand jobs. But the effect of ``method=rimls
+method.filterscale=3`` on the config does not depend on the dataset, so one composition for each distinct choice
 of a group is enough:
 
-* Overrides of one job are put into groups by their key: ``method`` and ``method.depth`` are of one *head*.
+* Overrides of one job are put into groups by their key: ``method`` and ``method.depth`` have the same *head*.
 * Heads that may change anything (a profile, an experiment, a convention, Hydra's own) are *outer* ones. For each
   combination of these, one job is the base.
-* Of each other head, each distinct set of overrides is composed once, in place of those of the base; a number that
-  takes the place of another one of its type is put in without Hydra.
-* What holds interpolations is composed once for each combination of the heads that it refers to.
+* For each other head, each distinct set of overrides is composed once, in place of those of the base; a number that
+  replaces another one of its type is put in without Hydra.
+* Nodes with interpolations are composed once for each combination of the heads that they refer to.
 
-Nothing is taken on trust: a head that changes anything outside of its own node, and a config file that could, leave
-the sweep to Hydra, as does a sample of jobs of which one is composed to something else.
+Everything is verified: a head that changes anything outside of its own node, and a config file that could, leave
+the sweep to Hydra, as does a sample of jobs if one of them is composed differently.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from .composition import CONFIG_NAME, hydra_ready, in_words
 Words = tuple[str, ...]
 Values = dict[str, Any]
 
-# Heads whose overrides change their own node alone: plugins, and plain keys of the run.
+# Heads whose overrides change only their own node: plugins, and plain keys of the run.
 INNER = (*KINDS, *(f.name for f in fields(Base) if f.name not in GROUPS))
 PLAIN_KEY = re.compile(r"\+?(\w+)(\.\w+)*")
-# As Hydra's grammar has them.
+# Numbers in Hydra's grammar.
 WHOLE = re.compile(r"[+-]?(0|[1-9][0-9]*)")
 DECIMAL = re.compile(r"[+-]?[0-9]+\.[0-9]+([eE][+-]?[0-9]+)?")
 SAMPLE = 4  # jobs that Hydra composes as well
 RESOLVER = re.compile(r"\$\{\s*([\w.]+)\s*:")
 REFERENCE = re.compile(r"\w+")
-USUAL_CASES = "usual_cases"  # asks for the dataset
+USUAL_CASES = "usual_cases"  # depends on the dataset
 
 
 class Apart(Exception):
-    """The jobs cannot be put together from parts."""
+    """The jobs cannot be assembled from parts."""
 
 
 @functools.lru_cache(maxsize=100_000)
@@ -58,7 +58,7 @@ def _head(word: str) -> str:
 
 @functools.lru_cache(maxsize=100_000)
 def _number(word: str) -> tuple[str, int | float] | None:
-    """The override without its value, and the number that is its value; None where that cannot be one."""
+    """The override without its value, and its value as a number; None if it is not one."""
     key, _, value = word.partition("=")
     if key.startswith("+"):
         return None
@@ -68,9 +68,9 @@ def _number(word: str) -> tuple[str, int | float] | None:
 
 
 def values_of(jobs: Sequence[Sequence[str]]) -> Iterator[Values] | None:
-    """The resolved config of each job, as :func:`bench.sweep.composition.resolved` gives it; None where not possible.
+    """The resolved config of each job, as by :func:`bench.sweep.composition.resolved`; None if not possible.
 
-    Configs share their nodes: they are to be read only.
+    Configs share their nodes: treat them as read-only.
 
     Parameters
     ----------
@@ -85,21 +85,21 @@ def values_of(jobs: Sequence[Sequence[str]]) -> Iterator[Values] | None:
                 if assembly.values(place) != _composed(tuple(jobs[place]), resolve=True):
                     return None
     except (Apart, UsageError):
-        return None  # what is wrong with a job is said where that is run
+        return None  # an invalid job reports its own error
     return (assembly.values(place) for place in range(len(jobs)))
 
 
 def _sample(count: int) -> list[int]:
-    """Some of the jobs, evenly spread, the last one among them."""
+    """Some of the jobs, evenly spread, including the last one."""
     return sorted({place * (count - 1) // min(SAMPLE, count - 1) for place in range(min(SAMPLE, count - 1) + 1)})
 
 
 def _configs_are_plain() -> bool:
-    """Whether no file of a user or a package can make one choice depend on another one, or reach into its node."""
+    """Whether no file of a user or a package can make one choice depend on another, or change another's node."""
     for group in GROUPS:
         for file in presets.files(group).values():
             if file.folder.origin == config_files.OURS:
-                continue  # tests see to those
+                continue  # tests cover those
             text = file.text()
             if (group in KINDS and "@package" in text) or may_depend(text):
                 return False
@@ -107,7 +107,7 @@ def _configs_are_plain() -> bool:
 
 
 def may_depend(text: str) -> bool:
-    """Whether the list of defaults in a YAML file has an interpolation, or is no plain list."""
+    """Whether the list of defaults in a YAML file has an interpolation, or is not a plain list."""
     inside = False
     for line in text.splitlines():
         if re.match(r"defaults\s*:", line):
@@ -133,7 +133,7 @@ def _composed(job: Words, *, resolve: bool = False) -> Values:
 
 
 class _Assembly:
-    """Parts of the configs of jobs, composed when they are first asked for.
+    """Parts of the configs of jobs, composed on first use.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ class _Assembly:
 
 
 class _Family:
-    """Jobs with the same outer overrides: their base, and what each head makes of its own node."""
+    """Jobs with the same outer overrides: their base, and the node of each head."""
 
     def __init__(self, outer: Words, inner: Mapping[str, Words]):
         self.outer, self.first = outer, dict(inner)
@@ -184,7 +184,7 @@ class _Family:
         return (*self.outer, *(word for words in (self.first | dict(changed)).values() for word in words))
 
     def add(self, inner: Mapping[str, Words]) -> None:
-        """Compose what these overrides bring that no job before had."""
+        """Compose those of these overrides that no earlier job had."""
         if inner.keys() != self.first.keys():
             raise Apart
         for item in inner.items():
@@ -201,11 +201,11 @@ class _Family:
         if values.keys() != self.base.keys() or any(
             values[other] != node for other, node in self.base.items() if other != head
         ):
-            raise Apart  # it reaches beyond its own node
+            raise Apart  # it changes more than its own node
         return self._known(head, words, values[head])
 
     def _known(self, head: str, words: Words, node: Any) -> Any:
-        """Let a node stand for those with another number in the same place, if it has that number there."""
+        """Use a node for those with another number in the same place, if it has that number there."""
         key, number = _template(words)
         if number is not None:
             path = words[-1].partition("=")[0].partition(".")[2]
@@ -223,7 +223,7 @@ class _Family:
         named = set(self.resolved)
         for text in {text for found in texts.values() for text in found}:
             if any(name != USUAL_CASES for name in RESOLVER.findall(text)):
-                raise Apart  # what it asks for is not known
+                raise Apart  # what it refers to is not known
             named |= {name for name in REFERENCE.findall(text) if name in self.base}
             named |= {"dataset"} if RESOLVER.search(text) else set()
         self.context = tuple(head for head in self.first if head in named)
@@ -241,7 +241,7 @@ class _Family:
 
 
 def _resolved(job: Words) -> Values:
-    """As :func:`_composed`, whether or not Hydra is ready: configs are asked for one by one."""
+    """As :func:`_composed`, whether or not Hydra is ready: configs are requested one by one."""
     from hydra.core.global_hydra import GlobalHydra
 
     if GlobalHydra.instance().is_initialized():
@@ -251,7 +251,7 @@ def _resolved(job: Words) -> Values:
 
 
 def _template(words: Words) -> tuple[Words, int | float | None]:
-    """Overrides with a type in place of the last one's number, and that number; the words themselves without one."""
+    """Overrides with a type in place of the last one's number, and that number; unchanged without one."""
     found = _number(words[-1])
     return ((*words[:-1], found[0]), found[1]) if found else (words, None)
 
@@ -263,7 +263,7 @@ def _at(node: Any, path: str) -> Any:
 
 
 def _with_number(node: Any, path: str, number: int | float) -> Any:
-    """A node with a number at a place; what is not on the way there is shared."""
+    """A node with a number at a place; all nodes off that path are shared."""
     if not path:
         return number
     name, _, rest = path.partition(".")

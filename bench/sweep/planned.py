@@ -1,4 +1,4 @@
-"""The cells of all jobs of a sweep, and which of them are finished, without composing or opening one by one."""
+"""The cells of all jobs of a sweep, and which are finished, without composing or opening each one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..results.store import Results
 from .parts import values_of
 
 FEW = 12  # jobs that are composed one by one: parts take as long
-# Cells that differ in these alone depend on the same sources, packages and files.
+# Cells that differ only in these depend on the same sources, packages and files.
 OWN = ("seed", "cases", "threads")
 
 
@@ -27,7 +27,7 @@ class Planned:
 
     Attributes
     ----------
-    cell, settings : what is run, and how; None for a pair that has no cell
+    cell, settings : the cell, and how it is run; None for a pair without a cell
     mark : str
         Today's fingerprint of the cell.
     reason : str
@@ -42,7 +42,7 @@ class Planned:
 
 @dataclass(frozen=True)
 class _Drawing:
-    """What cells have in common that differ in :data:`OWN` alone."""
+    """The common part of cells that differ only in :data:`OWN`."""
 
     cell: Cell
     settings: Settings
@@ -67,12 +67,12 @@ class _Drawing:
 
 
 def planned_jobs(jobs: Sequence[Sequence[str]]) -> Iterator[Planned] | None:
-    """Every job of a sweep, in order; None where each has to be composed by itself (:mod:`bench.sweep.parts`).
+    """Every job of a sweep, in order; None if each has to be composed by itself (:mod:`bench.sweep.parts`).
 
     Raises
     ------
     UsageError
-        While it is iterated over, for a job that makes no cell for another reason than that its parts do not fit.
+        During iteration, for a job without a cell for any reason except parts that do not fit.
     """
     configs = values_of(jobs) if len(jobs) > FEW else None
     return None if configs is None else _planned(configs)
@@ -80,7 +80,7 @@ def planned_jobs(jobs: Sequence[Sequence[str]]) -> Iterator[Planned] | None:
 
 def _planned(configs: Iterator[dict[str, Any]]) -> Iterator[Planned]:
     drawings: dict[tuple[Any, ...], _Drawing | Planned] = {}
-    kept = []  # nodes that keys name by their address
+    kept = []  # nodes that keys identify by address
     for values in configs:
         key = tuple(
             (name, id(value) if isinstance(value, (dict, list)) else (type(value), value))
@@ -99,18 +99,18 @@ def _planned(configs: Iterator[dict[str, Any]]) -> Iterator[Planned]:
 
 @dataclass(frozen=True)
 class Stands:
-    """How a job stands in a results folder.
+    """The state of a job in a results folder.
 
     Attributes
     ----------
     rows : sequence of mappings
-        Its rows that need not be made again.
+        Its rows that need not be computed again.
     complete : bool
-        Whether they are all of its record, so that nothing is left to do.
+        Whether they are all rows of its record, so that nothing is left to do.
     fingerprint : str
         Of that record.
     stale : tuple of str
-        What keeps its newest record from being current.
+        Why its newest record is not current.
     """
 
     rows: Sequence[Mapping[str, Any]]
@@ -120,7 +120,7 @@ class Stands:
 
 
 class Shelf:
-    """What a results folder holds of cells, read at once from its index.
+    """The cells in a results folder, read at once from its index.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class Shelf:
         )
 
     def look_up(self, cell: Cell, settings: Settings, mark: str) -> Stands:
-        """How a cell stands: as :func:`bench.engine.runner.run_cell` finds it, which opens its records."""
+        """The state of a cell: as found by :func:`bench.engine.runner.run_cell`, which opens its records."""
         if (cell.id, mark) in self._rows and f"{cell.id}-{mark}.parquet" not in self._lacking:
             rows = self._rows[cell.id, mark]
             before = self._limits(cell, mark, rows)
@@ -164,14 +164,14 @@ class Shelf:
         return Stands(list(found.values()), complete, stored.fingerprint if stored else mark, stands.stale)
 
     def _limits(self, cell: Cell, mark: str, rows: Sequence[Mapping[str, Any]]) -> Mapping[str, float]:
-        """The limits that a record was made under, where they say whether a case is run again."""
+        """The limits that a record was made under, if they decide whether a case is run again."""
         if not any(row["status"] in ("invalid", "timeout") for row in rows):
             return {}
         return (self.results.meta(cell.id, mark).get("settings") or {}).get("limit") or {}
 
 
 def entry_of(cell: Cell, stands: Stands) -> dict[str, Any]:
-    """What the job of a finished cell would leave in its session's folder."""
+    """The entry that the job of a finished cell would leave in its session's folder."""
     solved, count = sum(row["status"] == "ok" for row in stands.rows), len(stands.rows)
     left_out = f" ({cell.left_out})" if cell.left_out else ""
     return {

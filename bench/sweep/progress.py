@@ -1,4 +1,4 @@
-"""Progress: a rich bar where somebody looks, one line per cell elsewhere; the same under every launcher."""
+"""Progress: a rich bar on a terminal, one line per cell elsewhere; the same under every launcher."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from ..plan.cell import Cell
     from .session import Session
 
-LOOK = 0.1  # seconds between looks at what jobs left
-LOOK_AGAIN = 1.0  # seconds for which a forecast is shown as it is
-MOST_LINES = 200  # of cells that were finished before: of more there is one line
-WORTH_SAYING = 10.0  # seconds that are left, at least
+LOOK = 0.1  # seconds between looks at the entries of jobs
+LOOK_AGAIN = 1.0  # seconds for which a forecast is shown unchanged
+MOST_LINES = 200  # of cells that were finished before: more are summed up in one line
+WORTH_SAYING = 10.0  # seconds left, from which on they are shown
 
 
 def line_of(cell: Cell, outcome: Outcome) -> str:
-    """What became of a cell, in one line."""
+    """The outcome of a cell in one line."""
     rows = outcome.record.rows
     seconds = sum(row["seconds"] or 0.0 for row in rows)
     left_out = f" ({cell.left_out})" if cell.left_out else ""
@@ -55,13 +55,13 @@ class Lines:
         """Nothing yet."""
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Say that a training begins, or that another process is at it; other lines are for finished cells."""
+        """Report that a training starts, or that another process runs it; other lines are for finished cells."""
         words = {"train": "begins", "waits": "another process is at it; waiting"}
         if event["event"] in words:
             self.show(f"{event['title']}: {words[event['event']]}")
 
     def ended(self, entry: Mapping[str, Any]) -> None:
-        """Count a job by what it left in its session's folder, and show the line of a cell."""
+        """Count a job by its entry in its session's folder, and show the line of a cell."""
         if entry["kind"] == "stopped":
             return  # the end of the sweep, which the front door reports
         self.done += 1
@@ -75,7 +75,7 @@ class Lines:
             self.show(f"{count}{entry['line']}{f'; {left}' if left else ''}")
 
     def ended_before(self, entries: Mapping[int, Mapping[str, Any]]) -> None:
-        """Count the jobs that need not be launched: by place in the sweep, what they would leave."""
+        """Count the jobs that need not be launched: by place in the sweep, the entries that they would leave."""
         for place, entry in entries.items():
             if self.forecast:
                 self.forecast.ended(place, 0.0)
@@ -87,7 +87,7 @@ class Lines:
             self.show(f"{counted(cells, 'cell')} of {self.total} finished before, all cached")
 
     def left(self) -> str:
-        """``about 3 min left``; empty where that is not known, or no longer of interest."""
+        """``about 3 min left``; empty if that is not known, or no longer of interest."""
         if self.forecast and time.monotonic() - self._left_at > LOOK_AGAIN:
             seconds = self.forecast.left()
             self._left = f"about {duration(seconds)} left" if seconds and seconds >= WORTH_SAYING else ""
@@ -124,7 +124,7 @@ class Bars(Lines):
 
     def __enter__(self) -> Bars:
         self._live.enter_context(self._progress)
-        self._live.enter_context(shown_streams())  # rich puts what others print above the bars, escapes and all
+        self._live.enter_context(shown_streams())  # rich puts other output above the bars, including escape sequences
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -164,11 +164,11 @@ Progress = Lines | Bars
 
 
 class Follow:
-    """Shows what the jobs of a session leave in its folder as they leave it, whichever process runs them.
+    """Shows the entries that the jobs of a session leave in its folder as they appear, whichever process runs them.
 
-    ``places`` are the places of the launched jobs in their sweep, where some are not launched.
+    ``places`` are the places of the launched jobs in their sweep, if some are not launched.
 
-    Inside ``with``, a thread looks at the folder every now and then; at the end all that is there has been shown.
+    Inside ``with``, a thread checks the folder regularly; at the end all entries have been shown.
     """
 
     def __init__(self, session: Session, progress: Progress, places: Sequence[int] | None = None):
@@ -198,12 +198,12 @@ class Follow:
         for name, entry in self._session.entries(self._shown):
             self._shown.add(name)
             if self._places is not None and entry.get("job", -1) in range(len(self._places)):
-                entry["job"] = self._places[entry["job"]]  # jobs are counted among those that are launched
+                entry["job"] = self._places[entry["job"]]  # jobs are numbered among the launched ones
             self._progress.ended(entry)
 
 
 class Steps:
-    """A bar for one method call after the other, on a terminal: what is done, and how far it is."""
+    """A bar on a terminal for one method call after the other: the stage and its progress."""
 
     def __init__(self, title: str):
         self._title, self._doing = title, ""
@@ -227,7 +227,7 @@ class Steps:
         self._live.close()
 
     def begin(self, title: str) -> None:
-        """The next call begins."""
+        """Start the bar of the next call."""
         self._title, self._doing = title, ""
         if self._progress:
             self._progress.reset(self._bar, total=None, description=shown(title))
@@ -244,7 +244,7 @@ class Steps:
             self._progress.update(self._bar, description=text, completed=0, total=None)
 
     def show(self, text: str) -> None:
-        """A line that stays, above the bar where there is one."""
+        """A line that stays, above the bar if there is one."""
         if self._progress:
             self._progress.console.print(shown(text), markup=False, highlight=False)
         else:

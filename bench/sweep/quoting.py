@@ -1,4 +1,4 @@
-"""Names of files among overrides: Hydra's grammar takes some letters of them for its own, unless they are quoted."""
+"""File names in overrides: some of their characters have a meaning in Hydra's grammar, unless they are quoted."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ COMMANDS = ("method.command", "method.version_command")  # texts with braces: pl
 
 
 def quoted_files(overrides: Sequence[str]) -> list[str]:
-    """The overrides, with quotes about each name of a file that Hydra would not read as it stands.
+    """The overrides, with quotes around each file name that Hydra would not read literally.
 
-    ``dataset.path=scan (2)`` becomes ``dataset.path='scan (2)'`` where a file, a folder, or files of this pattern are
-    there: nothing else can be meant. So does a command, ``method.command=prog {input} {output}``, whose braces Hydra
-    cannot read. Other values are left alone.
+    ``dataset.path=scan (2)`` becomes ``dataset.path='scan (2)'`` if a file, a folder, or files of this pattern
+    exist: nothing else can be meant. So does a command, ``method.command=prog {input} {output}``, whose braces Hydra
+    cannot read. Other values are unchanged.
     """
     return [quoted(word) if _is_unread_name(word) or _is_unread_command(word) else word for word in overrides]
 
@@ -29,19 +29,19 @@ def quoted(word: str) -> str:
 
 
 def is_override(word: str) -> bool:
-    """Whether a word of a command line is a key and its value, not the name of a file."""
+    """Whether an argument of a command line is a key and its value, not the name of a file."""
     key, equals, _ = word.partition("=")
     return bool(equals) and key.lstrip("+").replace(".", "_").replace("@", "_").replace("/", "_").isidentifier()
 
 
 def hint(word: str) -> str:
-    """What to do where a value may be a name that needs quotes: ``quote it: "dataset.path='scan (2)'"``."""
+    """Advice if a value may be a name that needs quotes: ``quote it: "dataset.path='scan (2)'"``."""
     return f'if the value is a name, quote it, for the shell too: "{quoted(word)}"'
 
 
 def _names_files(word: str) -> bool:
     key, equals, value = word.partition("=")
-    if not (equals and value) or "." not in key or "\0" in value:  # parameters of plugins alone name files
+    if not (equals and value) or "." not in key or "\0" in value:  # only parameters of plugins name files
         return False
     path = os.path.expanduser(value)
     return os.path.exists(path) or any(True for _ in glob.iglob(path, recursive=True))
@@ -52,12 +52,12 @@ def _is_unread_name(word: str) -> bool:
 
 
 def _is_unread_command(word: str) -> bool:
-    """Whether a word is the command of a method and means nothing to Hydra as it stands."""
+    """Whether an override is the command of a method and is invalid to Hydra without quotes."""
     return word.partition("=")[0] in COMMANDS and not _can_be_read(word)
 
 
 def _is_plain(word: str) -> bool:
-    """Whether Hydra reads the value as the text that it is."""
+    """Whether Hydra reads the value literally."""
     return _read(word) == word.partition("=")[2]
 
 

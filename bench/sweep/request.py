@@ -1,4 +1,4 @@
-"""What a command line asks for: its overrides, each parsed once, and the jobs that they make."""
+"""The request of a command line: its overrides, each parsed once, and the jobs that they define."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def parse(text: str) -> Override:
     Raises
     ------
     UsageError
-        With the text, what is expected, and, where it may be a name of a file, how to quote it.
+        With the text, what is expected, and, if it may be a file name, how to quote it.
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import OverrideParseException
@@ -55,13 +55,13 @@ class Request:
     Attributes
     ----------
     overrides : tuple
-        As Hydra's parser has them.
+        As parsed by Hydra.
     command : str
-        The command that has been called, for messages.
+        The called command, for messages.
     multirun : bool
         Whether it is a sweep: several values of a key are several jobs.
     folder : str
-        Where the results go; empty until that is settled (:mod:`bench.sweep.destination`).
+        The results folder; empty until it is settled (:mod:`bench.sweep.destination`).
     """
 
     overrides: tuple[Override, ...]
@@ -71,18 +71,18 @@ class Request:
 
     @classmethod
     def of(cls, words: Sequence[str], command: str = "run", multirun: bool = False) -> Request:
-        """The request of the words of a command line, which are overrides.
+        """The request of the overrides of a command line.
 
         Raises
         ------
         UsageError
-            For a word that is none.
+            For an argument that is not an override.
         """
         return cls(tuple(parse(word) for word in words), command, multirun)
 
     @property
     def words(self) -> list[str]:
-        """The overrides as they were written."""
+        """The overrides as written."""
         return [text_of(override) for override in self.overrides]
 
     def about(self, key: str) -> list[Override]:
@@ -96,26 +96,26 @@ class Request:
     # -- what they choose ------------------------------------------------------------------------------------------
 
     def chosen(self, kind: str) -> list[str]:
-        """The names of a kind that are chosen; without any, and without an experiment, the default."""
+        """The chosen names of a kind; without any, and without an experiment, the default."""
         if found := self.about(kind):
             return flat(values_of(found[-1]))  # of several, Hydra takes the last
         return [] if self.about("experiment") else [name for name in (_default_choice(kind),) if name]
 
     @property
     def threads(self) -> int:
-        """How many threads are asked for first; 1 where that is not said, or cannot be."""
+        """The first requested number of threads; 1 if none is given, or it is invalid."""
         found = self.about("threads")
         first = next(iter(values_of(found[-1])), None) if found else None
         return max(first, 1) if isinstance(first, int) else 1
 
     @property
     def devices(self) -> list[str]:
-        """The devices that are asked for; what a preset may say is found when its cell is run."""
+        """The requested devices; those in presets are found when their cells are run."""
         return list(dict.fromkeys(str(v) for override in self.about("device") for v in values_of(override)))
 
     @property
     def launcher(self) -> str:
-        """The launcher that is asked for, by the experiment too; Hydra's own one where none is."""
+        """The requested launcher, also by the experiment; Hydra's own one without a request."""
         if found := self.about("hydra/launcher"):
             return str(found[-1].value())
         return "basic" if self.hydra is None else str(self.hydra.hydra.runtime.choices["hydra/launcher"])
@@ -126,7 +126,7 @@ class Request:
         return self.launcher in HERE
 
     def warning_of_threads(self, processors: int) -> str:
-        """What is to be said of more threads than there are processors; empty where jobs are run elsewhere."""
+        """The warning about more threads than processors; empty if jobs are run elsewhere."""
         if self.threads <= processors or not self.runs_here:
             return ""
         return (
@@ -143,14 +143,14 @@ class Request:
     def experiment(self) -> DictConfig | None:
         """The config of the experiment, with Hydra's own part; None without one.
 
-        None also for one that cannot be composed: what is wrong with it is said where it is used.
+        None also for one that cannot be composed: its error is reported where it is used.
         """
         found = self.about("experiment")
         return experiment_config(text_of(found[-1])) if found else None
 
     @property
     def is_sweep(self) -> bool:
-        """Whether this is a sweep without ``-m``: the experiment, or Hydra's mode, says so."""
+        """Whether this is a sweep without ``-m``, by the experiment or by Hydra's mode."""
         if found := self.about("hydra.mode"):
             return found[-1].value() == "MULTIRUN"
         return self.experiment is not None and _select(self.experiment, "hydra.mode", "name") == "MULTIRUN"
@@ -160,7 +160,7 @@ class Request:
     def parts(self) -> list[Request]:
         """The request of each experiment in turn: ``experiment=a,b`` is one command after the other.
 
-        An experiment brings a sweep of its own, and values for keys of all groups; Hydra cannot sweep over those.
+        An experiment has its own sweep, and values for keys of all groups; Hydra cannot sweep over those.
         """
         for place, override in enumerate(self.overrides):
             if override.key_or_group == "experiment" and override.is_sweep_override():
@@ -171,7 +171,7 @@ class Request:
         return [self]
 
     def without_globs(self) -> Request:
-        """The request with the names that ``dataset=glob(*)`` stands for: those that can be used as they are."""
+        """The request with the names that ``dataset=glob(*)`` stands for: those that work with their defaults."""
         from hydra.core.override_parser.types import Glob
 
         found = []
@@ -183,12 +183,12 @@ class Request:
 
     @cached_property
     def hydra(self) -> DictConfig | None:
-        """The config with Hydra's own part, without what is swept; None where nothing says anything of that part.
+        """The config with Hydra's own part, without the swept keys; None if nothing sets that part.
 
         Raises
         ------
         UsageError
-            With what Hydra says, where it cannot be composed.
+            With Hydra's message, if it cannot be composed.
         """
         from hydra.types import RunMode
 
@@ -200,7 +200,7 @@ class Request:
             return loader.load_configuration(CONFIG_NAME, words, run_mode=mode)
 
     def fixed(self) -> Iterator[Override]:
-        """What is the same for all jobs; a parameter of plugins that are swept is not: only some may have it."""
+        """The overrides common to all jobs; a parameter of swept plugins is not one: only some may have it."""
         fixed = {override.key_or_group for override in self.overrides if not override.is_sweep_override()}
         swept = {override.key_or_group for override in self.overrides} - fixed
         for override in self.overrides:
@@ -216,7 +216,7 @@ class Request:
         Raises
         ------
         UsageError
-            With what Hydra says.
+            With Hydra's message.
         """
         from hydra.core.override_parser.overrides_parser import OverridesParser
 
@@ -227,20 +227,20 @@ class Request:
         params = _select(config, "hydra.sweeper.params") or {}
         given = {override.get_key_element() for override in own}
         added = [f"{key}={value}" for key, value in params.items() if str(key) not in given]
-        with hydra_ready() as loader, in_words(self.words):  # names that an experiment may glob are the loader's
+        with hydra_ready() as loader, in_words(self.words):  # the loader resolves globs in an experiment
             parsed = OverridesParser.create(config_loader=loader).parse_overrides(added)
-            # Of two overrides of one key the last one counts, in the place of the first.
+            # Of two overrides of one key the last one wins, in the position of the first.
             choices = {override.get_key_element(): _choices(override) for override in [*parsed, *own]}
         return [list(job) for job in itertools.product(*choices.values())]
 
     @cached_property
     def values(self) -> dict[str, Any]:
-        """The values of the one config that the overrides make, with all interpolations put in.
+        """The values of the one config of the overrides, with all interpolations resolved.
 
         Raises
         ------
         UsageError
-            With what Hydra says, and for an interpolation of what is not there.
+            With Hydra's message, and for an interpolation of a missing key.
         """
         return resolved(self.words)
 
@@ -258,12 +258,12 @@ def _choices(override: Override) -> list[str]:
 
 
 def text_of(override: Override) -> str:
-    """An override as it was written."""
+    """An override as written."""
     return override.input_line or ""
 
 
 def is_hydras(override: Override) -> bool:
-    """Whether an override is about Hydra itself: its launcher, say."""
+    """Whether an override is about Hydra itself, for instance its launcher."""
     return override.key_or_group.startswith("hydra")
 
 
@@ -273,7 +273,7 @@ def values_of(override: Override) -> list[Any]:
     Raises
     ------
     UsageError
-        For an interval, and for a pattern of names that none has.
+        For an interval, and for a pattern that matches no name.
     """
     from hydra.core.override_parser.types import ChoiceSweep, Glob
 
@@ -303,12 +303,12 @@ def flat(values: Sequence[Any]) -> list[str]:
 
 
 def _matching(override: Override) -> list[str]:
-    """The plugins and presets that ``method=glob(p*)`` means."""
+    """The plugins and presets that ``method=glob(p*)`` matches."""
     group = override.key_or_group
     if group not in GROUPS:
         raise UsageError(f"{text_of(override)}: glob() is for names of plugins; list the values of {group}")
     known = {*presets.names(group), *(registry().names(group) if group in KINDS else ())}
-    pattern: Any = override.value()  # a Glob, of which Hydra's annotations do not know
+    pattern: Any = override.value()  # a Glob, missing in Hydra's annotations
     found = pattern.filter(sorted(known))
     if group == "dataset":
         found = [name for name in found if not _wants_more(name)]
@@ -318,12 +318,12 @@ def _matching(override: Override) -> list[str]:
 
 
 def _wants_more(dataset: str) -> bool:
-    """Whether a dataset cannot be used at its defaults, as ``files``, which wants a path."""
+    """Whether a dataset cannot be used with its defaults, like ``files``, which needs a path."""
     if dataset not in registry().names("dataset"):
         return False
     try:
         check_dataset(registry().find("dataset", dataset).cls(), "test")
-    except NotSolved:  # it was not fetched: the plan says so
+    except NotSolved:  # it was not fetched: the plan reports it
         return False
     except UsageError:
         return True
@@ -332,7 +332,7 @@ def _wants_more(dataset: str) -> bool:
 
 @functools.cache
 def _default_choice(group: str) -> str | None:
-    """What the main config chooses."""
+    """The choice in the main config."""
     from importlib.resources import files
 
     from omegaconf import OmegaConf

@@ -18,7 +18,7 @@ from ..results.files import write_atomically
 
 @dataclass(frozen=True)
 class Session:
-    """One sweep's folder below the results, where its jobs leave what they did. Its name tells who waits for it."""
+    """One sweep's folder below the results, for the outcomes of its jobs. Its name identifies the waiting process."""
 
     results: Path
     name: str
@@ -40,16 +40,16 @@ class Session:
         return int(pid), start, host
 
     def is_watched(self) -> bool:
-        """Whether the front door is there still, as far as can be seen from this machine."""
+        """Whether the front door is still running, as far as this machine can tell."""
         pid, start, host = self.owner
         return host != platform.node() or _start_time(pid) == start
 
     def leave(self, name: str, **values: Any) -> None:
-        """Leave word of one job."""
+        """Record the outcome of one job."""
         write_atomically(self.folder / f"{name}.json", json.dumps(values).encode())
 
     def entries(self, known: Collection[str] = ()) -> Iterator[tuple[str, dict[str, Any]]]:
-        """What jobs left by now, by name, in the order of the jobs; without the names that are known."""
+        """The entries of jobs so far, by name, in the order of the jobs; without the known names."""
         names = []
         with contextlib.suppress(OSError):
             names = [entry.name for entry in os.scandir(self.folder) if entry.name.endswith(".json")]
@@ -58,18 +58,18 @@ class Session:
                 yield name, json.loads((self.folder / name).read_text())
 
     def read(self) -> list[dict[str, Any]]:
-        """What all jobs left, in the order of the jobs."""
+        """The entries of all jobs, in order."""
         return [entry for _, entry in self.entries()]
 
     def has(self, name: str) -> bool:
-        """Whether a job has left word."""
+        """Whether a job has recorded its outcome."""
         return (self.folder / f"{name}.json").exists()
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Session]:
-        """Clear what killed sweeps left behind; remove our own folder in the end."""
+        """Clear the remains of killed sweeps; remove our own folder in the end."""
         shelf = self.folder.parent
-        for old in [] if shelf.is_symlink() else shelf.glob("*-*-*"):  # never what a link leads to
+        for old in [] if shelf.is_symlink() else shelf.glob("*-*-*"):  # never the target of a link
             with contextlib.suppress(ValueError, OSError):
                 if not Session(self.results, old.name).is_watched():
                     shutil.rmtree(old)
@@ -84,7 +84,7 @@ class Session:
 
 
 def _start_time(pid: int) -> str:
-    """When a process started, in ticks: an id that is used again does not fool us. Empty when there is none."""
+    """When a process started, in ticks: it detects a reused id. Empty if there is none."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text()
         fields = stat.rpartition(")")[2].split()

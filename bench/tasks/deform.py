@@ -121,7 +121,7 @@ class Deform(Task):
         return len(used_vertices(input["source"]))
 
     def describe(self, case: Case) -> dict[str, float]:
-        """How many vertices and faces the source has, and how many points or vertices are given of the target."""
+        """The numbers of vertices and faces of the source, and of the given points or vertices of the target."""
         source = case.input["source"]
         own = {"source_vertices": float(self.expected(case.input)), "source_faces": float(len(source.faces))}
         return own | describe_target(case.input["target"])
@@ -169,11 +169,11 @@ class Deform(Task):
         save_deformed(output, path, paths[0])
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
-        """Hold an output against the promise."""
+        """Check an output against the promise."""
         validate_deformed(output, input["source"], self.promise)
 
     def toy(self) -> Case:
-        """A small case for the conformance kit: a ball of 642 vertices and a target that is an egg with a dent."""
+        """A small case for the conformance kit: a ball of 642 vertices, and as target an egg with a dent."""
         from trimesh.creation import icosphere
 
         ball = icosphere(subdivisions=3)
@@ -184,7 +184,7 @@ class Deform(Task):
 
 
 def _rounds(mesh: Trimesh, least: int) -> int:
-    """How often the faces are to be divided for so many vertices; a division adds one for each edge."""
+    """How often to divide the faces to reach this number of vertices; a division adds one for each edge."""
     from ..geometry.used import used_vertices
 
     count, edges, faces, rounds = len(used_vertices(mesh)), len(mesh.edges_unique), len(mesh.faces), 0
@@ -198,8 +198,8 @@ def _rounds(mesh: Trimesh, least: int) -> int:
 
 
 def _target_of(path: str, load_mesh: Callable, load_cloud: Callable) -> Trimesh | PointCloud:
-    """A mesh where the file has faces, else its points."""
-    cloud = load_cloud(path)  # refuses what is damaged, with or without faces
+    """A mesh if the file has faces, else its points."""
+    cloud = load_cloud(path)  # refuses damaged files, with or without faces
     try:
         return load_mesh(path)
     except BadInput:

@@ -15,8 +15,8 @@ class Denoise(Task):
     """A noisy point cloud -> a point cloud nearer to the surface."""
 
     promise: ClassVar[str] = "a PointCloud with at least one point, all finite"
-    primary: ClassVar[tuple[str, ...]] = ("chamfer_l1_mean",)  # both ways: points moved astray, and holes
+    primary: ClassVar[tuple[str, ...]] = ("chamfer_l1_mean",)  # both ways: it sees stray points, and holes
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
-        """Hold an output against the promise."""
+        """Check an output against the promise."""
         validate_cloud(output, self.promise)

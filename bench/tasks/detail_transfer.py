@@ -60,7 +60,7 @@ class DetailTransfer(Task):
                 "their base, like dataset=reliefs"
             )
         for pair in islice(dataset.pairs(split), count):
-            # Not the pair's own id: what is remembered of a case, and the file of its reference, go by the id, and a
+            # Not the pair's own id: the cache of a case, and the file of its reference, use the id, and a
             # shape, or a case of another task over the same pairs, may have that one.
             id = f"{pair.id}-transfer"
             yield CaseRecipe(id, partial(self._case_of, id, pair, seed))
@@ -108,7 +108,7 @@ class DetailTransfer(Task):
         return len(used_vertices(input["target_base"]))
 
     def describe(self, case: Case) -> dict[str, float]:
-        """How large the details are that the reference has on the target's base, in the frame.
+        """The size of the reference's details on the target's base, in the frame.
 
         Returns
         -------
@@ -132,7 +132,7 @@ class DetailTransfer(Task):
         }
 
     def describe_words(self, medians: Mapping[str, float]) -> str:
-        """How large the details are, in a sentence."""
+        """The size of the details, in a sentence."""
         if "detail_rms" not in medians:
             return generic_words(medians)
         return (
@@ -169,7 +169,7 @@ class DetailTransfer(Task):
         return self._input(source, source_base[0] if source_base else None, target_base, frame), frame
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
-        """Hold an output against the promise."""
+        """Check an output against the promise."""
         validate_mesh(output, self.promise)
 
     def toy(self) -> Case:

@@ -66,7 +66,7 @@ class FitShape(Task):
         if self.start == "sphere":
             outwards = golden_spiral(self.points)
             return PointCloud(self.size * outwards, outwards)
-        # As many on each side as come out even, the rest on the last ones.
+        # The same number on each side, the rest on the last ones.
         sides = np.array_split(np.arange(self.points), 6)
         points, normals = [], []
         for number, members in enumerate(sides):
@@ -79,7 +79,7 @@ class FitShape(Task):
         return PointCloud(self.size * np.concatenate(points), np.concatenate(normals))
 
     def describe(self, case: Case) -> dict[str, float]:
-        """How many views there are, how many pixels across, and how much of them the shape covers."""
+        """The number of views, their width in pixels, and the share of them that the shape covers."""
         return describe_views(case.input["views"])
 
     def describe_words(self, medians: Mapping[str, float]) -> str:
@@ -89,7 +89,7 @@ class FitShape(Task):
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
         """Views from an ``.npz`` file with the arrays of :meth:`bench.Views.arrays`, and a cloud to begin with.
 
-        The frame is that of the cloud; without one, cameras are taken to look at a shape of radius 1 at the origin.
+        The frame is that of the cloud; without one, cameras are assumed to look at a shape of radius 1 at the origin.
         """
         from ..geometry.io.files import load_cloud
 
@@ -106,7 +106,7 @@ class FitShape(Task):
         return {"views": views.in_frame(frame), "cloud": start}, frame
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
-        """Hold an output against the promise."""
+        """Check an output against the promise."""
         validate_cloud(output, self.promise)
 
     def toy(self) -> Case:

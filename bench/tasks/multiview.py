@@ -36,7 +36,7 @@ class Multiview(Task):
             raise ValueError(f"max_pixels: expected 0 (no limit) or more, got {self.max_pixels}")
 
     def describe(self, case: Case) -> dict[str, float]:
-        """How many views there are, how many pixels across, and how much of them the shape covers."""
+        """The number of views, their width in pixels, and the share of them that the shape covers."""
         return describe_views(case.input["views"])
 
     def describe_words(self, medians: Mapping[str, float]) -> str:
@@ -47,7 +47,7 @@ class Multiview(Task):
         """Views from a folder of images with masks and cameras, or from an ``.npz`` file.
 
         The folder has ``transforms.json`` (NeRF, instant-ngp, nerfstudio), ``cameras.npz`` (DTU in IDR and NeuS), or a
-        COLMAP model as text. The frame is the ball that the file gives, or one that is estimated from the masks. A file
+        COLMAP model as text. The frame is the ball in the file, or one estimated from the masks. A file
         has the arrays of :meth:`bench.Views.arrays`, of a shape in the unit ball.
         """
         from ..contract.image_folders.reading import read_views
@@ -58,7 +58,7 @@ class Multiview(Task):
         return self.input(views), frame
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
-        """Hold an output against the promise."""
+        """Check an output against the promise."""
         validate_mesh(output, self.promise)
 
     def toy(self) -> Case:

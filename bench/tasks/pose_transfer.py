@@ -110,7 +110,7 @@ class PoseTransfer(Task):
         return len(used_vertices(input["source"]))
 
     def describe(self, case: Case) -> dict[str, float]:
-        """How many vertices the character has, how many landmarks, and how far staying at rest is from the truth."""
+        """The numbers of vertices of the character and of landmarks, and how far the rest pose is from the truth."""
         from ..geometry.used import is_used
 
         used = is_used(case.reference.mesh)
@@ -179,7 +179,7 @@ class PoseTransfer(Task):
         save_deformed(output, path, paths[0])
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
-        """Hold an output against the promise."""
+        """Check an output against the promise."""
         validate_deformed(output, input["source"], self.promise)
 
     def toy(self) -> Case:
@@ -234,7 +234,7 @@ def _bent(mesh: Trimesh) -> Trimesh:
 
 
 def _with_template(reference: Shape, problem: Problem, frame: Frame) -> Shape:
-    """The reference with what is true of the template too: learned methods see it in training."""
+    """The reference with the posed template as an attribute: learned methods see it in training."""
 
     def attributes() -> dict[str, np.ndarray]:
         posed = problem.template_posed.mesh

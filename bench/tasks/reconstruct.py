@@ -19,5 +19,5 @@ class Reconstruct(Task):
     primary: ClassVar[tuple[str, ...]] = ("surface_distance_mean",)
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
-        """Hold an output against the promise."""
+        """Check an output against the promise."""
         validate_mesh(output, self.promise)

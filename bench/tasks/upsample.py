@@ -17,7 +17,7 @@ from ..plugins.registry import register
 class Upsample(Task):
     """A sparse point cloud -> a cloud of exactly ratio x N points."""
 
-    primary: ClassVar[tuple[str, ...]] = ("chamfer_l1_mean",)  # sees the spacing of the points as well
+    primary: ClassVar[tuple[str, ...]] = ("chamfer_l1_mean",)  # sensitive to the spacing of the points as well
 
     ratio: int = 4  # how many points for each one of the input
 
@@ -39,7 +39,7 @@ class Upsample(Task):
         return self.ratio * len(input["cloud"])
 
     def validate(self, output: Any, input: dict[str, Any]) -> None:
-        """Hold an output against the promise."""
+        """Check an output against the promise."""
         validate_cloud(output, self.promise)
         wanted = self.ratio * len(input["cloud"])
         if len(output) != wanted:
