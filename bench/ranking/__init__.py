@@ -1,1 +1,1 @@
-"""From rows to tables: who is better, by how much, and how certain that is."""
+"""From rows to tables: which method is better, by how much, and how certain that is."""

@@ -1,24 +1,24 @@
-"""Whether one test set orders the methods as another one does: Kendall's tau of two orders, and how certain it is.
+"""Whether two test sets order the methods alike: Kendall's tau of the two orders, and its uncertainty.
 
-The orders are those of the means over all units (case, seed and sensor) that every method was to solve. Tau-b
+The orders are those of the means over all units (case, seed and sensor) planned for every method. Tau-b
 (Kendall, "The Treatment of Ties in Ranking Problems", *Biometrika* 33, 1945) is the number of pairs of methods that
-both sets order alike, less those that they order the other way, over the number of pairs; ties are taken out of that
+both sets order alike, minus those in opposite order, over the number of pairs; ties are excluded from that
 number.
 
-Two statements say how certain it is:
+Two statements describe its uncertainty:
 
-* ``low`` to ``high`` is a confidence interval. Each two methods are compared on each set by the paired relative
-  differences of which ranks are made (:mod:`statistics`), with Holm's correction over all pairs of both sets; what
+* ``low`` to ``high`` is a confidence interval. All pairs of methods are compared on each set by the paired relative
+  differences that ranks are made of (:mod:`statistics`), with Holm's correction over all pairs of both sets; what
   follows from significant comparisons (a before b, b before c) is significant too. With the chosen level none of them
-  is wrong, and tau of the true orders lies between what it is if all other pairs disagree and if all of them agree. The
-  interval is wide where methods are nearly as good, for then many orders fit the data; no honest one is narrow there.
-* ``spread`` is the middle part of tau over resampled shapes (bootstrap of the clusters of both sets). It says how tau
-  varies with the choice of shapes, but is no confidence interval: two sets with one and the same true order rarely
+  is wrong, and tau of the true orders lies between its values if all other pairs disagree and if all agree. The
+  interval is wide if methods are nearly equal, since many orders then fit the data; no valid one is narrow there.
+* ``spread`` is the middle part of tau over resampled shapes (bootstrap of the clusters of both sets). It shows how tau
+  varies with the choice of shapes, but is no confidence interval: two sets with the same true order rarely
   give a tau of 1, and resampling adds the same noise once more. In simulations it holds the true tau in nine cases of
   ten where the true orders are unrelated, but hardly ever where they are equal and methods are close
   (``tests/ranking/test_agreement.py``).
 
-``halves`` is the tau of two random halves of one set, the median over many: orders that few shapes give do not agree
+``halves`` is the median tau of many pairs of random halves of one set: orders from few shapes do not agree
 better with another set than with themselves.
 """
 
@@ -49,11 +49,11 @@ RANK = ("place", "rank_low", "rank_high", "mean", "ci_low", "ci_high", "solved",
 
 @dataclass(frozen=True)
 class Tau:
-    """The agreement of the orders that two sets give, on some of their units."""
+    """The agreement of the orders of two sets, on some of their units."""
 
     part: str  # "all", "sensor", or "family": what ``name`` names
     name: str
-    without: bool  # whether the units are all others than those of ``name``
+    without: bool  # whether the units are all except those of ``name``
     tau: float
     low: float  # the confidence interval
     high: float
@@ -61,7 +61,7 @@ class Tau:
     spread_high: float
     agree: int  # pairs of methods that both sets significantly order alike
     reverse: int  # and the other way
-    open: int  # and those of which the shapes do not tell
+    open: int  # and those that the shapes do not decide
     shapes: int  # of the first set
     shapes_other: int
 
@@ -82,12 +82,12 @@ class Agreement:
         tuple[int, int], ...
     ]  # lines of ``methods``: the first set significantly prefers a, the second significantly b
     halves: tuple[float, float]
-    left_out: int  # units that not all of the methods were to solve
+    left_out: int  # units not planned for all of the methods
 
 
 @dataclass(frozen=True)
 class Scores:
-    """What the methods scored on the units of one set; lower is better."""
+    """The scores of the methods on the units of one set; lower is better."""
 
     values: np.ndarray  # (units, k)
     starts: np.ndarray  # (n,) the first unit of each shape
@@ -103,7 +103,7 @@ class Scores:
         return len(self.starts)
 
     def resampled(self, weights: np.ndarray) -> np.ndarray:
-        """(resamples, k): the means where each shape counts as often as ``weights`` (resamples, n) say."""
+        """(resamples, k): the means with each shape weighted by ``weights`` (resamples, n)."""
         sums = np.add.reduceat(self.values, self.starts, axis=0)
         counts = np.diff([*self.starts, len(self.values)])
         return (weights @ sums) / (weights @ counts)[:, None]
@@ -112,16 +112,16 @@ class Scores:
 def agreement(
     rows: pd.DataFrame, other: Names, *, metric: Names = None, level: float = 0.95, **filters: Names
 ) -> list[Agreement]:
-    """For each task (and split) of some results, how the methods stand on two test sets.
+    """For each task (and split) of some results, the orders of the methods on two test sets.
 
     Parameters
     ----------
     rows : DataFrame
         One row per planned case.
     other : str or list of str
-        The datasets of the second set (``real``); all others that the filters leave are the first one.
+        The datasets of the second set (``real``); all others that pass the filters are the first one.
     metric : str, optional
-        The first one counts; by default the one that ranks the task's tables.
+        The first one is used; by default the one that ranks the task's tables.
     level : float
         Of the intervals.
     filters
@@ -130,7 +130,7 @@ def agreement(
     Raises
     ------
     UsageError
-        Where a set is empty, or fewer than three methods were run on both.
+        If a set is empty, or fewer than three methods were run on both.
     """
     rows = select(lent(completed(rows)), **filters)
     others = set(matching("agreement", other, rows["dataset"].unique()))
@@ -150,7 +150,7 @@ def agreement(
 
 
 def family_of(dataset: str, case: str) -> str:
-    """What family a shape is of: its dataset, or that part of a mixture which the id of the case begins with."""
+    """The family of a shape: its dataset, or the part of a mixture that the id of the case begins with."""
     plugin = _plugin(dataset.partition("[")[0])
     return case.partition("-")[0] if plugin == "mixture" else dataset
 
@@ -161,7 +161,7 @@ def _plugin(name: str) -> str:
 
 
 def _of_table(rows: pd.DataFrame, key: tuple[str, str], wanted: Names, other: str, level: float) -> Agreement | None:
-    """One task and split; None where fewer than three methods have scores on both sides."""
+    """One task and split; None if fewer than three methods have scores on both sides."""
     rows = _on_both(rows)
     metric = _head(rows, wanted) if len(rows) else ""
     if not metric:
@@ -219,7 +219,7 @@ def _on_both(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _head(rows: pd.DataFrame, wanted: Names) -> str:
-    """The metric that the methods are ordered by; empty where nothing was solved."""
+    """The metric that the methods are ordered by; empty if nothing was solved."""
     board = leaderboard(rows, by="task", metric=wanted)
     names = matching("metric", wanted, metrics_of(rows)) if wanted is not None else ()
     return next((name for name in metric_order(board.to_dict("records"), names) if name), "")
@@ -228,7 +228,7 @@ def _head(rows: pd.DataFrame, wanted: Names) -> str:
 def _parts(
     sides: list[np.ndarray], family: np.ndarray, sensor: np.ndarray
 ) -> Iterator[tuple[tuple[str, str, bool], tuple[np.ndarray, np.ndarray]]]:
-    """What the orders are compared on: everything, each sensor, each family of the first set, all but it."""
+    """The parts on which orders are compared: everything, each sensor, each family of the first set, all but it."""
     first, second = sides
     yield ("all", "all", False), (first, second)
     sensors = sorted({str(name) for name in sensor})
@@ -246,7 +246,7 @@ def _parts(
 def _boards(rows: pd.DataFrame, units: pd.DataFrame, metric: str, level: float) -> list[pd.DataFrame]:
     """The leaderboards of the two sides over the same units."""
     kept = pd.MultiIndex.from_frame(rows[UNIT]).isin(list(units.itertuples(index=False, name=None)))
-    # Pooled once already: what was a dataset and a sensor is in the names of cases and in the condition.
+    # Already pooled: dataset and sensor are in the names of cases and in the condition.
     return [leaderboard(rows[kept & (rows["second"] == side)], metric=[metric], level=level) for side in (False, True)]
 
 
@@ -254,7 +254,7 @@ def _boards(rows: pd.DataFrame, units: pd.DataFrame, metric: str, level: float) 
 
 
 def compare(first: Scores, second: Scores, rng: np.random.Generator, level: float = 0.95, **about: Any) -> Tau:
-    """Tau of two sets with its interval and its spread; ``about`` are the fields of :class:`Tau` that say of what."""
+    """Tau of two sets with its interval and its spread; ``about`` are the fields of :class:`Tau` that identify it."""
     from scipy.stats import kendalltau
 
     a, b = places(first.means), places(second.means)
@@ -281,7 +281,7 @@ def compare(first: Scores, second: Scores, rng: np.random.Generator, level: floa
 
 
 def places(means: np.ndarray) -> np.ndarray:
-    """The place of each method, 1 for the smallest mean; means that differ by rounding alone share the better one."""
+    """The place of each method, 1 for the smallest mean; means that differ only by rounding share the better one."""
     order = np.argsort(means, kind="stable")
     ordered = means[order]
     later = np.r_[True, np.diff(ordered) > SAME * (abs(ordered[1:]) + abs(ordered[:-1]))]
@@ -301,7 +301,7 @@ def tau_b(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     Returns
     -------
     (...) array
-        NaN where all of one side are tied.
+        NaN if all of one side are tied.
     """
     i, j = np.triu_indices(a.shape[-1], 1)
 
@@ -315,7 +315,7 @@ def tau_b(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _spread(first: Scores, second: Scores, rng: np.random.Generator, level: float) -> tuple[float, float]:
-    """The middle part, ``level`` of it, of tau over resampled shapes; NaN where one set has a single shape."""
+    """The central ``level`` part of tau over resampled shapes; NaN if one set has a single shape."""
     if min(first.shapes, second.shapes) < 2:
         return float("nan"), float("nan")
     a, b = (
@@ -338,7 +338,7 @@ def _halves(side: Scores, rng: np.random.Generator) -> float:
 def _significant(sides: tuple[Scores, Scores] | list[Scores], level: float) -> list[np.ndarray]:
     """For each set a (k, k) array: 1 where the first method is significantly better, -1 where the second is, else 0.
 
-    With probability ``level`` or more, none of both arrays is wrong.
+    With probability ``level`` or more, neither array is wrong.
     """
     tests = [
         paired_differences(s.values[..., None], np.ones((*s.values.shape, 1), dtype=bool), s.starts) for s in sides
@@ -361,7 +361,7 @@ def _significant(sides: tuple[Scores, Scores] | list[Scores], level: float) -> l
 
 
 def as_records(found: list[Agreement]) -> Iterator[Mapping[str, object]]:
-    """Everything in lines of one table: those of the methods, then those of tau, for each task."""
+    """Everything as lines of one table: those of the methods, then those of tau, for each task."""
     for one in found:
         head = {"task": one.task, "split": one.split, "metric": one.metric, "first": one.sides[0]}
         head |= {"second": one.sides[1]}

@@ -1,9 +1,9 @@
-"""Which parameters of a method are best: the variants of a sweep by geometric means, and what each parameter does.
+"""The best parameters of a method: the variants of a sweep by geometric means, and the effect of each parameter.
 
-The figure of a variant is the geometric mean of a metric over all cases, so that each case counts by ratio, whatever
+The score of a variant is the geometric mean of a metric over all cases, so that each case counts by ratio, whatever
 its scale: 10 % on an easy shape is as much as 10 % on a hard one. Variants are compared with the winner by the ratio of
-these means, with Student's interval over the shapes in the logarithm. The effect of a parameter is the same figure for
-each of its values, over all variants with that value; where the sweep is no full grid, only over those settings of the
+these means, with Student's interval over the shapes in the logarithm. The effect of a parameter is the same score for
+each of its values, over all variants with that value; if the sweep is not a full grid, only over those settings of the
 other parameters that were run with every value.
 """
 
@@ -26,7 +26,7 @@ from .resolution import FEWEST
 from .selection import GROUP, UNIT, Names, completed, matching, metrics_of, pool, select
 from .statistics import student_quantile
 
-LEAST = 1e-9  # what a smaller value counts: a logarithm needs one
+LEAST = 1e-9  # smaller values count as this, for the logarithm
 TRAIN = "train"
 
 
@@ -35,7 +35,7 @@ class Variant:
     """One setting of the parameters."""
 
     variant: str  # as rows have it; empty for the defaults
-    parameters: Mapping[str, str]  # all that the sweep varied
+    parameters: Mapping[str, str]  # all parameters that the sweep varied
     mean: float  # geometric, in the metric's unit
     ratio: float  # to the winner's mean
     low: float  # its interval; NaN with too few shapes
@@ -46,19 +46,19 @@ class Variant:
 
     @property
     def is_tied(self) -> bool:
-        """Whether the interval of the ratio holds 1: not significantly worse than the winner."""
+        """Whether the interval of the ratio contains 1: not significantly worse than the winner."""
         return self.low <= 1 <= self.high
 
 
 @dataclass(frozen=True)
 class Effect:
-    """What one value of a parameter does."""
+    """The effect of one value of a parameter."""
 
     parameter: str
     value: str
-    mean: float  # geometric, over all variants that are compared
+    mean: float  # geometric, over all compared variants
     ratio: float  # to the best value
-    variants: int  # how many
+    variants: int  # their number
 
 
 @dataclass(frozen=True)
@@ -87,18 +87,18 @@ def best(
     rows : DataFrame
         One row per planned case.
     by : str or list of str
-        What is compared apart, see :func:`bench.ranking.selection.pool`; by default only the tasks.
+        What is compared separately, see :func:`bench.ranking.selection.pool`; by default only the tasks.
     metric : str, optional
-        The first one counts; by default the one that ranks the methods of a task.
+        The first one is used; by default the one that ranks the methods of a task.
     level : float
         Of the intervals.
     filters
-        See :func:`bench.ranking.selection.select`. Without ``split`` only train shapes count.
+        See :func:`bench.ranking.selection.select`. Without ``split`` only train shapes are used.
 
     Raises
     ------
     UsageError
-        Where there is nothing to compare, with what to do.
+        If there is nothing to compare, with advice.
     """
     rows = completed(rows)
     if not filters.get("split"):
@@ -170,12 +170,12 @@ def _best(group: tuple, method: str, rows: pd.DataFrame, metric: Names, level: f
 
 
 def _metric_of(task: str, rows: pd.DataFrame, metric: Names) -> tuple[str, str]:
-    """The metric that counts, and its direction.
+    """The deciding metric, and its direction.
 
     Raises
     ------
     UsageError
-        If nothing was solved, or the metric is no distance or share.
+        If nothing was solved, or the metric is not a distance or share.
     """
     names = metrics_of(rows)
     lines = []
@@ -242,7 +242,7 @@ def _geometric(values: Iterable[float]) -> float:
 
 
 def _edges(method: str, variants: Sequence[Variant]) -> list[str]:
-    """Where the winner is the least or the largest value that was tried, and what to try next."""
+    """The parameters whose winner is the least or largest tried value, and what to try next."""
     found = []
     for name, value in variants[0].parameters.items():
         numbers = sorted({n for v in variants if (n := _number(v.parameters[name])) is not None})
@@ -258,7 +258,7 @@ def _edges(method: str, variants: Sequence[Variant]) -> list[str]:
 
 
 def _beyond(numbers: Sequence[float]) -> str:
-    """The next number of a series, of which the first two are the last two tried."""
+    """The next number of a series that starts with the last two tried."""
     last, before = numbers[:2]
     step = last - before
     following = last + step

@@ -1,4 +1,4 @@
-"""One metric on every case: cases in lines, methods in columns, as papers print it."""
+"""One metric on every case: cases as lines, methods as columns, as papers print it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLUMNS = (*GROUP, "metric", "better", "case", *CONTENDER, "value", "planned", "
 
 
 def without_case(by: Names) -> list[str] | None:
-    """What else the tables are made by; None for nothing, which is dataset and sensor."""
+    """The other keys of the tables; None without any, which means dataset and sensor."""
     return [word for word in split_names(by) if word != WORD] or None
 
 
@@ -37,7 +37,7 @@ def by_case(
     rows : DataFrame
         One row per planned case.
     by : str or list of str, optional
-        What tables are made by besides: ``task``, ``dataset``, ``sensor``, ``tag``; by dataset and sensor without it.
+        Further keys of the tables: ``task``, ``dataset``, ``sensor``, ``tag``; by dataset and sensor without it.
     metric : str, optional
         One table for each; by default the one that ranks the methods of a task.
     level, equal, filters
@@ -47,7 +47,7 @@ def by_case(
     -------
     scores : DataFrame
         With :data:`COLUMNS`, a line per case and method: ``value`` is the mean over the seeds of the case (and over its
-        sensors, where a table holds several), into which failures enter as in all means; ``best`` is 1 where no other
+        sensors, where a table holds several), with failures as in all means; ``best`` is 1 if no other
         method is better on the case, of those that solved it with every seed.
     board : DataFrame
         Of these metrics and tables.

@@ -1,15 +1,15 @@
-"""Two sets of results, then and now: what got significantly worse; what is new, gone, failed; what is slower.
+"""Two sets of results, then and now: what got significantly worse, new, gone, failed or slower.
 
-Units (shape, seed and sensor) are paired by all that names a row but its machine. Of each method and metric the mean
-paired relative difference is held against a threshold by a one-sided test of Student's t over shapes, and Holm's
+Units (shape, seed and sensor) are paired by all keys of a row except its machine. For each method and metric, the mean
+paired relative difference is tested against a threshold by a one-sided test of Student's t over shapes, and Holm's
 correction runs over all methods and metrics: however many there are, the chance of any false alarm is 1 - level.
 
-The relative difference is ``2 (now - then) / (|now| + |then|)``, of badness (lower is better), which has no trouble
-with scores near 0; it is shown as the ratio that it stands for: ``(2 + s) / (2 - s) - 1``.
+The relative difference is ``2 (now - then) / (|now| + |then|)``, of badness (lower is better), which is robust
+for scores near 0; it is shown as the equivalent ratio: ``(2 + s) / (2 - s) - 1``.
 
 Speed is the ratio of the processor seconds of calls with one thread, and of the wall seconds of others, each divided by
-the time of a fixed workload that was measured just before the call (:mod:`bench.engine.yardstick`): so the speed of
-the machine is taken out, as far as that work feels what the method feels.
+the time of a fixed workload measured just before the call (:mod:`bench.engine.yardstick`): this cancels the speed of
+the machine, as far as it affects both alike.
 """
 
 from __future__ import annotations
@@ -30,16 +30,14 @@ from .statistics import SAME, beyond, holm
 METHOD = ["method", "variant", "threads", "device"]
 KEY = ["task", "dataset", "sensor", "split", *METHOD, "seed", "case"]
 SIDES = ("then", "now")
-SHORTEST = (
-    0.05  # seconds: calls that are shorter say nothing of a method, the clock and the system are too much of them
-)
-SEEN = 0.1  # of the wall time: with less processor time the work is done where we do not see it
-SLOWER = 0.2  # what counts as slower where no threshold is given
+SHORTEST = 0.05  # seconds: shorter calls say little about a method: the clock and the system dominate them
+SEEN = 0.1  # of the wall time: with less processor time the work is done elsewhere
+SLOWER = 0.2  # the default threshold of ``slower``
 
 
 @dataclass(frozen=True)
 class Compared:
-    """What is the same and what is not.
+    """The comparison of two sets of results.
 
     Attributes
     ----------
@@ -56,7 +54,7 @@ class Compared:
     failed, solved : DataFrame
         Pairs that failed now and were solved then, and the reverse.
     changed : tuple
-        The records that are not of one fingerprint: cell and fingerprint then, cell and fingerprint now.
+        The records whose fingerprints differ: cell and fingerprint then, cell and fingerprint now.
     """
 
     quality: pd.DataFrame
@@ -88,11 +86,11 @@ def compared(
     Parameters
     ----------
     then, now : DataFrame
-        As :meth:`bench.results.store.Results.rows` gives them.
+        As returned by :meth:`bench.results.store.Results.rows`.
     metric : str or list of str, optional
-        Metric keys; all that both sides have without it.
+        Metric keys; by default all that both sides have.
     worse, slower : float
-        Thresholds: 0.02 is 2 %. Where ``slower`` is None, :data:`SLOWER` counts.
+        Thresholds: 0.02 is 2 %. If ``slower`` is None, :data:`SLOWER` is used.
     level : float
         Of intervals, and of the tests together.
     **filters
@@ -138,7 +136,7 @@ def compared(
 
 
 def _chosen(rows: pd.DataFrame, filters: dict[str, Names]) -> pd.DataFrame:
-    """The rows that filters leave, each with what its failure would cost."""
+    """The rows that pass the filters, each with the cost of its failure."""
     rows = select(lent(completed(rows)), **filters)
     missing = {name: np.nan for name in ("reference_seconds",) if name not in rows}
     return rows.assign(**missing, variant=rows["variant"].fillna(""))
@@ -155,7 +153,7 @@ def _metrics(sides: list[pd.DataFrame], metric: Names) -> list[str]:
     if metric is None:
         return common
     for rows in sides:
-        metrics_of(rows, metric)  # a name that is none is refused, with the nearest one
+        metrics_of(rows, metric)  # an unknown name is refused, with the nearest one
     return [m for m in metrics_of(sides[1], metric) if m in common]
 
 
@@ -193,7 +191,7 @@ def _quality(rows: pd.DataFrame, metrics: list[str], worse: float, level: float)
 
 
 def _of_metric(table: pd.DataFrame, metric: str, level: float) -> list[dict]:
-    """The lines of one metric: of each method the sums of relative differences and how many, per shape."""
+    """The lines of one metric: for each method the sums and counts of relative differences, per shape."""
     scores = unit_scores(table, metric)
     sides: dict[str, dict[tuple[Any, ...], int]] = {side: {} for side in SIDES}
     for place, line in enumerate(scores.contenders.to_dict("records")):
@@ -209,7 +207,7 @@ def _of_metric(table: pd.DataFrame, metric: str, level: float) -> list[dict]:
             continue
         difference = _relative(scores.values[units, a], scores.values[units, b])
         shapes = cases[units].nunique()
-        # Of a single shape only the seeds differ by luck: the interval then speaks of this shape.
+        # With a single shape only the seeds vary: the interval is then about this shape.
         clusters = cases[units] if shapes > 1 else scores.units["seed"][units]
         grouped = pd.Series(difference).groupby(clusters.to_numpy())
         lines.append(
@@ -221,7 +219,7 @@ def _of_metric(table: pd.DataFrame, metric: str, level: float) -> list[dict]:
 
 
 def _means(table: pd.DataFrame, metric: str) -> dict[tuple, tuple[float, float]]:
-    """Of each method the mean scores then and now, over what both solved."""
+    """For each method the mean scores then and now, over the units that both solved."""
     name = f"score.{metric}"
     unit = ["case", "seed", "condition"]
     a, b = (table[(table["host"] == side) & (table["status"] == "ok")] for side in SIDES)
@@ -232,14 +230,14 @@ def _means(table: pd.DataFrame, metric: str) -> dict[tuple, tuple[float, float]]
 
 
 def _relative(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """``2 (b - a) / (|a| + |b|)``; 0 where the two are equal but for rounding."""
+    """``2 (b - a) / (|a| + |b|)``; 0 if the two are equal up to rounding."""
     size = abs(a) + abs(b)
     differs = abs(b - a) > SAME * size
     return np.divide(2 * (b - a), size, out=np.zeros(len(a)), where=differs)
 
 
 def _as_ratio(relative: np.ndarray) -> np.ndarray:
-    """What a symmetric relative difference means for the ratio of the two: 0.05 for 5 % more."""
+    """The ratio for a symmetric relative difference: 0.05 for 5 % more."""
     within = np.clip(relative, -2, 2)
     with np.errstate(divide="ignore"):
         return np.where(within < 2, (2 + within) / (2 - within) - 1, np.inf)
@@ -262,7 +260,7 @@ def _verdicts(
 ) -> list[str]:
     """Significantly above or below the threshold, by Holm over all lines, ``same`` within it, or ``open``."""
     mean, low, high = interval
-    # Lines in which no pair differs can raise no false alarm, so they are none of the hypotheses.
+    # Lines in which no pair differs cannot raise a false alarm, so they are not among the hypotheses.
     equal = (abs(mean) <= SAME) & ~(high - low > SAME)
     real = np.array([max(1, int((~equal).sum()))])
     above, below = (holm(values[None, :], 1 - level, real)[0] & (values < 1) for values in p)
@@ -277,7 +275,7 @@ def _verdicts(
 
 
 def _speed(merged: pd.DataFrame, slower: float, level: float) -> pd.DataFrame:
-    """The ratios of the seconds of what both solved, by method."""
+    """The ratios of the seconds on units that both solved, by method."""
     columns = ["task", "split", *METHOD, "time", "units", "then", "now", "ratio", "low", "high"]
     columns += ["normalised", "verdict"]
     solved = merged[(merged["status_then"] == "ok") & (merged["status_now"] == "ok")]
@@ -289,7 +287,7 @@ def _speed(merged: pd.DataFrame, slower: float, level: float) -> pd.DataFrame:
         ratio = after / before
         machine = (rows["reference_seconds_now"] / rows["reference_seconds_then"]).to_numpy(dtype=float)
         line = dict(zip(["task", "split", *METHOD], key, strict=True))
-        # The workload is one of processors: it says nothing of a GPU.
+        # The workload runs on processors: it does not measure a GPU.
         normalised = bool(np.isfinite(machine).all() and (machine > 0).all()) and line["device"] == "cpu"
         ratio = ratio / machine if normalised else ratio
         grouped = pd.Series(np.log(ratio)).groupby((rows["dataset"] + "/" + rows["case"]).to_numpy())
@@ -305,17 +303,17 @@ def _speed(merged: pd.DataFrame, slower: float, level: float) -> pd.DataFrame:
     verdicts = _verdicts((mean, low, high), (p, p_faster), bound, level, ("slower", "faster"))
     found = pd.DataFrame(lines).assign(low=np.exp(low), high=np.exp(high))
     short = np.maximum(found["then"], found["now"]) < SHORTEST
-    # The median must say so, too: a mean of logarithms may be one call that had to wait.
+    # The median must agree: a mean of logarithms may come from one call that had to wait.
     doubtful = (np.array(verdicts) == "slower") & (found["ratio"] <= 1 + slower)
     verdict = np.where(short, "short", np.where(doubtful, "open", verdicts))
     return found.assign(verdict=verdict)[columns]
 
 
 def _measure(rows: pd.DataFrame) -> tuple[str, str]:
-    """Which time of paired calls is compared: the column, and its name.
+    """The time by which paired calls are compared: the column, and its name.
 
-    Of one thread the processor's, which somebody else on the machine does not lengthen; a program in a container takes
-    none that we see, and is measured by the wall clock as several threads and GPUs are.
+    With one thread the processor time, which other load does not lengthen; a program in a container takes
+    none that we see, and is measured by the wall clock like several threads and GPUs.
     """
     one = bool((rows["threads"] == 1).all() and (rows["device"] == "cpu").all())
     columns = [f"cpu_seconds_{side}" for side in SIDES]

@@ -1,4 +1,4 @@
-"""Each two methods against each other: how often one is better than the other, and their average ranks.
+"""Pairwise comparison of methods: how often one is better than the other, and their average ranks.
 
 * **Win rate** (probability of improvement; Agarwal, Schwarzer, Castro, Courville and Bellemare, "Deep Reinforcement
   Learning at the Edge of the Statistical Precipice", NeurIPS 2021): the share of units (shape, seed and sensor) on
@@ -25,14 +25,14 @@ from .statistics import SAME, mean_intervals
 def win_rates(
     values: np.ndarray, planned: np.ndarray, starts: np.ndarray, level: float = 0.95
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """How often each method is better than each other one.
+    """How often each method is better than each other method.
 
     Parameters
     ----------
     values : (units, k) array
         Lower is better.
     planned : (units, k) bool array
-        Whether the method was to solve the unit. A pair is compared on the units that both have.
+        Whether the unit was planned for the method. A pair is compared on the units that both have.
     starts : (n,) int array
         The first unit of each cluster; units of a cluster are neighbours.
     level : float
@@ -56,8 +56,8 @@ def win_rates(
     counts = np.add.reduceat(both.astype(float), starts).reshape(len(starts), k * k)
     rate, low, high = (array.reshape(k, k) for array in mean_intervals(sums, counts, level))
     clusters = (counts > 0).sum(axis=0).reshape(k, k)
-    # Of a method that always wins the shapes have no spread to measure; the interval of a binomial share (Clopper and
-    # Pearson, Biometrika 26, 1934) says how rare a loss may be that so few shapes did not show.
+    # For a method that always wins, the shapes have no spread; the interval of a binomial share (Clopper and
+    # Pearson, Biometrika 26, 1934) bounds the rate of losses that so few shapes did not show.
     with np.errstate(divide="ignore"):
         rare = ((1 - level) / 2) ** (1 / clusters)
     low, high = np.where(rate == 1, rare, low), np.where(rate == 0, 1 - rare, high)
@@ -67,10 +67,10 @@ def win_rates(
 
 @dataclass(frozen=True)
 class AverageRanks:
-    """The average ranks of methods over blocks, and what they can tell."""
+    """The average ranks of methods over blocks, and their tests."""
 
     ranks: np.ndarray  # (k,) from 1; NaN without a block
-    blocks: int  # shapes on all of whose units all methods were to be scored
+    blocks: int  # shapes with all units planned for all methods
     statistic: float  # Friedman's, corrected for ties; NaN with fewer than two blocks or methods
     p: float  # that all methods are equally good
     critical: float  # the critical difference of Nemenyi's test
@@ -82,9 +82,9 @@ def average_ranks(values: np.ndarray, planned: np.ndarray, starts: np.ndarray, l
     Parameters
     ----------
     values, planned, starts
-        As in :func:`win_rates`. Units that some method was not to solve are left out.
+        As in :func:`win_rates`. Units not planned for some method are left out.
     level : float
-        One less the size of the tests.
+        One minus the size of the tests.
     """
     units, k = values.shape
     block = np.searchsorted(starts, np.arange(units), side="right") - 1

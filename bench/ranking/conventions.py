@@ -1,8 +1,8 @@
-"""Conventions: how one paper prints its table, as a preset over metrics whose names are formulas.
+"""Conventions: the table format of a paper, as a preset over metrics whose names are formulas.
 
-A convention is a YAML file in the config group ``convention``: it selects the metrics that it needs and says which
-score stands in which column, times which factor. It changes what is computed and what is printed, never what a score
-means, so it is no part of a cell's identity; its metrics are.
+A convention is a YAML file in the config group ``convention``: it selects the metrics that it needs and assigns
+scores, times a factor, to columns. It changes what is computed and what is printed, never what a score
+means, so it is not part of a cell's identity; its metrics are.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ METRIC = "override /metric"  # the entry of the defaults list that selects the m
 class Column:
     """One column of a paper's table."""
 
-    title: str  # as the paper has it, with its unit
+    title: str  # as in the paper, with its unit
     score: str  # the key of the score
     factor: float = 1.0  # the printed number is the score times this, above 0
     digits: int = 2  # after the point
@@ -37,10 +37,10 @@ class Convention:
     """A paper's table: which scores, in which units."""
 
     name: str
-    prints: str  # what the columns are, in one sentence
+    prints: str  # the columns, in one sentence
     paper: str  # whom to cite
     code: str  # the file that computes the numbers
-    differs: str  # where ours cannot follow it, in words
+    differs: str  # where ours differs from it, in words
     metrics: tuple[str, ...]  # the plugins that compute the scores
     columns: tuple[Column, ...]
 
@@ -50,7 +50,7 @@ class Convention:
         return {column.title: column.digits for column in self.columns}
 
     def notes(self, shown: Collection[str]) -> tuple[str, ...]:
-        """What stands below a table with these titles: what it prints, formulas, whom it follows, what is missing."""
+        """The notes below a table with these titles: columns, formulas, source, missing parts."""
         formulas = [f"{c.title} = {c.factor:g} x {c.score}" for c in self.columns if c.title in shown]
         missing = [f"{c.title} ({c.score})" for c in self.columns if c.title not in shown]
         if not formulas:  # nothing was solved
@@ -67,9 +67,9 @@ class Convention:
         return tuple(notes)
 
     def of(self, known: Collection[str]) -> Convention:
-        """The same with the scores that results have: with N samples, ``score@N`` stands where they have no ``score``.
+        """The same with the scores in results: with N samples, ``score@N`` is used if they have no ``score``.
 
-        Of several N it is the largest.
+        Of several N the largest is used.
         """
         columns = []
         for column in self.columns:
@@ -98,7 +98,7 @@ class Convention:
     def view(self, board: pd.DataFrame) -> pd.DataFrame:
         """A leaderboard in this convention: the columns' scores in its units, under its titles, in its order.
 
-        The lines of a table in which nothing was solved have no score and stay as they are.
+        The lines of a table in which nothing was solved have no score and are unchanged.
         """
         import pandas as pd
 
@@ -115,7 +115,7 @@ class Convention:
     def _column(self, lines: pd.DataFrame, column: Column) -> pd.DataFrame:
         part = lines[lines["metric"] == column.score].copy()
         part["metric"] = column.title
-        # A paper prints the score itself, where our tables have the difference to the reference's own value.
+        # A paper prints the score itself, our tables the difference to the reference's own value.
         if "score_mean" in part:  # boards of earlier versions have no other mean
             own = part["better"] == "reference"
             part.loc[own, "mean"] = part.loc[own, "score_mean"]
@@ -126,7 +126,7 @@ class Convention:
 
 
 def convention_names() -> list[str]:
-    """The conventions that there are."""
+    """The names of all conventions."""
     return names("convention")
 
 
@@ -136,7 +136,7 @@ def load_convention(name: str) -> Convention:
     Raises
     ------
     UsageError
-        For an unknown name, with the nearest right one, and for a file that describes none.
+        For an unknown name, with the nearest right one, and for a file that is not a convention.
     """
     if name not in convention_names():
         raise UsageError(f"no convention is called {name!r}. {did_you_mean(name, convention_names())}")

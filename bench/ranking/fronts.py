@@ -1,4 +1,4 @@
-"""Which methods are on the Pareto front of two criteria: metrics, or what a method costs."""
+"""Which methods are on the Pareto front of two criteria: metrics, or the costs of a method."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ COSTS = {"seconds": "seconds_median", "peak_mb": "peak_rss_mb"}  # the columns o
 
 
 def criteria_of(names: Names, metrics: Sequence[str]) -> tuple[str, ...]:
-    """The two criteria that ``names`` stand for, of the metrics there are and :data:`COSTS`; none for None.
+    """The two criteria that ``names`` mean, among the metrics and :data:`COSTS`; none for None.
 
     Raises
     ------
     UsageError
-        Unless these are two.
+        If they are not two.
     """
     if names is None:
         return ()
@@ -37,19 +37,19 @@ def criteria_of(names: Names, metrics: Sequence[str]) -> tuple[str, ...]:
 def front(board: pd.DataFrame, criteria: tuple[str, ...], group: Sequence[str], contender: Sequence[str]) -> np.ndarray:
     """The column ``front`` of a board: 1 in the lines of the methods on the front, NaN in the others.
 
-    A method is off the front only if another of its table is better in both criteria; one that is equally good in one
-    of them does not push it off. Means are compared as they are printed, not how certain their order is: see the
-    intervals. A method without a mean in one of the criteria, as one that solved nothing, is not on the front.
+    A method is off the front only if another of its table is better in both criteria; another that is equal in one
+    of them does not exclude it. Means are compared as printed, regardless of their uncertainty: see the
+    intervals. A method without a mean in one of the criteria, such as one that solved nothing, is not on the front.
 
     Parameters
     ----------
     board : DataFrame
         Of :func:`bench.ranking.leaderboard.leaderboard`, with the lines of both criteria.
     criteria : two names, or none
-        Metrics or :data:`COSTS`; where none are given, the primary metrics of each task that has two, see
+        Metrics or :data:`COSTS`; if none are given, the primary metrics of each task that has two, see
         ``Task.primary``.
     group, contender : sequences of column names
-        What makes a table, the task among it, and what makes a line of it.
+        The keys of a table, including the task, and the keys of its lines.
     """
     column = np.full(len(board), np.nan)
     methods = board.groupby(list(contender), dropna=False).ngroup()
@@ -66,7 +66,7 @@ def front(board: pd.DataFrame, criteria: tuple[str, ...], group: Sequence[str], 
 
 
 def _values(lines: pd.DataFrame, methods: pd.Series, name: str) -> pd.Series:
-    """What each method has of a criterion, such that lower is better."""
+    """The value of each method for a criterion, such that lower is better."""
     if name in COSTS:
         values = lines[COSTS[name]]
     else:

@@ -1,4 +1,4 @@
-"""Which metric ranks a table where the user names none: the task's own choice."""
+"""The metric that ranks a table if the user names none: the task's own choice."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ def primary_metrics(task: str) -> tuple[str, ...]:
     Parameters
     ----------
     task : str
-        As the column ``task`` of results has it: ``upsample[ratio=8]`` is the task ``upsample``.
+        As in the column ``task`` of results: ``upsample[ratio=8]`` is the task ``upsample``.
 
     Returns
     -------
     tuple of str
-        Empty for a task that names none, and for one that is not installed: results can be read without the plugin
+        Empty for a task that declares none, and for one that is not installed: results can be read without the plugin
         that made them.
     """
     try:

@@ -1,20 +1,20 @@
-"""From rows, one per planned case, to a leaderboard: who is better, by how much, how certain that is, at what cost.
+"""From rows, one per planned case, to a leaderboard: which method is better, by how much, how certainly, at what cost.
 
 ::
 
     board = leaderboard(rows, task="reconstruct", metric="chamfer_l1_mean,p2f_mean")
     print(render(board, "terminal", rows=rows))
 
-What makes it honest:
+Its rules for a fair comparison:
 
-* Failing never pays. A failed case enters the mean and the rank with what the worst pseudo-method scores on it
-  (:mod:`imputation`), and solved/planned stands beside the mean. Where that is not known, the mean leaves the
-  case out, and for the rank it is worse than any answer. A method that solved nothing has no rank and stands last. A
+* Failing never pays. A failed case enters the mean and the rank with the score of the worst pseudo-method on it
+  (:mod:`imputation`), and solved/planned is shown beside the mean. If that score is not known, the mean leaves the
+  case out, and for the rank it is worse than any answer. A method that solved nothing has no rank and comes last. A
   score that is NaN or infinite is a failure of that metric.
-* A method that was not run on some case looks no better for it: two methods are compared on the units (case and seed)
-  that both were to solve.
-* A method that was given true distances of the reference says so in ``true_distances``, and is marked when printed.
-* Intervals and ranks are over shapes: the seeds of one shape, and the sensors that it was seen with where a table holds
+* A method does not benefit from a case on which it was not run: two methods are compared on the units (case and seed)
+  planned for both.
+* A method that was given true distances of the reference reports it in ``true_distances``, and is marked in print.
+* Intervals and ranks are over shapes: the seeds of one shape, and its sensors if a table has
   several, share its difficulty and count as one cluster; see :mod:`bench.ranking.statistics`.
 """
 
@@ -52,21 +52,21 @@ COLUMNS = (
     "ci_low",
     "ci_high",
     "floor",  # over solved cases
-    "rank_low",  # the interval of the rank; missing where nothing was solved, as the mean is
+    "rank_low",  # the interval of the rank; missing if nothing was solved, like the mean
     "rank_high",
     "solved",  # of the `planned` cases, these enter the mean with their scores
     "planned",
     "imputed",  # and these, which failed, with the score of the worst pseudo-method
     "seconds_median",  # over solved cases, as the next two
     "peak_rss_mb",  # the largest
-    "train_seconds",  # of the training of a learned method, the median of several; missing where none is known
-    "true_distances",  # at how many points the method was given true distances, in the case where they were most
-    # What a table can tell, see resolution.py and fronts.py. What compares lines is empty with fewer than four shapes,
+    "train_seconds",  # of the training of a learned method, the median of several; missing if unknown
+    "true_distances",  # number of points with true distances given to the method, the maximum over cases
+    # The resolution of a table, see resolution.py and fronts.py. Comparisons are empty with fewer than four shapes,
     # which are too few to rank by: ranks are then those of a tie.
     "front",  # 1 on the Pareto front of two criteria, else empty
-    "shapes",  # on how many shapes the method was to be scored
-    "not_run",  # on how many units (case and seed) of the table the method was not run
-    "undefined",  # on how many units the metric is not defined for this output, where it is for another's
+    "shapes",  # number of shapes planned for the method
+    "not_run",  # number of units (case and seed) of the table on which the method was not run
+    "undefined",  # number of units for which the metric is undefined for this output but not for another's
     "score_mean",  # of a reference metric: the mean of the score itself, as `mean` is over solved and imputed units
     "versus_next",  # against the next line: better (significantly) or open
     "detectable",  # the relative difference to the next line found with 80 % power; 0.1: one is 1.1 times the other
@@ -74,9 +74,9 @@ COLUMNS = (
     "versus_first",  # first, equal (significantly less apart than `equal`), worse (significantly) or open
     "place",  # best (mean), tied (not significantly worse than the best), second (best mean); empty for all others
 )
-FAR = 1e6  # times the largest score: what a failure counts in the ranks where its worth is not known
+FAR = 1e6  # times the largest score: the value of a failure in the ranks if its score is not known
 
-_GROUP = slice(len(GROUP))  # where these are among the codes of a cell
+_GROUP = slice(len(GROUP))  # their columns among the codes of a cell
 _UNIT = slice(_GROUP.stop, _GROUP.stop + len(UNIT))
 _CASE = slice(_UNIT.start, _UNIT.start + 1)
 _SEEDED = slice(_UNIT.start, _UNIT.start + 2)
@@ -106,18 +106,18 @@ def leaderboard(
     """One row per task, dataset, sensor, split, metric and method (with its variant), best first.
 
     Train and test shapes are never in one table, and results of two devices, or of two numbers of threads, never in one
-    line; nor are those of two machines where both ran the same cases.
+    line; nor are those of two machines that ran the same cases.
 
     Parameters
     ----------
     rows : DataFrame
         One row per planned case.
     task, dataset, sensor, method, tag, split
-        Filters, see :func:`select`. Ranks are among the methods that are left.
+        Filters, see :func:`select`. Ranks are among the selected methods.
     metric : str or list of str
         Metric keys; ``fscore`` stands for every ``fscore@...``.
     by : str or list of str, optional
-        What tables are made by besides the task, see :func:`selection.pool`; by dataset and sensor without it.
+        Keys of the tables besides the task, see :func:`selection.pool`; by dataset and sensor without it.
     pareto : str or list of str, optional
         The two criteria of ``front``, see :func:`bench.ranking.fronts.front`; on the board even if not in ``metric``.
     level, equal : float
@@ -126,13 +126,13 @@ def leaderboard(
     Returns
     -------
     DataFrame
-        With :data:`COLUMNS`, where they are explained. A group in which nothing was solved and no metric is known has
+        With the columns explained at :data:`COLUMNS`. A group in which nothing was solved and no metric is known has
         one line per method with an empty ``metric``.
 
     Raises
     ------
     UsageError
-        For filters that match nothing, or another argument that makes no sense.
+        For filters that match nothing, or another invalid argument.
     """
     if not 0 < level < 1:
         raise UsageError(f"level: expected a number between 0 and 1, got {level}")
@@ -175,22 +175,22 @@ def _joined(cells: _Cells, parts: list[_Part], costs: pd.DataFrame) -> pd.DataFr
 class _Cells:
     """Rows gathered per group, case, seed and contender, sorted by these; arrays are (cells, metrics).
 
-    Results hold one row of a kind; of several, the value is their mean.
+    Results have one row of each kind; several are averaged.
     """
 
     keys: pd.DataFrame  # the columns GROUP, UNIT, CONTENDER of each cell
     codes: np.ndarray  # (cells, columns) the same as integers that sort alike
     metrics: list[str]
     better: list[str]
-    planned: np.ndarray  # how many rows were to be scored
+    planned: np.ndarray  # number of planned rows
     solved: np.ndarray  # how many were
-    imputed: np.ndarray  # how many were not, but have the score of the worst pseudo-method
+    imputed: np.ndarray  # number of failed rows with the score of the worst pseudo-method
     score: np.ndarray  # mean score over the solved and the imputed rows, 0 without
-    value: np.ndarray  # what is shown: the same, but of a "reference" metric how far from the reference's own value
+    value: np.ndarray  # as shown: the same, but for a "reference" metric the distance from the reference's value
     badness: np.ndarray  # the same as "lower is better"
     floor: np.ndarray  # NaN where unknown
-    rows: np.ndarray  # (cells,) how many rows
-    mute: np.ndarray  # (cells,) whether no row of the group says what it is scored by: all failed before that
+    rows: np.ndarray  # (cells,) number of rows
+    mute: np.ndarray  # (cells,) whether no row of the group names its metrics: all failed before that
 
     def groups(self) -> list[slice]:
         """The cells of each group."""
@@ -207,14 +207,14 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
     floor = rows.reindex(columns=[f"floor.{m}" for m in metrics]).to_numpy(dtype=float)
     worst = rows.reindex(columns=[f"{PREFIX}{m}" for m in metrics]).to_numpy(dtype=float)
     badness = _badness(score, floor, better)
-    # Without the reference's own value nothing says how near to it a score is.
+    # Without the reference's own value the distance of a score from it is unknown.
     solved = ok[:, None] & np.isfinite(badness)
     silent &= ~solved.any(axis=1)
     declared |= solved
     planned = declared | (silent & ~ok)[:, None]
 
-    # A metric that a method is never scored by (normals of a method that gives none) is no failure of its cases;
-    # who failed in all of them is taken to miss all metrics of the group.
+    # A metric that never applies to a method (normals of a method without any) is not a failure of its cases;
+    # a method that failed on all of them counts as missing all metrics of the group.
     group, contender = _ids(codes[:, _GROUP]), _ids(np.delete(codes, _UNIT, axis=1))
     never_ok = ~_any_by(contender, ok[:, None])
     planned &= never_ok | _any_by(contender, declared & ok[:, None])
@@ -251,8 +251,8 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
 def _sorted(rows: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
     """The rows by group, unit and contender, and these as integers.
 
-    Rows of one cell are in an order of their own as well, so that not even the last digit of a sum depends on the
-    order in which the rows came.
+    Rows within one cell are sorted too, so that not even the last digit of a sum depends on the
+    order of the input.
     """
     names = [*GROUP, *UNIT, *CONTENDER, *(["finished"] if "finished" in rows else [])]
     codes = np.column_stack([pd.factorize(rows[name], sort=True)[0] for name in names])
@@ -261,9 +261,9 @@ def _sorted(rows: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
 
 
 def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """Which row says that it is scored by which metric, the direction of each, and which rows say nothing.
+    """The declared metrics of each row, the direction of each metric, and the rows without any declaration.
 
-    A failed row says nothing, even if it knows what hopeless outputs are scored by.
+    A failed row declares nothing, even if it has the scores of hopeless outputs.
     """
     failed = (rows["status"] != "ok").to_numpy()
     codes, texts = pd.factorize(rows["directions"].fillna(""), sort=True)
@@ -275,12 +275,12 @@ def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[
 
 
 def _to_reference(better: list[str]) -> np.ndarray:
-    """(metrics,) bool array: which are to be near the reference's own value."""
+    """(metrics,) bool array: which should be near the reference's own value."""
     return np.array(better, dtype=str) == "reference"
 
 
 def _badness(score: np.ndarray, floor: np.ndarray, better: list[str]) -> np.ndarray:
-    """Scores such that lower is better: of a ``reference`` metric, how far from the reference's own value."""
+    """Scores such that lower is better: for a ``reference`` metric, the distance from the reference's own value."""
     direction = np.array(better, dtype=str)
     with np.errstate(invalid="ignore"):
         distance = abs(score - floor)
@@ -311,9 +311,9 @@ def _any_by(ids: np.ndarray, flags: np.ndarray) -> np.ndarray:
 
 
 def _clipped(low: np.ndarray, high: np.ndarray, scores: np.ndarray, better: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Intervals, (contenders, metrics), within what the scores can be: no distance is negative, no share above 1.
+    """Intervals, (contenders, metrics), clipped to possible scores: no distance is negative, no share above 1.
 
-    With few cases an interval is wide and would reach past. A metric whose scores (units, contenders, metrics) are all
+    With few cases an interval may exceed these bounds. A metric whose scores (units, contenders, metrics) are all
     at least 0 is taken to have no negative ones; one that is better when higher, with scores in 0..1, to be a share;
     so is one whose scores are all 0 or 1.
     """
@@ -345,7 +345,7 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float) -> _Pa
     known = cube(cells.solved + cells.imputed)
     units = codes[np.unique(unit, return_index=True)[1]]
     cases = _starts(units[:, _CASE])
-    # Of a single shape only the seeds differ by luck: the interval then speaks of this shape, not of others.
+    # With a single shape only the seeds vary: the interval is then about this shape, not about others.
     clusters = cases if len(cases) > 1 else _starts(units[:, _SEEDED])
 
     scores = cube(cells.value)
@@ -388,11 +388,11 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float) -> _Pa
 
 
 def _places(table: _Part, better: list[str], shapes: np.ndarray) -> np.ndarray:
-    """Which means are the best; none where too few shapes rank nobody, or where one of several methods has a score."""
+    """The best means; none if there are too few shapes for ranks, or if only one of several methods has a score."""
     planned, solved = table["planned"], table["solved"]
     scored = (planned > 0).sum(axis=0)
     ranked = rankable(shapes) & ((scored > 1) | (len(planned) == 1))
-    if len(planned) == 1:  # a single method is ranked, on however few shapes
+    if len(planned) == 1:  # a single method is ranked, on any number of shapes
         ranked = scored > 0
     badness = np.where(np.array(better) == "higher", -table["mean"], table["mean"])
     first = (table["rank_low"] == 1) & (solved > 0) & ranked
@@ -400,9 +400,9 @@ def _places(table: _Part, better: list[str], shapes: np.ndarray) -> np.ndarray:
 
 
 def penalise(badness: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Give units whose worth is not known a value that is worse than any answer.
+    """Give units without a known score a value that is worse than any answer.
 
-    So much worse that the relative difference to any answer is 1, the largest there is: what a failure costs against
+    So much worse that the relative difference to any answer is 1, the maximum: the cost of a failure against
     one method then does not depend on which others are shown.
 
     Parameters
@@ -423,9 +423,9 @@ def penalise(badness: np.ndarray, known: np.ndarray) -> np.ndarray:
 def _standings(
     values: np.ndarray, planned: np.ndarray, some: np.ndarray, clusters: np.ndarray, level: float, shapes: np.ndarray
 ) -> Standings:
-    """Rank intervals; who solved nothing shares the last places, by definition and not by a test.
+    """Rank intervals; methods that solved nothing share the last places, by definition and not by a test.
 
-    Where there are too few shapes to rank methods, all that solved something share the first places.
+    If there are too few shapes to rank methods, all that solved something share the first places.
     """
     difference, significant = significant_differences(values, planned & some, clusters, level)
     significant &= rankable(shapes)
@@ -441,7 +441,7 @@ def _mean(scores: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _missed(unit: np.ndarray, contender: np.ndarray, planned: np.ndarray) -> _Part:
-    """How many units each contender was not run on, and on how many a metric is not defined for it alone."""
+    """The numbers of units on which each contender was not run, and on which a metric is undefined for it alone."""
     ran = np.zeros(planned.shape[:2], dtype=bool)
     ran[unit, contender] = True
     undefined = ran[..., None] & ~planned & planned.any(axis=1, keepdims=True)
@@ -450,7 +450,7 @@ def _missed(unit: np.ndarray, contender: np.ndarray, planned: np.ndarray) -> _Pa
 
 
 def _unscored(cells: _Cells, group: slice, first: np.ndarray, contender: np.ndarray) -> _Part:
-    """Lines for a group where all failed and nothing says by which metrics: it must not vanish."""
+    """Lines for a group in which all failed and no metric is known: it must not vanish."""
     if not cells.mute[group].all():
         return {}
     k = len(first)
@@ -467,16 +467,16 @@ def _unscored(cells: _Cells, group: slice, first: np.ndarray, contender: np.ndar
 
 @dataclass(frozen=True)
 class UnitScores:
-    """What the methods of one table scored on each unit (case, seed and sensor), by one metric."""
+    """The scores of the methods of one table on each unit (case, seed and sensor), by one metric."""
 
     units: pd.DataFrame  # the columns UNIT; the units of one case are neighbours
     contenders: pd.DataFrame  # the columns CONTENDER
     values: np.ndarray  # (units, contenders), lower is better; failures as the ranks count them
-    planned: np.ndarray  # (units, contenders) whether the method was to be scored there
+    planned: np.ndarray  # (units, contenders) whether the unit was planned for the method
 
 
 def unit_scores(rows: pd.DataFrame, metric: str) -> UnitScores:
-    """The scores of which a table of one metric is made.
+    """The scores behind a table of one metric.
 
     Parameters
     ----------
@@ -505,12 +505,12 @@ def unit_scores(rows: pd.DataFrame, metric: str) -> UnitScores:
 
 
 def unit_values(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
-    """What each method scored on each unit (case, seed and sensor) by one metric, as tables show it.
+    """The score of each method on each unit (case, seed and sensor) by one metric, as shown in tables.
 
     Parameters
     ----------
     rows : DataFrame
-        Pooled by :func:`bench.ranking.selection.pool`, with what is known of the worst (:func:`imputation.lent`).
+        Pooled by :func:`bench.ranking.selection.pool`, with the known worst scores (:func:`imputation.lent`).
     metric : str
 
     Returns
@@ -548,7 +548,7 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
         none), ``train_seconds`` and ``true_distances`` (the most points at which they were given; missing where none
         were).
     """
-    # Results of earlier versions do not have these columns.
+    # Results of earlier versions lack these columns.
     later = ("active_parameters", "true_distances", "train_seconds")
     rows = prepared(rows).assign(**{name: pd.to_numeric(rows[name]) if name in rows else np.nan for name in later})
     solved = rows[(rows["status"] == "ok").to_numpy()].groupby([*GROUP, *CONTENDER], sort=True)
@@ -565,7 +565,7 @@ def costs(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def failures(rows: pd.DataFrame) -> pd.DataFrame:
-    """What was not solved: one row per group, contender, status and kind of message, with how many and the first.
+    """The failures: one row per group, contender, status and kind of message, with the count and the first message.
 
     Messages that differ only in names of files and in numbers are of one kind.
 
@@ -579,7 +579,7 @@ def failures(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def notes(rows: pd.DataFrame) -> pd.DataFrame:
-    """What methods noted of cases that they solved (:meth:`bench.Run.note`), counted like :func:`failures`."""
+    """The notes of methods on cases that they solved (:meth:`bench.Run.note`), counted like :func:`failures`."""
     said = rows["message"].fillna("").astype(str) != ""
     return _told(rows[((rows["status"] == "ok") & said).to_numpy()])
 
@@ -594,6 +594,6 @@ def _told(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _kind(message: Any, case: Any) -> str:
-    """A message without what differs between cases: names of files, numbers."""
+    """A message without the parts that differ between cases: names of files, numbers."""
     text = "" if message is None or message != message else str(message)
     return re.sub(rf"\S*[/\\]\S*|^{re.escape(str(case))}\b|[-+.\d]*\d[-+.,\de]*", "#", text)

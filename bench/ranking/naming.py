@@ -1,8 +1,8 @@
-"""What tables call a method with its parameters: the name of its preset, and what differs from that.
+"""The name of a method with its parameters in tables: its preset, and the differences from that.
 
 Rows hold the plugin and the parameters that are not default, ``idf`` and ``omega=30,resolution=192``. A table shows
-``idf_30 (resolution=192)``: the preset is the one of which all parameters are there, and of several the one that says
-most. So old results have these names too, and a preset that changes later does not rename what it no longer is.
+``idf_30 (resolution=192)``: the preset is one whose parameters are all present, and of several the one with the
+most. So old results have these names too, and a preset that changes later does not name results that it no longer fits.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from dataclasses import dataclass
 from ..errors import UsageError, did_you_mean
 from ..plugins.presets import variants
 
-LONGEST = 60  # letters of a label; parameters that do not fit stand in a note
+LONGEST = 60  # characters of a label; parameters that do not fit go into a note
 
-Method = tuple[str, str]  # plugin and variant, as rows have them
+Method = tuple[str, str]  # plugin and variant, as in rows
 
 
 @dataclass(frozen=True)
 class Naming:
-    """The labels of the methods of one table, and what is to be noted of them."""
+    """The labels of the methods of one table, and the notes about them."""
 
     labels: Mapping[Method, str]
     notes: tuple[str, ...] = ()
@@ -35,9 +35,9 @@ def naming(methods: Iterable[Method], names: Mapping[str, str] | None = None) ->
     Parameters
     ----------
     methods : iterable of (plugin, variant)
-        Those of one table. A parameter that all of them have with the same value is left out, and noted.
+        Those of one table. A parameter with the same value in all of them is left out, and noted.
     names : mapping, optional
-        What to call them instead: by label, preset, plugin, or ``plugin[variant]``.
+        Other names for them: by label, preset, plugin, or ``plugin[variant]``.
     """
     known = list(dict.fromkeys(methods))
     found = {method: preset_of(*method) for method in known}
@@ -51,7 +51,7 @@ def naming(methods: Iterable[Method], names: Mapping[str, str] | None = None) ->
     new = {m: _renamed(m, head, plain[m], names or {}, heads, plugins) for m, (head, _) in found.items()}
     labels = {m: text if (other := new[m]) is None else other for m, text in plain.items()}
     often = Counter(labels.values())
-    labels = {m: plain[m] if often[text] > 1 else text for m, text in labels.items()}  # no two have one name
+    labels = {m: plain[m] if often[text] > 1 else text for m, text in labels.items()}  # names are unique
     notes = []
     if shared:
         first = next(iter(found.values()))[1]
@@ -85,9 +85,9 @@ def parts_of(variant: str) -> tuple[str, ...]:
 
 
 def preset_of(method: str, variant: str) -> tuple[str, tuple[str, ...]]:
-    """The preset that a method with its parameters is, and the parameters that it has besides.
+    """The preset that matches a method with its parameters, and its further parameters.
 
-    The plugin itself with all its parameters where none fits.
+    The plugin itself with all its parameters if none matches.
     """
     parts = parts_of(variant)
     fitting = [(own, name) for name, own in _presets(method) if own <= set(parts)] if parts else []
@@ -106,12 +106,12 @@ def is_called(method: str, variant: str, name: str) -> bool:
 
 
 def check_names(names: Mapping[str, str], methods: Iterable[Method], others: Iterable[str]) -> None:
-    """Refuse a new name for what no table has: neither a method, nor another column.
+    """Refuse a new name for something that no table has: neither a method nor another column.
 
     Raises
     ------
     UsageError
-        With the nearest name that there is.
+        With the nearest existing name.
     """
     methods = list(dict.fromkeys(methods))
     known = sorted({name for m in methods for name in (m[0], preset_of(*m)[0])} | set(others))
@@ -136,9 +136,9 @@ def _key(part: str) -> str:
 def _renamed(
     method: Method, head: str, plain: str, names: Mapping[str, str], heads: Counter[str], plugins: Counter[str]
 ) -> str | None:
-    """The label that the user wants; None where no name of hers is for this method.
+    """The label that the user wants; None if the user names nothing for this method.
 
-    A new name of a plugin or a preset is for all of its variants: several in a table keep their parameters.
+    A new name of a plugin or a preset applies to all of its variants: several in a table keep their parameters.
     """
     whole = f"{method[0]}[{method[1]}]" if method[1] else method[0]
     for key in (plain, label(method[0], parts_of(method[1])), whole):

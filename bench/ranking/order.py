@@ -1,4 +1,4 @@
-"""In which order the metrics of a table stand."""
+"""The order of the metrics in a table."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from .headline import primary_metrics
 def metric_order(lines: Sequence[Mapping[str, Any]], wanted: Sequence[str] = ()) -> list[str]:
     """The metrics of a task's table: those wanted first, then measured distances (they have a floor), then counts.
 
-    Where none is wanted, the task's primary metrics come first. A metric that is to be near the reference's own value
-    says what a result is like rather than how good it is, so these stand last.
+    If none is wanted, the task's primary metrics come first. A metric that should be near the reference's own value
+    describes a result rather than its quality, so these come last.
     """
     # The two parts of an F-score are shown to those who ask for them.
     hidden = ("\0",) if wanted else ("precision@", "recall@")

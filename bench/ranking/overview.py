@@ -1,4 +1,4 @@
-"""One metric in all groups side by side: who is good at what."""
+"""One metric in all groups side by side: the strengths of each method."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def overview(
     across : str
         ``dataset``, ``sensor`` or ``tag``.
     metric : str, optional
-        The first one counts; by default, for each task, the one that ranks the methods on other boards.
+        The first one is used; by default, for each task, the one that ranks the methods on other boards.
     level, equal, filters
         As for :func:`bench.ranking.leaderboard.leaderboard`.
 
@@ -46,7 +46,7 @@ def overview(
     Raises
     ------
     UsageError
-        For another word, or filters that match nothing.
+        For another value, or filters that match nothing.
     """
     chosen = matching("across", across, GROUPS)
     if len(chosen) > 1:

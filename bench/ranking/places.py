@@ -1,6 +1,6 @@
-"""Which means of a table stand out: the best one, those that are not significantly worse, and the second best.
+"""The highlighted means of a table: the best one, those that are not significantly worse, and the second best.
 
-They are two statements. The best mean is what it says, the first in the order of the printed numbers. Whether another
+These are two statements. The best mean is the first in the order of the printed numbers. Whether another
 method is worse is a question of the paired test behind the ranks: a mean can be behind on eight shapes by chance, and
 a mean close by can be significantly worse. Tables therefore print the best mean bold and mark those that share the
 first rank.
@@ -16,7 +16,7 @@ BEST, TIED, SECOND = "best", "tied", "second"
 
 
 def places(badness: np.ndarray, first: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """What each mean of one table is.
+    """The place of each mean of one table.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def places(badness: np.ndarray, first: np.ndarray, whole: np.ndarray) -> np.ndar
     first : (k, m) bool array
         Whether the interval of the rank begins with 1.
     whole : (k, m) bool array
-        Whether the method solved all of its cases: what failed anywhere is neither the best nor the second best.
+        Whether the method solved all of its cases: one that failed anywhere is neither the best nor the second best.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def places(badness: np.ndarray, first: np.ndarray, whole: np.ndarray) -> np.ndar
 
 
 def _lowest(values: np.ndarray, among: np.ndarray) -> np.ndarray:
-    """Which values are the lowest of their column, of those that are among; equal but for rounding is equal."""
+    """Which values are the lowest of their column, among those in ``among``; equal up to rounding counts as equal."""
     shown = np.where(among, values, np.inf)
     least = shown.min(axis=0, initial=np.inf)
     with np.errstate(invalid="ignore"):

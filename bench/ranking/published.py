@@ -1,6 +1,6 @@
-"""A paper's own numbers, to stand beside ours in the tables of the experiment that repeats its table.
+"""A paper's own numbers, shown beside ours in the tables of the experiment that reproduces its table.
 
-The experiment's file says them, under ``published``::
+They are in the experiment's file, under ``published``::
 
     published:
       source: "thesis, table 4.1: mean of 16 shapes"
@@ -10,8 +10,8 @@ The experiment's file says them, under ``published``::
       lines:
         - {method: siren, parameters: {omega: 60.0}, values: {"CD (1e-3)": 9.85}}
 
-``values`` go by the titles of the convention's columns. A line belongs to every method of ours whose parameters,
-given or default, are those named. ``why`` says what is known of a difference, for the page of `detailbench report`.
+``values`` are keyed by the titles of the convention's columns. A line belongs to every method of ours whose parameters,
+given or default, are those named. ``why`` explains a difference, for the page of `detailbench report`.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class Line:
     method: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
     sensor: str = ""  # only for this one; empty for any
-    name: str = ""  # as the paper calls it, where that is another name
-    why: str = ""  # what is known of a difference between the paper's number and ours
+    name: str = ""  # its name in the paper, if that differs
+    why: str = ""  # the explanation of a difference between the paper's number and ours
 
     @property
     def title(self) -> str:
@@ -46,7 +46,7 @@ class Line:
         return self.name or (f"{self.method}[{given}]" if given else self.method)
 
     def is_of(self, method: str, parameters: Mapping[str, str], sensor: str) -> bool:
-        """Whether a method of ours, with all its parameters in words, is this line's."""
+        """Whether this line belongs to a method of ours, given all its parameters in words."""
         return (
             method == self.method
             and (not self.sensor or self.sensor == sensor)
@@ -89,7 +89,7 @@ class Published:
 
 
 def all_parameters(method: str, variant: str) -> dict[str, str]:
-    """The parameters of a method in words: the defaults, and over them what the variant says."""
+    """The parameters of a method in words: the defaults, overridden by the variant."""
     from ..plugins.registry import registry
     from ..plugins.schema import defaults
 
@@ -104,12 +104,12 @@ def _word(value: Any) -> str:
 
 
 def load_published(experiment: str) -> Published:
-    """The numbers that an experiment's file gives.
+    """The published numbers in an experiment's file.
 
     Raises
     ------
     UsageError
-        If there is no such experiment, or if it repeats no paper's table.
+        If there is no such experiment, or if it does not reproduce a paper's table.
     """
     if experiment not in names(GROUP):
         raise UsageError(f"no experiment is called {experiment!r}. {did_you_mean(experiment, names(GROUP))}")
@@ -128,12 +128,12 @@ def load_published(experiment: str) -> Published:
 
 
 def has_published(experiment: str) -> bool:
-    """Whether an experiment's file gives a paper's numbers."""
+    """Whether an experiment's file has a paper's numbers."""
     return _described(experiment) is not None
 
 
 def _described(experiment: str) -> dict[str, Any] | None:
-    """What the file of an experiment says under ``published``."""
+    """The entry ``published`` of an experiment's file."""
     return _content(files(GROUP)[experiment]).get("published")
 
 

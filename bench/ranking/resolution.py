@@ -1,4 +1,4 @@
-"""What a table can tell: who differs significantly, who is equal for practical purposes, what more shapes would show.
+"""The resolution of a table: significant differences, practical equivalence, and the effect of more shapes.
 
 All is about the paired relative differences d = (a - b) / (|a| + |b|) that the ranks are made of, see
 :mod:`statistics`, over n clusters (shapes), whose spread is s. To a reader they are given as a ratio: "12 %" is
@@ -8,9 +8,9 @@ a result 1.12 times as large as the other, for which d = 0.12 / 2.12.
   of 80 %: d = s / sqrt(n) * L, with L the noncentrality for which P(t'(n - 1; L) > t(n - 1)) = 0.8 (Cohen,
   *Statistical Power Analysis for the Behavioral Sciences*, 2nd ed. 1988, chapter 2; the noncentral t is exact here, and
   matters for few shapes). The level is divided by the comparisons of the two methods that are still open, as Holm's
-  step for this one would be. The same formula, with the difference that was observed, says how many shapes would
+  step for this one would be. The same formula, with the observed difference, gives the number of shapes that would
   separate two methods.
-* "Equal within 2 %" is a claim of its own, and no finding of no difference: two one-sided tests (Schuirmann, "A
+* "Equal within 2 %" is a separate claim, not the absence of a difference: two one-sided tests (Schuirmann, "A
   Comparison of the Two One-Sided Tests Procedure and the Power Approach", *J. Pharmacokinet. Biopharm.* 15, 1987)
   reject that a is 2 % or more above b, and that it is as much below: at the level 95 %, the 90 % interval of d lies
   within the region. Each such claim holds at the table's level by itself.
@@ -61,9 +61,9 @@ def noncentrality(n: np.ndarray, alpha: np.ndarray, power: float = POWER) -> np.
     Parameters
     ----------
     n : (...) array
-        How many values, at least 2; NaN comes out where there are fewer.
+        How many values, at least 2; NaN if there are fewer.
     alpha : (...) array
-        The level of the test; the half of it is on the side where the mean is.
+        The level of the test; half of it is on the side of the mean.
     """
     n = np.asarray(n, dtype=float)
     freedom = np.maximum(n - 1, 1)
@@ -84,7 +84,7 @@ def more_needed(mean: np.ndarray, spread: np.ndarray, n: np.ndarray, alpha: np.n
     Returns
     -------
     (...) array
-        NaN where no number would do (a mean of 0, or fewer than two values); infinite beyond :data:`MOST`.
+        NaN if no number suffices (a mean of 0, or fewer than two values); infinite beyond :data:`MOST`.
     """
 
     def enough(more: np.ndarray) -> np.ndarray:
@@ -142,10 +142,10 @@ def pairs(values: np.ndarray, planned: np.ndarray, starts: np.ndarray, a: np.nda
 
 @dataclass(frozen=True)
 class Standings:
-    """How the methods of a group stand by each metric: what :func:`resolve` works with.
+    """The standings of the methods of a group by each metric: the input of :func:`resolve`.
 
     ``values`` (units, k, m; lower is better), ``planned`` (the same shape) and ``starts`` are what the ranks were made
-    from; ``low``, ``high`` and ``order`` (k, m) the ranks; ``significant`` (k, k, m) says who differs from whom in the
+    from; ``low``, ``high`` and ``order`` (k, m) the ranks; ``significant`` (k, k, m) tells which methods differ in the
     family of the first; ``shapes`` (k, m) on how many shapes a method was run.
     """
 
@@ -165,13 +165,13 @@ def rankable(shapes: np.ndarray) -> np.ndarray:
 
 
 def resolve(standings: Standings, taking_part: np.ndarray, level: float, equal: float) -> dict[str, np.ndarray]:
-    """The columns of a board that say what it can tell, each a (k, m) array.
+    """The columns of a board that describe its resolution, each a (k, m) array.
 
     Parameters
     ----------
     standings : Standings
     taking_part : (k, m) bool array
-        Who solved something; the others are compared with nobody.
+        The methods that solved something; the others are not compared.
     level : float
         The confidence level of the ranks.
     equal : float
@@ -198,7 +198,7 @@ def resolve(standings: Standings, taking_part: np.ndarray, level: float, equal: 
     open_ones = np.maximum(left[here, layer], left[following, layer])
     alpha = (1 - level) / open_ones
     found = as_ratio(noncentrality(next_one.n, alpha) * next_one.error)
-    # For the first two alone; where the one that stands first is not the better one by d, more shapes will not help.
+    # For the first two only; if the first one is not the better one by d, more shapes will not help.
     top = [x[:1] for x in (np.minimum(next_one.mean, 0), next_one.spread, next_one.n, alpha)]
     more = more_needed(*top)
     more = np.where(apart[:1], 0.0, np.where(more == 0, np.nan, more))

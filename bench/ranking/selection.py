@@ -17,26 +17,26 @@ Names = str | Iterable[str] | None
 
 
 GROUP = ["task", "dataset", "sensor", "split"]  # one table each
-UNIT = ["case", "seed", "condition"]  # the first one is the cluster: a shape; the others are how it was met
+UNIT = ["case", "seed", "condition"]  # the first one is the cluster: a shape; the others are its conditions
 CONTENDER = ["method", "variant", "threads", "device", "host"]  # one line each
 
-# Columns that tables are made by and that rows of results may lack, and what they then are. ``condition`` is what the
-# units of one case differ in where sensors are pooled; rows read by other means than ours may have no ``split``.
+# Key columns of tables that rows of results may lack, and their defaults. ``condition`` is how the
+# units of one case differ if sensors are pooled; rows read by other tools may have no ``split``.
 LATER = {"split": "test", "condition": ""}
 
 
 def completed(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with all columns that tables are made by."""
+    """The rows with all key columns of tables."""
     missing = {name: value for name, value in LATER.items() if name not in rows}
     empty = {name: rows[name].fillna(LATER[name]) for name in LATER if name in rows and rows[name].hasnans}
     return rows.assign(**missing, **empty) if missing or empty else rows
 
 
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with all columns that tables are made by, and the host of each line in ``host``.
+    """The rows with all key columns of tables, and the host of each line in ``host``.
 
     A sweep over several machines may run some cases of a method here and some there: these stay one line, whose
-    ``host`` names all machines. Where two machines ran the *same* cases, their results are not averaged: each machine
+    ``host`` names all machines. If two machines ran the *same* cases, their results are not averaged: each machine
     has a line of its own.
     """
     rows = completed(rows)
@@ -63,12 +63,12 @@ def select(
     tag: Names = None,
     split: Names = None,
 ) -> pd.DataFrame:
-    """The rows that the filters leave.
+    """The rows that pass the filters.
 
     Parameters
     ----------
     rows : DataFrame
-        One row per planned case, as :meth:`bench.results.store.Results.rows` gives them.
+        One row per planned case, as returned by :meth:`bench.results.store.Results.rows`.
     task, dataset, sensor, method, tag, split : str or list of str
         Names, a list of them or one string with commas. A method is named by its plugin, its preset or
         ``plugin[variant]``. ``bumps`` stands for every ``bumps[...]`` too, and ``*``
@@ -77,7 +77,7 @@ def select(
     Raises
     ------
     UsageError
-        For a name that no row has, with the nearest one; and when no row passes all filters.
+        For a name that no row has, with the nearest one; and if no row passes all filters.
     """
     rows = completed(rows)
     chosen = np.ones(len(rows), dtype=bool)
@@ -101,7 +101,7 @@ def select(
 
 
 def _called(rows: pd.DataFrame, names: Names) -> np.ndarray:
-    """(rows,) bool array: whose method is called so, by its plugin or, as tables have it, by its preset."""
+    """(rows,) bool array: whose method has one of the names, by its plugin or, as in tables, by its preset."""
     pairs = rows[["method", "variant"]].drop_duplicates()
     variants: list[tuple[str, str]] = list(pairs.itertuples(index=False, name=None))
     heads = {pair: preset_of(*pair)[0] for pair in variants}
@@ -117,29 +117,29 @@ def _of_plugins(variants: Sequence[tuple[str, str]], plugins: Sequence[str]) -> 
     return [pair for pair in variants if pair[0] in plugins]
 
 
-SHAPES = 4  # fewer of one kind tell nothing of it, and a chair, a gear and a tree would have a column each
+SHAPES = 4  # fewer of one kind are not informative, and a chair, a gear and a tree would have a column each
 GROUPINGS = ("task", "dataset", "sensor", "tag")
 
 
 def pool(rows: pd.DataFrame, by: Names = None) -> pd.DataFrame:
     """The rows with all cases of other datasets and sensors put into one table, or into one for each challenge tag.
 
-    A shape stays one case, however many sensors it was seen with: they go into the column ``condition``, which makes
-    each a unit of its own within the case. Shapes of different datasets are different cases, also where one dataset
-    was run with several parameters: its label tells them apart.
+    A shape remains one case, whatever its number of sensors: they go into the column ``condition``, which makes
+    each a unit of its own within the case. Shapes of different datasets are different cases, also if one dataset
+    was run with several parameters: its label distinguishes them.
 
     Parameters
     ----------
     rows : DataFrame
     by : str or list of str
-        What tables are made by, besides the task: some of ``dataset``, ``sensor`` and ``tag``, or just ``task``; by
+        The keys of tables besides the task: some of ``dataset``, ``sensor`` and ``tag``, or just ``task``; by
         dataset and sensor without it. A case with several tags counts under each; one with none is ``untagged``. A
         kind of thing (a tag that a dataset declares) makes a table where :data:`SHAPES` shapes or more are of it.
 
     Raises
     ------
     UsageError
-        For another word.
+        For another key.
     """
     if by is None:
         return prepared(rows)
@@ -182,16 +182,16 @@ def split_names(names: Names) -> list[str]:
     return [name.strip() for part in parts for name in re.split(r",(?![^\[]*\])", part) if name.strip()]
 
 
-VIEWS = ("by", "across", "pareto", "columns")  # options that say how results are shown; the others choose some of them
+VIEWS = ("by", "across", "pareto", "columns")  # options for the display of results; the others select results
 
 
 def matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
-    """Those of ``known`` that ``names`` stand for, in the order of ``names``.
+    """Those of ``known`` that ``names`` mean, in the order of ``names``.
 
     Raises
     ------
     UsageError
-        For a name that stands for none.
+        For a name that matches none.
     """
     known = sorted(known)
     found: list[str] = []

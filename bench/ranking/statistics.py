@@ -1,17 +1,17 @@
-"""Intervals of means and of ranks, from few shapes that each were met several times.
+"""Intervals of means and of ranks, from few shapes with several measurements each.
 
-The unit that is drawn from a population is the **shape**; the seeds of one shape, and the sensors it was seen with,
+The unit that is drawn from a population is the **shape**; the seeds of one shape, and its sensors,
 share its difficulty. All functions therefore take sums and counts per *cluster*: per shape, or, where there is one
 shape only, per seed of that shape. The spread of the cluster means already holds the spread within the clusters; to
 count the units as independent would make intervals too narrow (Field and Welsh, *J. R. Statist. Soc. B* 69, 2007).
 
 * Means: Student's t over the clusters, with the skewness of the scores removed by Hall's transformation ("On the
   Removal of Skewness by Transformation", *J. R. Statist. Soc. B* 54, 1992). Errors are skewed: a few hard shapes have
-  most of it, and a sample without them looks both better and surer than it is, so that Student's interval, and the
+  most of it, and a sample without them looks better and more certain than it is, so that Student's interval, and the
   bootstrap's, miss the true mean on one side. The transformed statistic is nearly normal; it is compared with
   Student's quantile rather than the normal one, for few clusters. Without skewness the interval is Student's.
   ``tests/ranking/test_statistics.py`` and ``tests/ranking/test_leaderboard_clusters.py`` measure the coverage.
-* Ranks: each two methods are compared on the units (shape, seed and sensor) that both were run on, by the paired
+* Ranks: all pairs of methods are compared on the units (shape, seed and sensor) that both were run on, by the paired
   relative difference (a - b) / (|a| + |b|) and Student's t over the clusters. Relative, because the error on a hard
   case is a multiple of that on an easy one, and so is the difference of two methods: the plain difference would mostly
   measure how unlike the cases are (Fleming and Wallace, *Comm. ACM* 29, 1986, on normalised results). A method is
@@ -29,7 +29,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-SAME = 1e-9  # two means closer than this, relative to their size, are a tie: rounding decides nothing
+SAME = 1e-9  # two means closer than this, relative to their size, are a tie: rounding must not decide
 _BLOCK = 2_000_000  # numbers held at once
 
 
@@ -79,7 +79,7 @@ def mean_intervals(
     Returns
     -------
     mean, low, high : (k,) arrays
-        ``low`` and ``high`` are NaN where fewer than two clusters have values: one shape says nothing of others.
+        ``low`` and ``high`` are NaN where fewer than two clusters have values: one shape tells nothing about others.
     """
     n = (counts > 0).sum(axis=0)
     root = np.sqrt(np.maximum(n, 1))
@@ -116,7 +116,7 @@ def paired_differences(values: np.ndarray, planned: np.ndarray, starts: np.ndarr
     values : (units, k, m) array
         One row per case and seed, one column per method, one layer per metric; ignored where not planned.
     planned : (units, k, m) bool array
-        Whether the method was to solve the unit. A pair is compared on the units that both have.
+        Whether the unit was planned for the method. A pair is compared on the units that both have.
     starts : (n,) int array
         The first unit of each cluster; units of a cluster are neighbours.
 
@@ -125,7 +125,7 @@ def paired_differences(values: np.ndarray, planned: np.ndarray, starts: np.ndarr
     difference : (k, k, m) array
         ``difference[i, j]`` is the mean of ``values[:, i] - values[:, j]``; 0 without a common unit.
     p : (k, k, m) array
-        1 where nothing is known: fewer than two common clusters, no difference, or a relative difference whose sign
+        1 if nothing is known: fewer than two common clusters, no difference, or a relative difference whose sign
         is not that of the mean.
     """
     units, k, m = values.shape
@@ -151,8 +151,8 @@ def _p_value(sums: np.ndarray, counts: np.ndarray, difference: np.ndarray) -> np
     mean, error = sums.sum(axis=0) / np.maximum(units, 1), np.nan_to_num(standard_error(sums, counts))
     with np.errstate(divide="ignore", invalid="ignore"):
         p = 2 * special.stdtr(np.maximum(n - 1.0, 1.0), -abs(mean / error))
-    # The same difference in every unit, as yes/no metrics give it, has no spread to measure it by. Two methods whose
-    # answers are independent throws of one coin differ so, one way or the other, with probability 2 / 4^units at most.
+    # The same difference in every unit, as with yes/no metrics, has no measurable spread. Two methods whose
+    # answers are independent tosses of one coin differ so, in either direction, with probability 2 / 4^units at most.
     p = np.where(error <= SAME, 2 * 0.25**units, p)
     return np.where((n > 1) & (mean * difference > 0), p, 1.0)
 
@@ -167,7 +167,7 @@ def holm(p: np.ndarray, alpha: float, hypotheses: np.ndarray | int | None = None
     alpha : float
         Chance of any false rejection in a family.
     hypotheses : (families,) int array, optional
-        How many of a row are real, where the others are padding with p = 1.
+        The number of real ones in a row, if the others are padding with p = 1.
 
     Returns
     -------
@@ -183,7 +183,7 @@ def holm(p: np.ndarray, alpha: float, hypotheses: np.ndarray | int | None = None
 
 
 def holm_p(p: Sequence[float]) -> list[float]:
-    """The p-values of one family as Holm's procedure corrects them: rejected at alpha where they are not above it.
+    """The p-values of one family as Holm's procedure corrects them: rejected at alpha if they are not above it.
 
     Example
     -------
@@ -225,7 +225,7 @@ def significant_differences(
 def rank_intervals(
     values: np.ndarray, planned: np.ndarray, starts: np.ndarray, level: float = 0.95
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Between which ranks each method lies, for each metric; 1 is the smallest value.
+    """The interval of the rank of each method, for each metric; 1 is the smallest value.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def beyond(
     sums, counts : (n, k) arrays
         Per cluster and quantity, as in :func:`standard_error`.
     bound : float or (k,) array
-        What the means are held against.
+        The bound to which the means are compared.
     level : float
         The confidence level of the intervals.
 
@@ -274,7 +274,7 @@ def beyond(
     mean, low, high : (k,) arrays
         ``low`` and ``high`` are NaN where fewer than two clusters have values.
     p : (k,) array
-        One-sided: the chance of such a mean where the true one is not above the bound. 1 where nothing is known.
+        One-sided: the chance of such a mean if the true one is not above the bound. 1 if nothing is known.
     """
     n, units = (counts > 0).sum(axis=0), counts.sum(axis=0)
     error = standard_error(sums, counts)

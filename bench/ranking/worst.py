@@ -33,7 +33,7 @@ class Tag:
     of_bad: int
     shapes: int
     of_shapes: int
-    p: float  # that so many or more are bad by chance: hypergeometric, one-sided
+    p: float  # that this many or more are bad by chance: hypergeometric, one-sided
     p_holm: float  # the same, corrected for the number of tags
 
 
@@ -43,7 +43,7 @@ class Worst:
 
     task: str
     split: str
-    method: str  # as tables call it
+    method: str  # as in tables
     metric: str
     better: str
     order: str
@@ -69,7 +69,7 @@ def worst(
     method : str
         A plugin, a preset, or ``plugin[variant]``; it must be one method in these rows.
     metric : str, optional
-        The first one counts; by default the one that ranks the methods of the task.
+        The first one is used; by default the one that ranks the methods of the task.
     order : str
         ``ratio``: by how many times worse than the best other method; ``score``: by the score alone.
     filters
@@ -110,7 +110,7 @@ def _worst(task: str, split: str, rows: pd.DataFrame, who: tuple[str, str], metr
     cases = cases.merge(facts, on=keep, how="left").assign(metric=name)
     cases = cases.reindex(columns=[*COLUMNS, "badness"])
     bad = cases["ratio"] if order == RATIO else cases["badness"]
-    unknown = cases["badness"].isna()  # failed, and nobody knows what that is worth
+    unknown = cases["badness"].isna()  # failed, without a known score
     cases = cases.assign(_bad=np.where(unknown, np.inf, bad.fillna(-np.inf)))
     cases = cases.sort_values(["_bad", "dataset", "case", "sensor", "seed"], ascending=[False, *[True] * 4])
     tags = _tags(cases)
@@ -122,7 +122,7 @@ def _kept(rows: pd.DataFrame) -> list[str]:
 
 
 def _metric_of(task: str, rows: pd.DataFrame, who: tuple[str, str], metric: Names) -> tuple[str, str]:
-    """The metric that counts, of those that the method has, and its direction.
+    """The deciding metric, among those of the method, and its direction.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def _metric_of(task: str, rows: pd.DataFrame, who: tuple[str, str], metric: Name
 
 
 def _ratios(cases: pd.DataFrame, better: str) -> np.ndarray:
-    """How many times worse than the best other method; NaN where there is none."""
+    """How many times worse than the best other method; NaN if there is none."""
     own, best = cases["value"].to_numpy(dtype=float), cases["best_value"].to_numpy(dtype=float)
     above, below = (best, own) if better == "higher" else (own, best)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -174,7 +174,7 @@ def _tags(cases: pd.DataFrame) -> tuple[Tag, ...]:
 
 
 def _p_value(hits: int, bad: int, tagged: int, shapes: int) -> float:
-    """The chance that of ``bad`` shapes drawn from ``shapes`` so many or more are among the ``tagged`` ones."""
+    """The chance that of ``bad`` shapes drawn from ``shapes``, ``hits`` or more are among the ``tagged`` ones."""
     ways = (math.comb(tagged, k) * math.comb(shapes - tagged, bad - k) for k in range(hits, min(bad, tagged) + 1))
     return sum(ways) / math.comb(shapes, bad)
 
@@ -188,7 +188,7 @@ def commands(cases: pd.DataFrame, folders: Sequence[str]) -> list[str]:
 
 
 def folder_of(line: Mapping[str, Any], folders: Sequence[str]) -> str:
-    """The folder whose record the row is from; the first one where none has it."""
+    """The folder whose record the row is from; the first one if none has it."""
     from ..results.store import Results
 
     for folder in folders:
@@ -198,7 +198,7 @@ def folder_of(line: Mapping[str, Any], folders: Sequence[str]) -> str:
 
 
 def outputs(cases: pd.DataFrame, folders: Sequence[str]) -> list[str]:
-    """The kept output of each case; empty where none was kept, or the file is gone."""
+    """The stored output of each case; empty if none was stored, or the file is gone."""
     from ..results.store import Results
 
     found = []

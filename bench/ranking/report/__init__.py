@@ -53,7 +53,7 @@ def render(
         The rows that the board was made from: with them the tables show the number of parameters, and the
         terminal lists what failed.
     metrics : sequence of str
-        In which order to show the metrics; the first one orders the methods. Default: measured distances first.
+        The order of the metrics; the first one orders the methods. Default: measured distances first.
     width : int
         Columns of the terminal. Metrics that do not fit go into further blocks; nothing is cut off.
     color : bool
@@ -63,12 +63,12 @@ def render(
     published : Published, optional
         Print the numbers of a paper's table beside ours.
     look : Look, optional
-        Which columns in which order, what methods are called, how numbers are printed; ``csv`` ignores it.
+        The columns and their order, names of methods, format of numbers; ``csv`` ignores it.
 
     Raises
     ------
     UsageError
-        For an unknown format, or a column that there is not.
+        For an unknown format, or a column that does not exist.
     """
     check_format(format)
     if convention is not None:

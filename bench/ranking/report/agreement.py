@@ -1,4 +1,4 @@
-"""How two orders of the methods are printed side by side, with Kendall's tau below."""
+"""Two orders of the methods, printed side by side, with Kendall's tau below."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def grids_of(one: Agreement, level: float = 0.95) -> list[Grid]:
 
 
 def names_of(one: Agreement) -> list[str]:
-    """What the methods are called, in the order of their lines."""
+    """The names of the methods, in the order of their lines."""
     lines = one.methods.assign(metric=one.metric).to_dict("records")
     shown = shown_setup(lines)
     called = naming((line["method"], line["variant"]) for line in lines).labels

@@ -1,4 +1,4 @@
-"""The tables of the best parameters: the variants of a method, and what each parameter does."""
+"""The tables of the best parameters: the variants of a method, and the effect of each parameter."""
 
 from __future__ import annotations
 

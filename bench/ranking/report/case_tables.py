@@ -71,7 +71,7 @@ def _table(group: tuple, scores: pd.DataFrame, means: list[Mapping[str, Any]], l
 
 
 def _short(cases: list[str]) -> list[str]:
-    """The ids without the dataset before them, where all are of one."""
+    """The ids without the dataset before them, if all are from one."""
     datasets = {case.rpartition("/")[0] for case in cases}
     return [case.rpartition("/")[2] for case in cases] if len(datasets) == 1 else cases
 

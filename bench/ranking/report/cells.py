@@ -1,4 +1,4 @@
-"""Text in tables: names and messages come from anywhere, and are shown as text by whatever reads the table."""
+"""Text in tables: names and messages come from anywhere, and must be shown as text by any reader of the table."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pandas as pd
 
 from ...text import one_line
 
-# What spreadsheets take for the beginning of a formula, as OWASP lists it, and the same letters in full width.
+# Characters that start a formula in spreadsheets, as listed by OWASP, and the same in full width.
 FORMULA = re.compile(r"[=+\-@＝＋－＠]")
-JOINED = "message"  # may have several lines, which who prints it joins
+JOINED = "message"  # may have several lines, which its printer joins
 
 
 def plain_texts(frame: pd.DataFrame) -> pd.DataFrame:

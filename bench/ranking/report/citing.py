@@ -1,4 +1,4 @@
-r"""Keys of BibTeX for methods, made of what they say is to be cited: ``Kazhdan and Hoppe 2013`` -> ``kazhdan2013``."""
+r"""Keys of BibTeX for methods, made from their declared citations: ``Kazhdan and Hoppe 2013`` -> ``kazhdan2013``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SMALL = ("after", "baseline", "with", "see", "and", "of")
 
 
 def cited(plugin: str) -> str:
-    r"""``\cite{kazhdan2013}``; empty for a method that names nobody, or is not installed."""
+    r"""``\cite{kazhdan2013}``; empty for a method without a citation, or one not installed."""
     if plugin not in registry().names("method"):
         return ""
     return rf"\cite{{{found}}}" if (found := key_of(registry().find("method", plugin).cite)) else ""

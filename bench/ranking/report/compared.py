@@ -1,4 +1,4 @@
-"""How two results are printed beside each other."""
+"""Two sets of results, printed beside each other."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def render_compared(found: Compared, format: str = "terminal", *, full: bool = F
     format : str
         ``terminal``, ``markdown``, or ``csv``: all lines of quality and speed in full precision.
     full : bool
-        Whether to show the lines that are the same, too, and every case that failed.
+        Whether to show unchanged lines, too, and every failed case.
     width : int
         Of the terminal.
     """
@@ -137,7 +137,7 @@ def _speed(found: Compared) -> Grid | None:
 
 
 def _cases(found: Compared, full: bool) -> list[Grid]:
-    """What only one side has, or only one side solved."""
+    """The cases that only one side has, or only one side solved."""
     grids = []
     for title, rows in (("failed now, solved then", found.failed), ("solved now, failed then", found.solved)):
         side = "now" if rows is found.failed else "then"

@@ -1,4 +1,4 @@
-"""What the inputs of a table were like: the sentence of the task that made them."""
+"""The conditions of the inputs of a table: the sentence of their task."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ...plugins.registry import registry
 
 
 def words_of_input(task: str, medians: Mapping[str, float]) -> str:
-    """The task's own sentence about what it measured of its inputs.
+    """The task's own sentence about the measured conditions of its inputs.
 
     Parameters
     ----------
     task : str
-        As rows call it: ``upsample``, ``upsample[ratio=16]``, or the name of a preset.
+        As in rows: ``upsample``, ``upsample[ratio=16]``, or the name of a preset.
     medians : mapping
         The median over the cases of each ``input.KEY`` that is known.
 

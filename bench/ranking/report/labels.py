@@ -1,4 +1,4 @@
-"""What a line of a table is called: the method, its parameters, and how it was run where that differs in the table."""
+"""The label of a line of a table: the method, its parameters, and how it was run if that differs in the table."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def with_setup(name: str, setup: str) -> str:
 def shown_setup(lines: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
     """Which of device, threads and host belong to the labels of a table's lines.
 
-    The device and the number of threads where the table has more than one; the host where one method, otherwise the
+    The device and the number of threads if the table has more than one; the host if one method, otherwise the
     same, was run on several machines and has a line for each.
     """
     lines = list(lines)
@@ -32,14 +32,14 @@ def shown_setup(lines: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
 
 
 def setup(line: Mapping[str, Any], shown: Iterable[str]) -> str:
-    """``cuda, 2 threads, host name``: those of a line that are to be shown."""
+    """``cuda, 2 threads, host name``: the parts of a line that are shown."""
     threads = f"{line['threads']} thread{'s' if line['threads'] != 1 else ''}"
     words = {"device": line["device"], "threads": threads, "host": f"host {line['host']}"}
     return ", ".join(words[name] for name in shown)
 
 
 def hosts_note(lines: Iterable[Mapping[str, Any]], shown: Iterable[str]) -> list[str]:
-    """A note where the results of a table are from several machines, and its labels do not say so."""
+    """A note if the results of a table are from several machines, and its labels do not show it."""
     hosts = sorted({name for line in lines for name in str(line["host"]).split(", ")})
     if len(hosts) < 2 or "host" in shown:
         return []

@@ -1,6 +1,6 @@
 r"""Tables for LaTeX with ``\usepackage{booktabs}`` in the preamble, as wide as one column of a paper.
 
-What a table holds is folded until it fits: titles into several lines, long names of methods, and, where there are more
+A table is folded until it fits: titles into several lines, long names of methods, and, where there are more
 columns than fit, into several ``tabular`` below each other. The width is that of a column of ``article`` in two
 columns, or with ``wide`` that of its page in one column, which any wider page has too; :mod:`widths` measures.
 """
@@ -25,10 +25,10 @@ ARROWS = {
 }
 COLUMN, PAGE = 229.0, 344.0  # points: article in two columns, article in one
 GAP = 6.0  # between columns: two of \tabcolsep
-NARROW = 34.0  # a title does not need to be narrower
-LABELS = 0.36  # of the width at most for the names of the methods, which are folded where they can be
+NARROW = 34.0  # titles need not be narrower
+LABELS = 0.36  # of the width at most for the names of the methods, which are folded if possible
 CUT = "…"  # in a name that is shortened, which a note gives in full
-# How notes begin that a reader needs, not only an author.
+# The beginnings of notes that readers need, not only authors.
 LEGENDS = (
     *("†", "‡", "§", "|diff|", "mean", "Only", "Methods were run", "All methods", "wins", "ratio", "one parameter"),
     *("geometric", "place", "tau:", "spread"),
@@ -63,7 +63,7 @@ def latex(tables: list[Table], look: Look | None = None) -> str:
 
 
 def escape(text: str) -> str:
-    """Letters that LaTeX would take for commands; others beyond ASCII are left to ``inputenc``."""
+    """Escape characters with a meaning in LaTeX; those beyond ASCII are left to ``inputenc``."""
     return "".join(_ESCAPES.get(letter, letter) for letter in text)
 
 
@@ -90,7 +90,7 @@ def _one(table: Table, look: Look, more: str) -> str:
 
 
 def _caption(table: Table) -> str:
-    """The user's own as it is, with its commands; or what the table is of."""
+    """The user's own, unchanged, with its commands; or the subject of the table."""
     if table.caption:
         return table.caption
     first, *others = table.title.split(" · ")
@@ -103,14 +103,14 @@ def _label(table: Table) -> str:
 
 
 def _notes(table: Table) -> tuple[str, list[str]]:
-    """What stands below the table, in LaTeX, and what is in comments: the author can take it into the text."""
+    """The notes below the table, in LaTeX, and those in comments, which the author can move into the text."""
     signs = standing_notes([table], r"Bold", r"Underlined")
     below = [note for note in (*table.notes, *signs) if note in signs or note.startswith(LEGENDS) or CUT in note]
     return " ".join(map(escape, below)), [note for note in table.notes if note not in below]
 
 
 def _names(table: Table, look: Look) -> list[str]:
-    """The names of the lines in LaTeX, each with what is to be cited."""
+    """The names of the lines in LaTeX, each with its citation."""
     names = list(map(escape, table.methods))
     if look.cite:
         from .citing import cited
@@ -160,7 +160,7 @@ def _alignment(column: Column) -> str:
 
 
 def _heading(column: Column) -> list[str]:
-    """The title in lines that are hardly wider than what stands below it."""
+    """The title in lines that are hardly wider than the cells below it."""
     if not isinstance(column, Metric):
         return column.title.split(" ")
     title = escape(column.title or in_words(column.name))
@@ -182,7 +182,7 @@ def _cell(column: Column, i: int) -> list[str]:
 
 
 def _score(cell: Cell) -> list[str]:
-    """The mean, and the interval where it stands in a line below."""
+    """The mean, and the interval if it has a line of its own below."""
     text = _signed(escape(cell.text)) if cell.text != "-" else "--"
     mean, blank, rest = text.partition(" ")
     if text and cell.best:
@@ -200,7 +200,7 @@ def _signed(text: str) -> str:
 
 
 def _texts(table: Table, column: Column) -> list[str]:
-    """All that stands in a column."""
+    """All texts of a column."""
     cells = [line for i in range(len(table.methods)) for line in _cell(column, i)]
     return [*_heading(column), *cells, *(line for _, cell in table.feet for line in _score(cell(column)))]
 

@@ -1,4 +1,4 @@
-"""How a table is to look: which columns in which order, what the methods are called, how numbers are printed."""
+"""The look of a table: the columns and their order, the names of methods, the format of numbers."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 INSIDE, BELOW, PLUSMINUS, NONE = INTERVALS = ("inside", "below", "plusminus", "none")
 RANK, GIVEN = ORDERS = ("rank", "given")
-OTHERS = ("rank", "front", "solved", "seconds", "peak_mb", "params")  # columns that are no metrics
+OTHERS = ("rank", "front", "solved", "seconds", "peak_mb", "params")  # columns other than metrics
 
 
 @dataclass(frozen=True)
 class Look:
-    """What a user wants of a table; the defaults are what a screen shows.
+    """The user's wishes for a table; the defaults are those for the screen.
 
     Attributes
     ----------

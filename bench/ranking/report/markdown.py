@@ -10,7 +10,7 @@ from .terminal import heading
 
 
 def markdown(tables: list[Table]) -> str:
-    """One section per table; what is to be noted of all of them comes last."""
+    """One section per table; notes about all of them come last."""
     if not tables:
         return "No results.\n"
     own, shared = shared_notes(tables, *standing_notes(tables, "Bold", "Italic"))
@@ -18,7 +18,7 @@ def markdown(tables: list[Table]) -> str:
 
 
 def escape(text: str) -> str:
-    """Letters that would be markup in a cell, and the bracket before a link or an image."""
+    """Escape characters that would be markup in a cell, and the bracket before a link or an image."""
     return re.sub(r"([\\|*<`~]|\[(?=.*\][(\[]))", r"\\\1", text)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 def unit_exponent(values: Iterable[float]) -> int:
-    """The power of ten, a multiple of three, to take out of a column; 0 when the numbers read well as they are.
+    """The power of ten, a multiple of three, to take out of a column; 0 if the numbers read well as they are.
 
     Example
     -------
@@ -25,7 +25,7 @@ def unit_exponent(values: Iterable[float]) -> int:
 
 
 def decimals(value: float, low: float, high: float) -> int:
-    """How many digits after the point: two of the interval's half width, three of the value where there is none."""
+    """How many digits after the point: two of the interval's half width, three of the value if there is none."""
     half = (high - low) / 2
     if math.isfinite(half) and half > 0:
         wanted = 1 - math.floor(math.log10(half))
@@ -35,7 +35,7 @@ def decimals(value: float, low: float, high: float) -> int:
 
 
 def column_digits(intervals: Iterable[tuple[float, float, float]], exponent: int = 0) -> int:
-    """Decimals for all numbers of a column: what most of its intervals support, and two digits of the smallest mean.
+    """Decimals for a column: those that most of its intervals support, and two digits of the smallest mean.
 
     Example
     -------
@@ -54,7 +54,7 @@ def column_digits(intervals: Iterable[tuple[float, float, float]], exponent: int
 def parts_with_interval(
     value: float, low: float, high: float, exponent: int, digits: int | None, style: str
 ) -> tuple[str, str]:
-    """A mean with its interval as ``style`` has it, see :data:`look.INTERVALS`, and what stands in a line below.
+    """A mean with its interval as ``style`` has it, see :data:`look.INTERVALS`, and the text in a line below.
 
     Example
     -------
@@ -74,7 +74,7 @@ def parts_with_interval(
 
 
 def with_interval(value: float, low: float, high: float, exponent: int = 0, digits: int | None = None) -> str:
-    """``12.3 [11.0, 14.0]``; ``-`` for nothing; the value alone where the interval is unknown.
+    """``12.3 [11.0, 14.0]``; ``-`` for nothing; only the value if the interval is unknown.
 
     ``digits`` after the point are those that the interval supports, unless a number of them is given.
 
@@ -94,7 +94,7 @@ def with_interval(value: float, low: float, high: float, exponent: int = 0, digi
 
 
 def plain(value: float, exponent: int = 0, digits: int | None = None) -> str:
-    """Three significant digits, or so many after the point."""
+    """Three significant digits, or ``digits`` after the point."""
     return with_interval(value, math.nan, math.nan, exponent, digits)
 
 

@@ -27,7 +27,7 @@ class Score(NamedTuple):
     value: float
     floor: float | None  # None where there is none
     better: str
-    length: int = 0  # the power of a length that it is
+    length: int = 0  # its power of length
 
 
 def score_table(
@@ -38,7 +38,7 @@ def score_table(
     convention: Convention | None = None,
     units: str = "radius",
 ) -> str:
-    """The scores with their floors, and below them what the numbers mean.
+    """The scores with their floors, and below them the meaning of the numbers.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What stands below a table about its ranks: what it can show, who is equal, who was run on what."""
+"""The notes below a table about its ranks: resolution, equality, and the cases that methods were run on."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def is_ranked(lines: Sequence[Line]) -> bool:
 
 
 def rank_notes(metric: str, level: float) -> list[str]:
-    """What a rank is."""
+    """The meaning of a rank."""
     return [
         f"rank: by {metric}; 2-4 is the {level:.0%} confidence interval of a rank.",
         "Each interval is for its own method, with Holm's correction over its comparisons; that all of a table are "
@@ -30,7 +30,7 @@ def rank_notes(metric: str, level: float) -> list[str]:
 
 
 def resolution(metric: str, lines: Sequence[Line]) -> list[str]:
-    """What the shapes of a table can show by its first metric; nothing for a single method.
+    """The resolution of a table's shapes by its first metric; nothing for a single method.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def _first_two(line: Line) -> str:
 
 
 def equality(lines: Sequence[Line], names: Sequence[str], equal: float) -> list[str]:
-    """Who of those tied for first is equal for practical purposes, and of whom the shapes do not tell.
+    """The methods tied for first that are equal for practical purposes, and those that the shapes do not decide.
 
     Parameters
     ----------
@@ -106,14 +106,14 @@ def equality(lines: Sequence[Line], names: Sequence[str], equal: float) -> list[
 
 
 def coverage(lines: Sequence[Line], shown: Sequence[str]) -> list[str]:
-    """Who was not run on all cases, and which metrics are not defined for every output.
+    """The methods not run on all cases, and the metrics that are not defined for every output.
 
     Parameters
     ----------
     lines : sequence of dict
         All of a table, each with the ``label`` of its method.
     shown : sequence of str
-        The metrics to speak of.
+        The metrics to report on.
     """
     lines = [line for line in lines if not shown or line["metric"] in shown]
     absent = {line["label"]: line["not_run"] for line in lines if line["not_run"]}
@@ -135,7 +135,7 @@ def coverage(lines: Sequence[Line], shown: Sequence[str]) -> list[str]:
 
 
 def front(criteria: Sequence[str], instead: bool) -> list[str]:
-    """What the column ``front`` is, and why it stands in the place of a rank."""
+    """The meaning of the column ``front``, and why it replaces a rank."""
     both = " and ".join(criteria)
     why = [f"This task has no single rank: it is judged by {both}."] if instead else []
     return [*why, f"front: 1 where no other method is better in both {both}, by the means; equal is not better."]

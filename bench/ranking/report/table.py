@@ -1,4 +1,4 @@
-"""A table as it is printed, whatever the format: lines of methods (or of cases), columns of scores and of costs."""
+"""A table to print, in any format: lines of methods (or of cases), columns of scores and of costs."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class Metric:
 
     name: str
     better: str  # lower, higher, reference (the score, to be near it) or difference (to the reference's own value)
-    exponent: int  # the cells are to be multiplied by 10 to this
+    exponent: int  # the cells are multiplied by 10 to this power
     cells: tuple[Cell, ...]
     floor: str = ""  # the floor, or the reference's own value
     feet: tuple[Cell, ...] = ()  # of each last line of the table, see Table.foot; without it the floor
-    title: str = ""  # what it is called, where the user or a table of methods says so
+    title: str = ""  # its name, if set by the user or a table of methods
 
     @property
     def is_score(self) -> bool:
@@ -67,7 +67,7 @@ Column = Metric | Plain
 
 @dataclass(frozen=True)
 class Table:
-    """One table; every tuple has one entry per method, best method first, or none where there is no such column."""
+    """One table; every tuple has one entry per method, best method first, or none if there is no such column."""
 
     task: str
     dataset: str
@@ -75,8 +75,8 @@ class Table:
     split: str
     methods: tuple[str, ...]
     metrics: tuple[Metric, ...]
-    ranks: tuple[str, ...] = ()  # by the first metric; empty where the task has no single rank
-    fronts: tuple[str, ...] = ()  # "1" on the Pareto front; empty where none was asked for
+    ranks: tuple[str, ...] = ()  # by the first metric; empty if the task has no single rank
+    fronts: tuple[str, ...] = ()  # "1" on the Pareto front; empty if none was requested
     solved: tuple[str, ...] = ()
     seconds: tuple[str, ...] = ()
     memory: tuple[str, ...] = ()
@@ -85,7 +85,7 @@ class Table:
     head: str = "method"  # above the names of the lines
     order: tuple[str, ...] = ()  # the names of the columns to print, in their order; empty for all
     foot: tuple[str, ...] = ()  # the names of the last lines; without it there is one, of the floors
-    subject: str = ""  # what the table is of, behind its title: the metric of a table of cases
+    subject: str = ""  # the subject of the table, after its title: the metric of a table of cases
     plugins: tuple[str, ...] = ()  # the plugin of each line, where lines are methods
     caption: str = ""  # in place of the title
 
@@ -96,7 +96,7 @@ class Table:
 
     @property
     def places(self) -> list[Plain]:
-        """The columns that say who is better."""
+        """The columns that rank the methods."""
         found = (("rank", self.ranks), ("front", self.fronts))
         return [Plain(name, name, cells, right=False) for name, cells in found if cells]
 
@@ -117,7 +117,7 @@ class Table:
 
     @property
     def feet(self) -> list[tuple[str, Callable[[Column], Cell]]]:
-        """The last lines: what each is called, and its cell in a column."""
+        """The last lines: the name of each, and its cell in a column."""
         if self.foot:
             return [(name, _foot(i)) for i, name in enumerate(self.foot)]
         shown = any(isinstance(column, Metric) and column.floor for column in self.columns)
@@ -139,14 +139,14 @@ def _foot(i: int) -> Callable[[Column], Cell]:
 
 
 def title_of(task: str, dataset: str, sensor: str, split: str, subject: str = "") -> str:
-    """``reconstruct · bumps · samples``; a task without a sensor has two parts, a table over train shapes says so."""
+    """``reconstruct · bumps · samples``; two parts without a sensor, one more for train shapes."""
     return " · ".join(filter(None, (task, dataset, sensor, "" if split == "test" else f"split {split}", subject)))
 
 
 def folded(
     table: Table, room: float, width: Callable[[Sequence[str]], float], text: Callable[[Column], list[str]]
 ) -> list[list[Column]]:
-    """The columns, as many to a block as fit beside the names of the lines; of one that is too wide, it alone.
+    """The columns, as many to a block as fit beside the names of the lines; one that is too wide stands alone.
 
     Parameters
     ----------
@@ -186,14 +186,14 @@ def _filled(
 
 
 def shared_notes(tables: Sequence[Table], *more: str) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
-    """The notes of each table alone, and those of all (with ``more``), which need to be printed only once."""
+    """The notes of each table, and those common to all (with ``more``), which are printed only once."""
     first, *others = (table.notes for table in tables)
     shared = tuple(note for note in first if all(note in notes for notes in others))
     return [tuple(note for note in table.notes if note not in shared) for table in tables], (*shared, *more)
 
 
 def standing_notes(tables: Sequence[Table], best: str, second: str = "") -> list[str]:
-    """What the signs of the best means say, in a format that shows these two in the way that is named.
+    """The meaning of the signs of the best means, in a format that shows these two in the given way.
 
     Parameters
     ----------

@@ -36,14 +36,14 @@ GROUP = ["task", "dataset", "sensor", "split"]
 CONTENDER = ["method", "variant", "threads", "device", "host"]
 Line = dict[str, Any]  # one row of a board
 FAILED = "†"  # behind a mean into which failed cases enter with the score of the worst pseudo-method
-LEFT_OUT = "††"  # behind a mean that leaves failed cases out, for nothing says what they are worth
+LEFT_OUT = "††"  # behind a mean that leaves failed cases out, since they have no known score
 FAILED_NOTE = f"{FAILED} failed cases enter mean and rank with the score of the worst pseudo-method."
 LEFT_OUT_NOTE = (
     f"{LEFT_OUT} the mean leaves failed cases out (no pseudo-method was scored on them); for the rank they are worse "
     "than any answer."
 )
 DIFFERENCE = "|diff|"  # behind a metric of which the difference to the reference's own value is shown
-LATER: Line = {  # columns that a board of an earlier version lacks, and what stands for "not known"
+LATER: Line = {  # columns that a board of an earlier version lacks, with the value for "not known"
     "split": "test",
     "threads": 1,
     "device": "cpu",
@@ -71,7 +71,7 @@ def tables(
 ) -> list[Table]:
     """The tables of a board, in its order; of a board in a convention, with its digits and its notes.
 
-    A paper's own numbers, ``published``, stand in a column beside ours; ``look`` is what the user wants of the tables.
+    A paper's own numbers, ``published``, are shown in a column beside ours; ``look`` is the user's choice of format.
     """
     look = look or Look()
     parameters, states, learned = _parameters(rows), _states(rows), trained(rows)
@@ -87,7 +87,7 @@ def tables(
 
 
 def looking(made: Sequence[Table], look: Look) -> list[Table]:
-    """The tables with the columns that the user wants, in her order, and under her caption.
+    """The tables with the user's columns, order and caption.
 
     Raises
     ------
@@ -123,8 +123,8 @@ def _table(
         if line["metric"] in by_metric:
             by_metric[line["metric"]][line["label"]] = line
     first = by_metric[names[0] if names else ""]
-    methods = list(dict.fromkeys([*first, *(line["label"] for line in lines)]))  # who has no such score: at the end
-    # What a method solved, whatever the metrics say of it: the most of any metric.
+    methods = list(dict.fromkeys([*first, *(line["label"] for line in lines)]))  # methods without the score come last
+    # The number of cases that a method solved, regardless of the metric: the maximum over metrics.
     most = {line["label"]: line for line in sorted(lines, key=lambda line: line["solved"])}
     if look.order == AS_GIVEN:
         methods = sorted(methods, key=lambda m: _place_given(most[m], m, look.methods))
@@ -181,20 +181,20 @@ def _columns(
 
 
 def _labelled(lines: list[Line], shown: Sequence[str], look: Look) -> tuple[list[Line], tuple[str, ...]]:
-    """The lines with the label of their method, and what is to be noted of the labels."""
+    """The lines with the label of their method, and the notes about the labels."""
     called = naming(((line["method"], line["variant"]) for line in lines), look.names)
     names = [with_setup(called.labels[line["method"], line["variant"]], setup(line, shown)) for line in lines]
     return [line | {"label": name} for line, name in zip(lines, names, strict=True)], called.notes
 
 
 def _place_given(line: Line, label: str, methods: Sequence[str]) -> int:
-    """Where the user named a method; who is not named stands behind the others."""
+    """The position of a method in the user's list; methods not in it come last."""
     fitting = (i for i, m in enumerate(methods) if m == label or is_called(line["method"], line["variant"], m))
     return next(fitting, len(methods))
 
 
 def _rank_notes(name: str, scored: dict[str, Line], said: dict[str, Any], look: Look) -> list[str]:
-    """What the ranks are, and what they can tell."""
+    """The meaning of the ranks, and their resolution."""
     lines, methods = list(scored.values()), list(scored)
     shown = not look.columns or "rank" in look.columns
     about = standing.rank_notes(name, said["level"]) if shown and standing.is_ranked(lines) else []
@@ -202,7 +202,7 @@ def _rank_notes(name: str, scored: dict[str, Line], said: dict[str, Any], look: 
 
 
 def _published_notes(published: Published | None, ours: list[tuple[str, str]], sensor: str) -> list[str]:
-    """Where a paper's numbers are from, and those that have no line of ours beside them."""
+    """The source of a paper's numbers, and those without a line of ours beside them."""
     if published is None:
         return []
     others = published.others(ours, sensor)
@@ -229,7 +229,7 @@ def _metric(name: str, scored: dict[str, Line], methods: list[Line], digits: int
 
 
 def _published(ours: Metric, methods: list[Line], published: Published | None, digits: int | None) -> list[Metric]:
-    """The paper's column beside ours, where it has a number for one of the methods."""
+    """The paper's column beside ours, if it has a number for one of the methods."""
     if published is None:
         return []
     values = [published.value(ours.name, m["method"], m["variant"], m["sensor"]) for m in methods]
@@ -253,7 +253,7 @@ def _cell(line: Line | None, most: Line, exponent: int, digits: int, style: str)
 
 
 def _as_printed(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells such that the same printed mean is the best everywhere: a reader cannot see what differs behind it."""
+    """The cells such that the same printed mean is the best everywhere: a reader cannot see further digits."""
     means = {cell.text.partition(" ")[0] for cell in cells if cell.best}
     made = [replace(c, best=c.text.partition(" ")[0] in means and not c.mark) for c in cells]
     alone = sum(cell.best for cell in made) == 1
@@ -290,7 +290,7 @@ def _notes(lines: list[Line], columns: Sequence[Metric], level: float, look: Loo
 
 
 def numbers_note(level: float, look: Look) -> str:
-    """What the numbers of a table are."""
+    """The meaning of the numbers in a table."""
     means = {
         INSIDE: f"mean [{level:.0%} interval over shapes]",
         BELOW: f"mean, and below it the {level:.0%} interval over shapes",
@@ -303,17 +303,17 @@ def numbers_note(level: float, look: Look) -> str:
 
 
 def tier_of(line: Line) -> str:
-    """How the parameters of a method were chosen: ``tuned`` by a search, as a preset of the user's says, or empty."""
+    """How the parameters of a method were chosen: ``tuned`` by a search, by a preset of the user, or empty."""
     return TIER_TUNED if line["variant"] in tuned_variants("method", line["method"]) else ""
 
 
 def _is_given(line: Line) -> bool:
-    """Whether the method asked for true distances of the reference."""
+    """Whether the method requested true distances of the reference."""
     return line.get("true_distances", 0) > 0
 
 
 def _states(rows: pd.DataFrame | None) -> dict[tuple[str, str, str, str], str]:
-    """What the inputs of each table really were like, in words: see the ``describe`` of the tasks."""
+    """The measured conditions of the inputs of each table, in words: see the ``describe`` of the tasks."""
     if rows is None:
         return {}
     from ..selection import completed

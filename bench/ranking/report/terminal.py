@@ -1,4 +1,4 @@
-"""Tables for the terminal: as wide as it is, in several blocks where the metrics need them, never cut off."""
+"""Tables for the terminal: as wide as it is, in several blocks if the metrics need them, never cut off."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 ARROWS = {"lower": "↓", "higher": "↑", "reference": "→ref", "difference": "|diff| ↓", "": ""}
 GAP = 2  # blanks between columns
-NOTES = 100  # columns that notes take even where the terminal is narrower
-MOST_MESSAGE = 600  # letters of a failure's message; the rest is in the record
+NOTES = 100  # columns for notes even if the terminal is narrower
+MOST_MESSAGE = 600  # characters of a failure's message; the rest is in the record
 MOST_REMARKS = 30  # messages of one caption
 
 
 def terminal(tables: list[Table], width: int = 120, color: bool = False) -> str:
-    """The tables as text, each with its notes; what is to be noted of all of them comes last."""
+    """The tables as text, each with its notes; notes about all of them come last."""
     if not tables:
         return "No results.\n"
     own, shared = shared_notes(tables, *standing_notes(tables, "*", "Underlined" if color else ""))
@@ -107,7 +107,7 @@ def _cell(column: Column, i: int) -> Text | str:
 def _score(cell: Cell, plain: str = "") -> Text:
     from rich.text import Text
 
-    # The star says the same as the bold letters, for files and for eyes that do not see bold.
+    # The star repeats the bold letters for files, and for readers who do not see bold.
     style = "bold" if cell.best else "underline" if cell.second else plain
     text = Text(cell.text + ("*" if cell.best else ""), style=style)
     text.append(cell.signs)
@@ -117,7 +117,7 @@ def _score(cell: Cell, plain: str = "") -> Text:
 def remarks(
     board: pd.DataFrame, rows: pd.DataFrame, color: bool = False, names: Mapping[str, str] | None = None
 ) -> str:
-    """What failed in the groups of a board, and what was noted: how often, and the first message of each kind.
+    """The failures and notes in the groups of a board: the count and the first message of each kind.
 
     Empty if there is nothing.
     """
@@ -153,7 +153,7 @@ def remarks(
 
 
 def _remark(told: dict[str, Any], who: str, name_case: bool) -> Text:
-    """One line of what failed or was noted."""
+    """One line about failures or notes."""
     from rich.text import Text
 
     message = one_line(" ".join(str(told["message"] or "").split()))
@@ -169,7 +169,7 @@ def _print(parts: list, color: bool) -> str:
     from rich.console import Console
 
     out = io.StringIO()
-    # Wider than anything: the blocks were made to fit, and what does not fit must wrap rather than vanish.
+    # Wider than anything: the blocks were made to fit, and a longer line must wrap rather than vanish.
     console = Console(
         file=out, width=10_000, force_terminal=color, no_color=not color, highlight=False, markup=False, emoji=False
     )

@@ -1,4 +1,4 @@
-"""What a table says of learned methods: for how long, where and on what each was trained."""
+"""The notes of a table on learned methods: the duration, the device and the data of each training."""
 
 from __future__ import annotations
 

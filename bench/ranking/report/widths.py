@@ -1,4 +1,4 @@
-"""How wide a text is in LaTeX's usual font, so that tables can be made to fit before anybody compiles them.
+"""How wide a text is in LaTeX's usual font, so that tables can be made to fit without compiling them.
 
 The widths are those of Computer Modern at ``\\footnotesize`` (8.5 pt), read from the font by ``\\fontcharwd``. Times
 and the other fonts of journals are narrower.
@@ -29,9 +29,9 @@ _WIDTHS = {
     8.7: "W|",
 }
 _OF = {letter: width for width, letters in _WIDTHS.items() for letter in letters}
-_OTHER = 8.5  # arrows and what the font has not
+_OTHER = 8.5  # arrows and characters missing in the font
 _SMALL = 0.72  # superscripts
-_SAFE = 1.02  # what kerns and rounding add
+_SAFE = 1.02  # for kerns and rounding
 
 
 @functools.lru_cache(maxsize=10_000)

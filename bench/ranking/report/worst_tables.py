@@ -12,7 +12,7 @@ from .table import Cell, Metric, Table
 from .terminal import ARROWS
 
 MOST_TAGS = 8
-MOST_MESSAGE = 300  # letters
+MOST_MESSAGE = 300  # characters
 
 
 def worst_tables(found: Worst, count: int) -> list[Table]:
@@ -108,7 +108,7 @@ def _table(
 
 
 def case_notes(found: Worst, count: int, commands: Sequence[str], outputs: Sequence[str]) -> list[str]:
-    """For each case what failed, the command that runs its cell again, and where the output is."""
+    """For each case its failure, the command that runs its cell again, and the path of the output."""
     lines = []
     shown = found.cases.head(count).to_dict("records")
     for line, command, output in zip(shown, commands, outputs, strict=True):
