@@ -20,9 +20,9 @@ def built(name: str) -> str:
 
 
 def policy(script: str, *, may_load: bool = False) -> str:
-    """The page's own rule for browsers: this script and no other, no address but the page's own data.
+    """The page's content security policy: this script only, no address except the page's own data.
 
-    With ``may_load`` the scripts that this one adds to the page run too; those that the text of the page brings do not.
+    With ``may_load``, scripts added by this one run too; those in the text of the page do not.
     """
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     loads = " 'strict-dynamic'" if may_load else ""

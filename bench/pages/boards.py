@@ -24,7 +24,7 @@ NUMBERS = (
     "mean", "ci_low", "ci_high", "floor", "rank_low", "rank_high", "solved", "planned", "imputed", "seconds_median",
     "peak_rss_mb", "train_seconds", "shapes", "score_mean", "front",
 )  # fmt: skip
-MOST_COMPARED = 12  # methods of which each two are compared per table and metric; the best of them where there are more
+MOST_COMPARED = 12  # methods compared pairwise per table and metric; the best ones if there are more
 FEWEST_SHAPES = 4  # as for ranks
 
 
@@ -32,7 +32,7 @@ FEWEST_SHAPES = 4  # as for ranks
 class Way:
     """One way to make tables."""
 
-    name: str  # as `leaderboard --by` takes it
+    name: str  # as for `leaderboard --by`
     title: str
 
 
@@ -85,7 +85,7 @@ def _group(
     from ..ranking.report.table import standing_notes
 
     shown = shown_setup(lines)
-    printed = [(one_line(line["method"]), one_line(line["variant"])) for line in lines]  # as tables have them
+    printed = [(one_line(line["method"]), one_line(line["variant"])) for line in lines]  # as in tables
     called = naming(printed, Look().names).labels
     for line, name in zip(lines, printed, strict=True):
         line["label"] = with_setup(called[name], setup(line, shown))
@@ -148,7 +148,7 @@ def _metric(
 
 
 def _rank(line: dict, ranked: bool) -> str:
-    """``2-4``; ``-`` where nothing was solved, and for all where there are too few shapes to rank by."""
+    """``2-4``; ``-`` if nothing was solved, and for all if there are too few shapes for ranks."""
     if not ranked or not line["solved"]:
         return "-"
     low, high = line["rank_low"], line["rank_high"]
@@ -156,7 +156,7 @@ def _rank(line: dict, ranked: bool) -> str:
 
 
 def _rank_notes(name: str, lines: list[dict], level: float, equal: float) -> list[str]:
-    """What `leaderboard` says below a table of what its ranks can tell."""
+    """The notes of `leaderboard` below a table about the resolution of its ranks."""
     from ..ranking.report import standing
 
     about = standing.rank_notes(name, level) if standing.is_ranked(lines) else []
@@ -165,7 +165,7 @@ def _rank_notes(name: str, lines: list[dict], level: float, equal: float) -> lis
 
 
 def duels(rows: pd.DataFrame, metric: str, order: Sequence[tuple]) -> dict[str, Any]:
-    """Each two methods of a table against each other: win rates and average ranks.
+    """Pairwise comparison of the methods of a table: win rates and average ranks.
 
     Parameters
     ----------

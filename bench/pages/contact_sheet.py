@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 MOST = 9  # images of a sheet: three by three are large enough in a panel
 SIDES = (192, 128, 96, 64)  # pixels of the longer side of a tile; the first that fits
 GAP = 4  # pixels between tiles
-QUALITY = 80  # of WebP, which every browser of the last years shows
+QUALITY = 80  # of WebP, which every recent browser shows
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class ContactSheet:
     data : bytes
         A file in the format WebP.
     note : str
-        How many images it shows, and how much smaller.
+        The number of images and their reduction.
     """
 
     data: bytes
@@ -35,7 +35,7 @@ class ContactSheet:
 
 
 def contact_sheet(views: Views, room: float) -> ContactSheet | None:
-    """Images of evenly spaced numbers in as large tiles as fit into ``room`` bytes; None where none do."""
+    """Images of evenly spaced numbers in as large tiles as fit into ``room`` bytes; None if none do."""
     from PIL import Image
 
     chosen = np.unique(np.linspace(0, len(views) - 1, min(MOST, len(views))).round().astype(int))
@@ -50,7 +50,7 @@ def contact_sheet(views: Views, room: float) -> ContactSheet | None:
 
 
 def _webp(tiles: list, size: tuple[int, int]) -> bytes:
-    """The tiles in rows, the gaps and what is left over transparent."""
+    """The tiles in rows, with gaps and unused space transparent."""
     from PIL import Image
 
     columns = math.ceil(math.sqrt(len(tiles)))

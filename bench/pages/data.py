@@ -1,4 +1,4 @@
-"""All that a page shows, as JSON: tables, cases, failures, traces, a paper's numbers and where the rows come from."""
+"""All that a page shows, as JSON: tables, cases, failures, traces, a paper's numbers and the origin of the rows."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def page_data(
     equal: float = 0.02,
     published: Sequence[str] | None = None,
 ) -> dict[str, Any]:
-    """What the page is made of.
+    """The data of the page.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def page_data(
     level, equal : float
         As of `detailbench leaderboard`.
     published : sequence of str, optional
-        Experiments whose papers' numbers are shown beside ours; those that the rows belong to without it.
+        Experiments whose papers' numbers are shown beside ours; by default those that the rows belong to.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def page_data(
 
 
 def _about(rows: pd.DataFrame) -> dict[str, Any]:
-    """How much there is."""
+    """The size of the results."""
     finished = sorted(text for text in rows["finished"] if isinstance(text, str) and text)
     solved = int((rows["status"] == "ok").sum())
     return {
@@ -94,7 +94,7 @@ def _about(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def _cases(rows: pd.DataFrame, kept: Kept) -> dict[str, Any]:
-    """Every row, by columns, and what is said once for each cell."""
+    """Every row, by columns, and the facts stored once for each cell."""
     scores = sorted(name for name in rows.columns if name.startswith(("score.", "input.")))
     scores = [name for name in scores if rows[name].notna().any()]
     table = rows.reindex(columns=[*CASE_COLUMNS, *scores])
@@ -106,7 +106,7 @@ def _cases(rows: pd.DataFrame, kept: Kept) -> dict[str, Any]:
 
 
 def _failures(rows: pd.DataFrame, kept: Kept) -> list[dict[str, Any]]:
-    """What was not solved, by kind of message, with the line that runs the first of the cells again."""
+    """The failures, by kind of message, with the line that runs the first of the cells again."""
     from ..ranking.leaderboard import failures
 
     found = []
@@ -125,7 +125,7 @@ def _failures(rows: pd.DataFrame, kept: Kept) -> list[dict[str, Any]]:
 
 
 def command_of(cell: str, cells: Mapping[str, Mapping[str, Any]]) -> str:
-    """The line that runs a stored cell again: ``detailbench reproduce CELL results=DIR``; empty where none is known."""
+    """The line that runs a stored cell again: ``detailbench reproduce CELL results=DIR``; empty if none is known."""
     if not cell:
         return ""
     about = cells.get(cell, {})

@@ -16,7 +16,7 @@ ENDS = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u
 
 
 def number(value: Any) -> float | int | str | None:
-    """A number as JSON has it: None for NaN and for nothing, ``"Infinity"`` and ``"-Infinity"`` in words.
+    """A number for JSON: None for NaN and for missing values, ``"Infinity"`` and ``"-Infinity"`` in words.
 
     Example
     -------
@@ -27,7 +27,7 @@ def number(value: Any) -> float | int | str | None:
         return None
     try:
         value = float(value)
-    except TypeError:  # pandas' NA, which is no float
+    except TypeError:  # pandas' NA, which is not a float
         return None
     if math.isnan(value):
         return None
@@ -59,9 +59,9 @@ def columns(frame: pd.DataFrame) -> dict[str, Any]:
 
 
 def script_json(value: Any) -> str:
-    """JSON that can stand inside a ``<script>``: no text in it ends the script or begins a comment.
+    """JSON that can stand inside a ``<script>``: no text in it ends the script or starts a comment.
 
-    The letters ``<``, ``>`` and ``&`` are written as escapes, which JSON reads as the same letters. NaN is an error:
+    The characters ``<``, ``>`` and ``&`` are written as escapes, which JSON reads as the same. NaN is an error:
     numbers come from :func:`number`.
     """
     text = json.dumps(encodable(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))

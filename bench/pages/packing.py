@@ -1,6 +1,6 @@
 """Shapes as small byte strings for a page: 16 bits a coordinate, 8 bits an error, compressed.
 
-The page decodes them with what every browser has (``DecompressionStream``), and neither side needs a library: of the
+The page decodes them with the browser's ``DecompressionStream``, and neither side needs a library: of the
 Python packages of meshoptimizer one is a source archive in an alpha version, the others are new or have no wheel for
 some of our versions of Python; Draco's decoder would be WebAssembly in each page. Measured on reconstructed surfaces: 8
 bytes a vertex, with its faces and its error, of meshes with 8,000 faces, and 6 of those with 100,000.
@@ -46,7 +46,7 @@ WORST = 255  # the error at the limit of the scale, and of all beyond
 
 @dataclass(frozen=True, eq=False)
 class PackedShape:
-    """What a container holds: a mesh, or a cloud if ``faces`` is None."""
+    """The content of a container: a mesh, or a cloud if ``faces`` is None."""
 
     low: np.ndarray
     """(3,) float32 array: the lowest corner of the bounding box"""
@@ -139,7 +139,7 @@ def unpack(data: bytes) -> PackedShape:
     Raises
     ------
     ValueError
-        If it is none, or of another version.
+        If it is not a container, or of another version.
     """
     if data[:4] != MAGIC or struct.unpack("<I", data[4:8])[0] != VERSION:
         raise ValueError("no packed shape of version 1")
@@ -230,7 +230,7 @@ class _Tree:
         self.roots = int(np.sum(self.parent >= np.arange(m)))
 
     def streams(self) -> list[bytes]:
-        """What the container says of the faces, plane by plane."""
+        """The faces in the container, plane by plane."""
         r, faces = self.roots, self.faces
         parent, edge = self.parent[r:], self.edge[r:]
         turns = faces[r:, 0] == faces[parent, edge]

@@ -1,4 +1,4 @@
-"""What a page says beyond the rows of the index: traces, tracebacks, parameters, and where results come from."""
+"""The contents of a page beyond the rows of the index: traces, tracebacks, parameters, and the origin of results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MACHINE = ("host", "system", "processor", "processors", "memory_gb", "python")
 
 @dataclass
 class Kept:
-    """What was read from the records."""
+    """The data read from the records."""
 
     cells: dict[str, dict[str, Any]] = field(default_factory=dict)  # by cell: folder, plugins, parameters, limits
     traces: list[dict[str, Any]] = field(default_factory=list)
@@ -32,7 +32,7 @@ class Kept:
 
 
 def read_records(rows: pd.DataFrame, results: Sequence[Results]) -> Kept:
-    """Read the record of every cell that the rows are of; one that cannot be read is left out.
+    """Read the record of every cell of the rows; one that cannot be read is left out.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def _found(results: Sequence[Results], cell: str, fingerprint: str) -> tuple[Rec
 
 
 def _name_of(results: Results) -> str:
-    """The folder as a command takes it from the working folder: relative where it lies below."""
+    """The folder for a command in the working folder: relative if it lies below."""
     from pathlib import Path
 
     folder = results.folder
@@ -111,7 +111,7 @@ def _read_rows(kept: Kept, record: Record, where: Mapping[tuple[str, str, str], 
 
 
 def _states(trace: Any) -> dict[str, Any]:
-    """``{"seconds": [...], "scores": {metric: [...]}}`` of a trace; empty where there is none that can be read."""
+    """``{"seconds": [...], "scores": {metric: [...]}}`` of a trace; empty if there is no readable one."""
     try:
         states = json.loads(trace) if isinstance(trace, str) and trace else []
     except json.JSONDecodeError:

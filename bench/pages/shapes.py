@@ -1,4 +1,4 @@
-"""The shapes of a page: which cases have kept outputs, made small enough for the page, with their errors.
+"""The shapes of a page: the cases with stored outputs, made small enough for the page, with their errors.
 
 Errors are of the full outputs: distances are measured before a mesh is simplified, and each vertex that is shown has
 the distance of the nearest vertex of the full one.
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from ..results.store import Results
 
 MOST = 40_000  # faces, or points, of a shape: more cost time in a browser, and show nothing more in a panel
-FEWEST = 2_000  # of a shape that is still worth showing
-BYTES_OF_FACE, BYTES_OF_POINT = 4.2, 8.0  # about what a packed shape takes; measured
-SPARE = 0.97  # of the budget, where a first packing missed it
+FEWEST = 2_000  # of a shape still worth showing
+BYTES_OF_FACE, BYTES_OF_POINT = 4.2, 8.0  # approximate size of a packed shape; measured
+SPARE = 0.97  # of the budget, if a first packing missed it
 ABOVE = 1.25  # times the cap that is expected: of the first simplification
 TRIES = 5
 OF_IMAGES = 0.25  # of the budget, for the images that are inputs
@@ -65,10 +65,10 @@ class _Panel:
 
 
 class Track(Protocol):
-    """Where progress is shown."""
+    """Shows progress."""
 
     def __call__(self, items: Sequence[Any], text: str) -> Iterable[Any]:
-        """The same items one by one, while what is done with them is called ``text``."""
+        """The same items one by one, under the progress title ``text``."""
 
 
 def untracked(items: Sequence[Any], text: str) -> Iterable[Any]:
@@ -79,16 +79,16 @@ def untracked(items: Sequence[Any], text: str) -> Iterable[Any]:
 def scenes(
     results: Results | Sequence[Results], rows: pd.DataFrame, budget_bytes: int, track: Track = untracked
 ) -> tuple[list[dict[str, Any]], dict[str, bytes]]:
-    """The cases of some rows that have kept outputs, as scenes for the viewer of the page.
+    """The cases of some rows with stored outputs, as scenes for the viewer of the page.
 
-    Where not all cases fit, the first ones of each dataset and sensor do, and a notice says how many are left out.
+    If not all cases fit, the first ones of each dataset and sensor are used; a notice reports how many are left out.
 
     Parameters
     ----------
     results : Results or sequence of Results
         The folders of the rows.
     rows : DataFrame
-        As :meth:`bench.results.store.Results.rows` gives them.
+        As returned by :meth:`bench.results.store.Results.rows`.
     budget_bytes : int
         All packed shapes together take no more. In base64 they are a third larger.
     track : Track
@@ -133,7 +133,7 @@ def scenes(
 
 
 def _cases(folders: Sequence[Results], rows: pd.DataFrame) -> list[tuple[Place, pd.DataFrame]]:
-    """The cases that have a kept output, each with the rows that have one or failed."""
+    """The cases with a stored output, each with the rows that have one or failed."""
     if not len(rows):
         return []
     rows = rows.reset_index(drop=True)
@@ -177,7 +177,7 @@ def _fitting(cases: list[tuple[Place, pd.DataFrame]], budget: int) -> list[tuple
 def _scene(
     place: Place, shapes: CaseShapes, most: int, named: Sequence[str], room: float
 ) -> tuple[dict[str, Any], list[_Panel]]:
-    """What a scene says of its case, with the ``named`` fields in its title, and panels with at most so many faces.
+    """The description of a scene's case, with the ``named`` fields in its title, and panels with at most so many faces.
 
     Images that are inputs take at most ``room`` bytes.
     """
@@ -210,7 +210,7 @@ def _can_be_shown(shape: Any) -> bool:
 
 
 def _is_compared(item: Item) -> bool:
-    """Outputs are held against the reference, and inputs that are points: the noise that a method was given."""
+    """Outputs are compared with the reference, and so are inputs that are points: they show the noise of the input."""
     return _can_be_shown(item.shape) and (
         item.role == "output" or (item.role == "input" and isinstance(item.shape, PointCloud))
     )
@@ -299,7 +299,7 @@ def _cap(amounts: Sequence[tuple[int, float]], budget: int) -> int:
 
 
 def _first_cap(parts: Sequence[pd.DataFrame], budget: int) -> int:
-    """A cap from what the rows say, a bit above what will fit: a large mesh is simplified once only."""
+    """A cap estimated from the rows, slightly above what will fit: a large mesh is simplified only once."""
     amounts = []
     for part in parts:
         kept = part[part["status"] == "ok"]
@@ -320,7 +320,7 @@ def _pack(panel: _Panel) -> bytes:
 
 
 def _panel(panel: _Panel, packed: _Packed | None) -> dict[str, Any]:
-    """What the page says of a panel."""
+    """The description of a panel for the page."""
     notes = [panel.item.note] if panel.item.note else []
     if packed is not None and packed.size < panel.full:
         what = "faces" if panel.is_mesh else "points"

@@ -3,10 +3,10 @@
 ::
 
     FOLDER/index.html                    everything
-    FOLDER/task|dataset|method/NAME.html what concerns one of them
+    FOLDER/task|dataset|method/NAME.html the part about one of them
     FOLDER/assets/                       the script and the licences, once
-    FOLDER/data/*.js, geometry/*.js      what the pages show, as scripts, for pages from the disk may read nothing else
-    FOLDER/site.json                     the files that were written, so that the next time stale ones go
+    FOLDER/data/*.js, geometry/*.js      the contents of the pages, as scripts: pages from the disk may read nothing else
+    FOLDER/site.json                     the written files, so that stale ones are removed next time
 
 All tables come from one computation over all rows: a method's page has its ranks among all methods.
 """
@@ -73,7 +73,7 @@ def site(data: Mapping[str, Any], geometry: Mapping[str, bytes]) -> dict[str, st
 def _html(title: str, up: str, stored: str) -> str:
     """A page: its only script loads the others, so that its rule can name the digest of that one.
 
-    A rule with addresses would not do: browsers do not agree on what they mean for pages from the disk.
+    A rule with addresses would not work: browsers disagree on their meaning for pages from the disk.
     """
     addresses = script_json([f"{up}{stored}", f"{up}assets/page.js"])
     script = LOADER.replace("ADDRESSES", addresses)
@@ -100,7 +100,7 @@ def _values(column: Any) -> list[str]:
 
 
 def _narrowed(data: Mapping[str, Any], kind: str, name: str, rows: list[int]) -> Data:
-    """What concerns one task, dataset or method: its rows, and the tables that it is in."""
+    """The part about one task, dataset or method: its rows, and the tables that it is in."""
     place = {old: new for new, old in enumerate(rows)}
     groups = [group for group in data["groups"] if _concerns(group, kind, name)]
     ways = [way for way in data["ways"] if any(group["by"] == way["name"] for group in groups)]
@@ -137,10 +137,10 @@ def _narrowed(data: Mapping[str, Any], kind: str, name: str, rows: list[int]) ->
 
 
 def _concerns(group: Mapping[str, Any], kind: str, name: str) -> bool:
-    """Whether a table is of a task or a dataset (pooled ones are not), or a method is in it."""
+    """Whether a table belongs to a task or a dataset (pooled ones do not), or contains a method."""
     if kind == "method":
         return any(one["method"] == name for one in group["contenders"])
-    # A table by tag over several datasets is called by its tag alone.
+    # A table by tag over several datasets is named by its tag alone.
     return group[kind] == name
 
 
@@ -154,12 +154,12 @@ def _taken(column: Any, rows: list[int]) -> Any:
 
 
 def write_site(folder: Path, files: Mapping[str, str]) -> None:
-    """Write the files, and take away those of an earlier site in the folder that are no longer part of it.
+    """Write the files, and remove those of an earlier site in the folder that are no longer part of it.
 
     Raises
     ------
     UsageError
-        If the folder holds something else than a site.
+        If the folder holds anything but a site.
     """
     earlier = earlier_files(folder)
     for name, content in files.items():
@@ -170,7 +170,7 @@ def write_site(folder: Path, files: Mapping[str, str]) -> None:
 
 
 def earlier_files(folder: Path) -> set[str]:
-    """The files of the site that is in the folder; none where it is empty or not there."""
+    """The files of the site that is in the folder; none if it is empty or missing."""
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"--output {folder}: is a file; expected a folder")
     if not folder.is_dir() or not any(folder.iterdir()):
@@ -182,7 +182,7 @@ def earlier_files(folder: Path) -> set[str]:
             f"--output {folder}: the folder is not empty and holds no site of detailbench (no {MANIFEST} that can be "
             "read); name another folder"
         ) from error
-    # A manifest may be somebody else's: only what this module writes is taken away.
+    # A manifest may be somebody else's: only files that this module writes are removed.
     tops = ("assets", "data", "geometry", *KINDS)
     parts = {str(name): PurePosixPath(str(name)).parts for name in names}
     return {name for name, path in parts.items() if len(path) == 2 and path[0] in tops and path[1] != ".."}

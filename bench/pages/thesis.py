@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..ranking.naming import Naming
     from ..ranking.published import Published
 
-NEAR = 0.1  # a relative difference to the paper's number that counts as the same
+NEAR = 0.1  # a relative difference to the paper's number that counts as equal
 FAR = 2.0  # times the paper's number: up to here a method works, though it does not reproduce the number
 STATUSES = {
     "reproduces": f"reproduces: within {NEAR:.0%} of the paper's number, or better, or the interval of ours holds it",
@@ -29,14 +29,14 @@ STATUSES = {
 def comparisons(
     rows: pd.DataFrame, names: Sequence[str] | None, cells: Mapping[str, Mapping[str, Any]], *, level: float
 ) -> list[dict[str, Any]]:
-    """The tables of papers that the rows can stand beside: one entry for each experiment and column.
+    """The tables of papers that the rows can be compared with: one entry for each experiment and column.
 
     Parameters
     ----------
     rows : DataFrame
         One row per planned case.
     names : sequence of str or None
-        Experiments; without them those whose dataset the rows have and of whose methods some are there.
+        Experiments; by default those whose dataset and at least one method are in the rows.
     cells : mapping
         What is known of each cell, see :class:`bench.pages.records.Kept`: its ``profile`` tells how long it was to run.
     level : float
@@ -45,7 +45,7 @@ def comparisons(
     Raises
     ------
     UsageError
-        For a named experiment that is unknown, repeats no paper's table, or prints scores that the rows lack.
+        For a named experiment that is unknown, reproduces no paper's table, or prints scores that the rows lack.
     """
     from ..plugins.presets import names as known_names
     from ..ranking.published import GROUP, has_published, load_published
@@ -126,7 +126,7 @@ def _entry(
 def _lines(
     board: pd.DataFrame, table: Published, column: Column, profiles: Mapping[tuple[str, str], str], names: Naming
 ) -> list[dict[str, Any]]:
-    """Ours that the paper has a number for, and the paper's that are not among ours."""
+    """Our methods with a number in the paper, and the paper's methods that are not among ours."""
     from ..ranking.published import all_parameters
 
     found = []
@@ -175,7 +175,7 @@ def _line(who: str, line: dict[str, Any], theirs: float, digits: int, why: str) 
 
 
 def status_of(ours: float, low: float, high: float, theirs: float, better: str, solved: int, planned: int) -> str:
-    """How our number stands to a paper's.
+    """The status of our number relative to a paper's.
 
     Example
     -------
@@ -196,7 +196,7 @@ def status_of(ours: float, low: float, high: float, theirs: float, better: str, 
 
 
 def _why(line: dict[str, Any], profile: str, known: str) -> str:
-    """What is known of a difference: failures, a profile that is shorter than the paper's, what the experiment says."""
+    """The known reasons for a difference: failures, a shorter profile than the paper's, the explanation in the experiment."""
     failed = line["planned"] - line["solved"]
     parts = [f"{failed} of {line['planned']} cases failed"] if failed else []
     parts += [f"run in the profile {profile}, shorter than the paper's"] if profile not in ("", "paper") else []

@@ -1,1 +1,1 @@
-"""Which method serves a scan whose true surface nobody knows: candidates, trials on halves, evidence, ranks."""
+"""The choice of a method for a scan without ground truth: candidates, trials on halves, evidence, ranks."""

@@ -27,7 +27,7 @@ class Candidate:
     label : str
         As the user wrote it.
     overrides : tuple of str
-        What ``detailbench apply`` takes: ``method=poisson``, ``method.depth=6``.
+        The arguments of ``detailbench apply``: ``method=poisson``, ``method.depth=6``.
     choice : Choice
     weights : str
         The file of weights of a learned method; empty for others.
@@ -50,15 +50,15 @@ def candidates(text: str, task: str) -> list[Candidate]:
     Parameters
     ----------
     text : str
-        Names of methods or presets with commas between them, each with parameters in brackets where they are not the
+        Names of methods or presets with commas between them, each with parameters in brackets if they are not the
         usual ones.
     task : str
-        What all of them must solve.
+        The task that all of them must solve.
 
     Raises
     ------
     UsageError
-        For a name or parameter that does not exist, a method that does not solve the task, one that is named twice,
+        For a name or parameter that does not exist, a method that does not solve the task, a duplicate,
         a learned one without weights, and fewer than two of them.
     """
     words = list(parts(text))
@@ -108,7 +108,7 @@ def _candidate(word: str, task: str) -> Candidate:
     given = list(parts(rest[:-1])) if rest else []
     if rest and (not rest.endswith("]") or not all("=" in value for value in given)):
         raise UsageError(f"{word}: expected NAME or NAME[key=value,...], as in poisson[depth=6]")
-    registry().find("method", resolve("method", name))  # or a message that has its name
+    registry().find("method", resolve("method", name))  # or an error that names it
     overrides = (f"method={name}", *(f"method.{value}" for value in given))
     values = checked([*overrides, f"task={task}"], "recommend").values
     choice = Choice.of("method", values["method"])
@@ -118,7 +118,7 @@ def _candidate(word: str, task: str) -> Candidate:
 
 
 def _weights(values: dict[str, Any], method: Choice) -> str:
-    """The file of the weights that a learned method comes with, or was trained to here; empty for other methods."""
+    """The file of a learned method's weights, shipped with it or trained here; empty for other methods."""
     from ..engine.training import known_weights
     from ..plan.training import Training
     from ..results.store import Results

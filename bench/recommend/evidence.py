@@ -1,16 +1,16 @@
-"""What a scan says of the meshes that were made of it, and of its halves.
+"""Evidence from a scan about the meshes reconstructed from it, and from its halves.
 
-A method reconstructs the scan and, apart from each other, two random halves of it. The mesh of one half has not seen
+A method reconstructs the scan and, separately, two random halves of it. The mesh of one half does not depend on
 the points of the other, so these judge it; and methods that err in different ways judge each other::
 
     held-out point      -> closest point of the mesh        a surface that is missing, or that follows the noise
     sample of the mesh  -> nearest held-out point           a sheet beside the points, a bag around them
     sample of the mesh  -> the mesh of the other half       what depends on the accident of sampling
-    sample of the whole -> the other methods' wholes        what no other method finds
+    sample of the whole -> the other methods' wholes        a surface that no other method finds
     point of a gap      <-> the mesh of the scan with gaps  how holes are filled, where the scan has any
 
-One direction alone is pleased by the wrong mesh: by one that fills the space near the points, or by one that is
-missing where points are few. The scan is cut into patches, whose means are kept apart: they tell how certain a
+One direction alone favours wrong meshes: one that fills the space near the points, or one that is
+missing where points are few. The scan is cut into patches with separate means: they show how certain a
 difference is.
 """
 
@@ -40,7 +40,7 @@ PATCHES = 24  # of a scan
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Distances in radii of the scan: for each patch their sum, and how many they are.
+    """Distances in radii of the scan: for each patch their sum and their number.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Evidence:
     median_held : (k,) array
         Median distance of the held-out points to the mesh.
     gap_to_mesh, gap_to_points : (k, 2, patches) arrays
-        Points of gaps to the mesh that has not seen them, and samples of that mesh nearest to them; zero without gaps.
+        Points of gaps to the mesh made without them, and samples of that mesh nearest to them; zero without gaps.
     hidden : float
         Estimated share of the surface that no point supports; 0 without gaps.
     pieces, open_edges : (k,) int arrays
@@ -79,7 +79,7 @@ def evidence(
     gaps: Gaps | None = None,
     filled: Sequence[Trimesh] = (),
 ) -> Evidence:
-    """Hold the meshes of k methods against the points of a scan and against each other.
+    """Compare the meshes of k methods with the points of a scan and with each other.
 
     Parameters
     ----------
@@ -88,8 +88,8 @@ def evidence(
         In the frame of the scan.
     seed : int
         Of the samples.
-    gaps : what was cut out, if the scan has holes
-    filled : with ``gaps``, what each method made of the rest
+    gaps : the cut-out points, if the scan has holes
+    filled : with ``gaps``, the mesh of each method from the remaining points
     """
     k = len(meshes)
     surfaces = [[MeshSurface(mesh) for mesh in three] for three in meshes]
@@ -137,7 +137,7 @@ def evidence(
 
 
 class _Points:
-    """The points of each half that are no outliers, with their patches."""
+    """The points of each half except outliers, with their patches."""
 
     def __init__(self, scan: Scan):
         # The points of a scan lie along a space-filling curve: neighbours in the order are neighbours in space.
@@ -161,11 +161,11 @@ class _Points:
         distance, at = self._tree.query(samples)
         at = self._good[at]
         near = removed[at]
-        if not near.any():  # nothing of the surface is there: as far from the points as they are from it
+        if not near.any():  # no surface there: as far from the points as they are from it
             return to_mesh, to_mesh
         return to_mesh, _sums(distance[near], self._patch[at[near]])
 
 
 def _sums(values: np.ndarray, patch: np.ndarray) -> np.ndarray:
-    """(2, PATCHES) array: the sums of values in each patch, and how many they are."""
+    """(2, PATCHES) array: the sums of values in each patch, and their number."""
     return np.stack([np.bincount(patch, values, PATCHES), np.bincount(patch, minlength=PATCHES)])

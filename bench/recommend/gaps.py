@@ -1,9 +1,9 @@
-"""Gaps that are cut into a scan which has holes of its own: the points that were there judge how methods fill them.
+"""Gaps cut into a scan with holes of its own: the removed points judge how methods fill them.
 
-Inside a hole there is no point to hold out. So how much of the surface no point supports is estimated from the meshes:
-the part that is farther from every point than points there are from their neighbours. Where that is more than nothing,
-balls as wide as the holes are cut out of the scan, each method reconstructs what is left, and the points that were cut
-out tell how far it is from the surface that is known to be there.
+Inside a hole there is no point to hold out. So the unsupported share of the surface is estimated from the meshes:
+the part that is farther from every point than points there are from their neighbours. If that is not zero,
+balls as wide as the holes are cut out of the scan, each method reconstructs the rest, and the points that were cut
+out measure the distance to the surface known to be there.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ MOST = 60  # gaps
 
 @dataclass(frozen=True, eq=False)
 class Gaps:
-    """What is cut out of a scan.
+    """The points cut out of a scan.
 
     Attributes
     ----------
@@ -55,12 +55,12 @@ class Gaps:
 
 
 def gaps_of(scan: Scan, meshes: Sequence[Trimesh], families: Sequence[str], seed: int) -> Gaps | None:
-    """The gaps to cut into a scan; None where its points leave no hole.
+    """The gaps to cut into a scan; None if its points leave no hole.
 
     Parameters
     ----------
     scan : Scan
-    meshes : what each of k methods made of it
+    meshes : the mesh of each of k methods
     families : k names
         The share that no point supports is a mean in which methods of one family count once.
     seed : int

@@ -1,4 +1,4 @@
-"""What is known of other shapes: how far methods were from the truth, on clouds that measure like this scan."""
+"""Prior knowledge from other shapes: errors of methods on clouds with measures like those of this scan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from .scan import State
 
 TABLE = Path(__file__).with_name("priors.json")  # written by scripts/recommend_priors.py
-# By how much each measure differs between two sensors that are rather unlike. What normals are like depends on the
+# The typical difference of each measure between two rather unlike sensors. Normals depend on the
 # shape more than on the sensor.
 SCALES = State(noise=0.15, outliers=0.02, density_variation=0.2, normals=np.inf, contradicting=np.inf)
 
@@ -25,11 +25,11 @@ class Prior:
     ----------
     sensor : str
     shapes : int
-        How many shapes were seen by it.
+        The number of shapes that it scanned.
     metric : str
         The distance to the true surface that ``errors`` are means of.
     state : State
-        The mean of what is measured of the sensor's clouds.
+        The mean of the measures of the sensor's clouds.
     errors : mapping from methods, with their usual parameters, to thousandths of the radius, least first
     """
 
@@ -48,10 +48,10 @@ def priors() -> tuple[Prior, ...]:
 
 
 def nearest(state: State) -> Prior:
-    """The sensor whose clouds measure most like a scan of this state."""
+    """The sensor whose clouds are most like a scan of this state."""
     return min(priors(), key=lambda prior: distance(state, prior.state))
 
 
 def distance(one: State, other: State) -> float:
-    """How unlike two states are: the root mean square difference of their measures, in units of :data:`SCALES`."""
+    """The distance of two states: the root mean square difference of their measures, in units of :data:`SCALES`."""
     return float(np.sqrt(np.mean(((np.array(one) - np.array(other)) / np.array(SCALES)) ** 2)))

@@ -21,17 +21,17 @@ from .verdict import CRITERIA, Verdict, verdict
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-OUTPUT = "OUT.ply"  # what the command line writes to
+OUTPUT = "OUT.ply"  # the output of the command line
 
 
 @dataclass(frozen=True, eq=False)
 class Recommendation:
-    """What was found.
+    """The result.
 
     Attributes
     ----------
     scans, candidates, setup
-        What was asked.
+        The request.
     solved : tuple of int
         The candidates that solved all scans and their halves, in the order of ``verdict`` and ``evidence``.
     trials : for each scan a list, in the order of the candidates
@@ -64,7 +64,7 @@ class Recommendation:
 
     @property
     def tied(self) -> list[Candidate]:
-        """The candidates that nothing is significantly better than, best first."""
+        """The candidates without a significantly better one, best first."""
         return [candidate for place, candidate in self.ranked if self.verdict.low[place] == 1]
 
     def command(self, candidate: Candidate) -> str:
@@ -77,9 +77,9 @@ class Recommendation:
         return max(t.seconds for t in found), max(t.peak_mb for t in found)
 
     def above_noise(self, place: int) -> float:
-        """Median distance of held-out points to the mesh, as a multiple of what the noise alone makes it.
+        """Median distance of held-out points to the mesh, as a multiple of its value from noise alone.
 
-        The median of the scans; NaN where a scan has no noise that can be measured.
+        The median of the scans; NaN if a scan has no measurable noise.
         """
         noises = [NORMAL_MEDIAN * scan.state.noise * scan.spacing for scan in self.scans]
         held = [e.median_held[place] for e in self.evidence]
@@ -97,7 +97,7 @@ def recommend(
     Parameters
     ----------
     scans, chosen, setup
-    on_done : called with how many trials have ended, and of how many; there are more for scans with holes
+    on_done : called with the number of ended trials and the total, which grows for scans with holes
 
     Raises
     ------
@@ -136,7 +136,7 @@ def recommend(
 
 
 class _Count:
-    """How many trials have ended, in whichever thread."""
+    """The number of ended trials, over all threads."""
 
     def __init__(self, on_done: Callable[[int, int], None], total: int):
         self.total, self._on_done, self._done, self._lock = total, on_done, 0, Lock()

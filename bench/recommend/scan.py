@@ -1,4 +1,4 @@
-"""A scan as it is tried: a subsample of it, two halves of that, and its measured state."""
+"""A scan for trials: a subsample of it, two halves of that, and its measured state."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ..geometry.normals import disagreement, estimate_normals
 from ..geometry.spacing import mean_spacing
 from ..seeds import generator
 
-LEAST = 100  # points of a scan that can be halved
+LEAST = 100  # the minimum number of points to halve a scan
 NEIGHBOURS = 8  # behind a local density, as in bench.geometry.conditions
 FAR_OFF = 3.0  # times as far from its neighbours as the median point: an outlier
 NORMAL_MEDIAN = 0.6745  # median |x| of a normal variable with standard deviation 1
 
 
 class State(NamedTuple):
-    """What is measured of a scan, without any truth."""
+    """The measures of a scan, without ground truth."""
 
     noise: float
     """standard deviation of the distances to the planes of the neighbourhoods, from their median, in mean spacings"""
@@ -46,7 +46,7 @@ class Scan:
     total : int
         How many points the file has.
     cloud : PointCloud
-        The subsample of them that is tried.
+        The subsample for trials.
     second : (n,) bool array
         Which points of the subsample belong to the second half.
     outlier : (n,) bool array
@@ -107,7 +107,7 @@ def scan_of(name: str, cloud: PointCloud, frame: Frame, points: int, seed: int) 
 
 
 def reach_of(tree: cKDTree) -> np.ndarray:
-    """How far each point of a tree is from its eighth neighbour, (n,)."""
+    """The distance of each point of a tree from its eighth neighbour, (n,)."""
     return tree.query(tree.data, [NEIGHBOURS + 1])[0][:, 0]
 
 

@@ -12,7 +12,7 @@ from .recommendation import Recommendation
 from .scan import Scan
 
 WIDTH = 100  # of notes
-MOST_MESSAGE = 200  # letters of a failure's message
+MOST_MESSAGE = 200  # characters of a failure's message
 LEGEND = (
     "A rank of 1-3: no method is significantly better than this one, and all but two others are significantly worse. "
     "Lower is better throughout; distances are in thousandths of the radius. score: three quarters of to mesh, a "

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def call(spec: Mapping[str, Any], channel: Channel) -> None:
-    """Reconstruct every part that ``clouds`` holds and store the meshes; the row has the figures of the first."""
+    """Reconstruct every part that ``clouds`` holds and store the meshes; the row has the measurements of the first."""
     from ..engine.channel import plain
     from ..engine.worker import failure
     from ..text import bounded

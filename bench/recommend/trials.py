@@ -46,7 +46,7 @@ class Trial:
     note: str = ""
 
     def then(self, other: Trial) -> Trial:
-        """This trial with the meshes of a later one; failed if that has failed."""
+        """This trial with the meshes of a later one; failed if that one failed."""
         meshes = (*self.meshes, *other.meshes) if self.meshes and other.meshes else None
         return replace(self, meshes=meshes, why=self.why or other.why)
 

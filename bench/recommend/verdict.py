@@ -1,4 +1,4 @@
-"""From evidence to ranks: what is significantly better, and what is tied."""
+"""From evidence to ranks: significant differences and ties."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .evidence import PATCHES, Evidence
 DRAWS = 400
 TINY = 1e-12
 LEVEL = 0.95
-ALIKE = 0.01  # scores that differ by less than this share are tied: the judges are no more exact
-TRUST = 4  # a method whose distance to held-out points is twice as large has a sixteenth of the say on the others
+ALIKE = 0.01  # scores that differ by less than this share are tied: the evidence is no more exact
+TRUST = 4  # a method with twice the distance to held-out points has a sixteenth of the weight in judging the others
 CRITERIA = ("to_mesh", "to_points", "others", "halves", "gaps")
 # What counts of them, together. Distances to the nearest point of a sample have its spacing in them, which is several
 # times what methods differ by: they are there to see surfaces that no point supports. Gaps count 4.5 times the share
@@ -31,7 +31,7 @@ class Verdict:
     score : (k,) array
         Over all scans, relative to the best method, which has 1.
     low, high : (k,) int arrays
-        Between which ranks a method lies: 1 + how many are significantly better, and k - how many it is significantly
+        The interval of a method's rank: 1 + how many are significantly better, and k - how many it is significantly
         better than.
     criteria : (k, 5) array
         The distances of :data:`CRITERIA`, in radii; geometric means over the scans: of held-out points to the mesh, of
@@ -51,13 +51,13 @@ class Verdict:
 
 
 def verdict(found: Sequence[Evidence], families: Sequence[str], seed: int) -> Verdict:
-    """Rank k methods by what one or several scans say of them.
+    """Rank k methods by the evidence from one or several scans.
 
     The score of a method on a scan is the sum of distances: that to the held-out points, of which three quarters are
     that of the points to the mesh; the mean chamfer distance to other methods' meshes, weighted by how near these are
     to the held-out points; and, where a share of the surface is hidden, 4.5 times that share of the distance between
     the mesh and the points of gaps (two thirds of it from the points). Over several scans the geometric mean counts,
-    since a hard scan has larger distances. How far two halves are apart is reported and does not count: methods that
+    since a hard scan has larger distances. The distance of the two halves is reported and does not count: methods that
     smooth too much are the most repeatable of all. The weights were chosen on train shapes
     (scripts/recommend_study.py).
 
