@@ -5,7 +5,7 @@
     FOLDER/index.html                    everything
     FOLDER/task|dataset|method/NAME.html the part about one of them
     FOLDER/assets/                       the script and the licences, once
-    FOLDER/data/*.js, geometry/*.js      the contents of the pages, as scripts: pages from the disk may read nothing else
+    FOLDER/data/*.js, geometry/*.js      what the pages show, as scripts: pages from the disk may read nothing else
     FOLDER/site.json                     the written files, so that stale ones are removed next time
 
 All tables come from one computation over all rows: a method's page has its ranks among all methods.

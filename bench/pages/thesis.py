@@ -196,7 +196,7 @@ def status_of(ours: float, low: float, high: float, theirs: float, better: str, 
 
 
 def _why(line: dict[str, Any], profile: str, known: str) -> str:
-    """The known reasons for a difference: failures, a shorter profile than the paper's, the explanation in the experiment."""
+    """The known reasons for a difference: failures, a shorter profile, the explanation in the experiment."""
     failed = line["planned"] - line["solved"]
     parts = [f"{failed} of {line['planned']} cases failed"] if failed else []
     parts += [f"run in the profile {profile}, shorter than the paper's"] if profile not in ("", "paper") else []
