@@ -192,7 +192,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_a_wrong_surface_is_found_out_and_said(what):
+def test_a_wrong_surface_is_found_out_and_reported(what):
     surface, words = WRONG[what]
     assert re.search(words, "\n".join(disagreements(lump(MESH), surface)))
 

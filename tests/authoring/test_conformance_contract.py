@@ -102,7 +102,7 @@ def test_the_name_of_a_metric_may_be_left_out():
         (("mixture", "dataset.of=[cda]"), "of: number 1: no dataset is called 'cda'"),
     ],
 )
-def test_a_parameter_that_is_wrong_is_said_before_anything_is_tried(there, words, said):
+def test_a_parameter_that_is_wrong_is_reported_before_anything_is_tried(there, words, said):
     done = there.call("check", *words)
     assert done.returncode == 1
     assert done.stdout == "" and said in done.stderr

@@ -164,7 +164,7 @@ def test_a_dataset_without_fault_passes_and_says_what_was_looked_at():
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_each_fault_fails_its_line_and_is_said(fault):
+def test_each_fault_fails_its_line_and_is_reported(fault):
     name, words = FAULTS[fault]
     failed = {line: detail for line, verdict, detail in report(fault=fault) if verdict == "fail"}
     assert words in failed.pop(name)
@@ -176,7 +176,7 @@ def test_a_split_without_shapes_is_a_warning():
     assert lines["shapes"][0] == "warn" and "holds no mesh file" in lines["shapes"][1]
 
 
-def test_files_without_train_meshes_pass_with_a_warning_that_says_what_to_do(tmp_path):
+def test_files_without_train_meshes_pass_with_a_warning_that_advises_what_to_do(tmp_path):
     lump(1).export(tmp_path / "a.ply")
     lines = {name: (verdict, detail) for name, verdict, detail in report(name="files", path=str(tmp_path))}
     assert lines["shapes"][0] == "ok"

@@ -175,7 +175,7 @@ def test_list_as_text_and_as_json(shell):
     assert json.loads(shell.call("list", "datasets", "--json").stdout).keys() == {"dataset", "broken"}
 
 
-def test_the_listing_says_what_is_missing(shell):
+def test_the_listing_shows_what_is_missing(shell):
     done = shell.call("list", "methods", "--plugin", TOYS, "--plugin", TOYS.with_name("misbehaving.py"))
     (line,) = (line for line in done.stdout.splitlines() if "declared_missing" in line and "undeclared" not in line)
     assert "pip install no_such_library_declared" in line

@@ -111,7 +111,7 @@ def there(shells):
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_wrong_words_get_one_message_with_the_right_ones(there, what):
+def test_wrong_arguments_get_one_message_with_the_right_ones(there, what):
     done = there.call(*WRONG[what][0])
     assert done.returncode == 1, done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr, done.stderr
@@ -122,7 +122,7 @@ def test_wrong_words_get_one_message_with_the_right_ones(there, what):
     assert len(done.stderr.strip().splitlines()) <= 4
 
 
-def test_wrong_words_run_nothing_and_write_nothing(there):
+def test_wrong_arguments_run_nothing_and_write_nothing(there):
     """Of all that was said before this test."""
     assert there.calls() == []
     assert list(there.work.rglob("*.parquet")) == []

@@ -17,7 +17,7 @@ def write(shell, name, points, normals):
     np.savetxt(shell.work / name, np.hstack([points, normals]), fmt="%.17g")
 
 
-def test_apply_fills_a_bad_normal_and_says_so(shell, sphere):
+def test_apply_fills_a_bad_normal_and_reports_it(shell, sphere):
     normals = sphere.copy()
     normals[5] = 0
     write(shell, "scan.xyz", sphere, normals)

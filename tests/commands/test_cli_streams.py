@@ -52,7 +52,7 @@ def test_what_an_encoding_lacks_is_escaped(tmp_path, encoding):
     assert code == 1 and r"\u265c" in err and "Traceback" not in err
 
 
-def test_a_folder_that_is_gone_is_said(tmp_path):
+def test_a_folder_that_is_gone_is_reported(tmp_path):
     code, _, err = shell("mkdir x; cd x; rmdir ../x; $bench list", tmp_path)
     assert code == 1 and err.startswith("error: the working folder no longer exists") and len(err.splitlines()) == 1
 
@@ -63,7 +63,7 @@ def test_plugins_need_no_docstrings_where_python_leaves_them_out(tmp_path):
 
 
 @pytest.mark.parametrize(("raised", "code"), [(KeyboardInterrupt(), 130), (Terminated(15), 143), (Terminated(1), 129)])
-def test_an_interruption_is_a_word_and_its_signal_s_exit_code(monkeypatch, capsys, raised, code):
+def test_an_interruption_prints_one_word_and_its_signal_s_exit_code(monkeypatch, capsys, raised, code):
     def interrupted(arguments):
         raise raised
 

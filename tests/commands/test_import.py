@@ -163,7 +163,7 @@ def outside():
     return {"format": "detailbench inputs 1", "groups": {"g": {"cell": {}}}, "cases": [case]}
 
 
-def test_words_that_say_what_to_run_are_refused(toy):
+def test_arguments_that_choose_what_to_run_are_refused(toy):
     done = toy.call(*toy.words, "dataset=bumps")
     assert done.returncode == 1 and "the manifest says the rest" in done.stderr
 

@@ -78,7 +78,7 @@ def test_a_set_of_metrics_shows_its_metrics(capsys):
         (["sensor", "nosiy"], "Did you mean 'noisy'"),
     ],
 )
-def test_a_wrong_word_gets_the_nearest_right_one(words, hint, capsys):
+def test_a_wrong_argument_gets_the_nearest_right_one(words, hint, capsys):
     code, out, err = listed(capsys, *words)
     assert code == 1 and hint in err and out == ""
 

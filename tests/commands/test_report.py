@@ -88,7 +88,7 @@ def test_a_site_and_its_second_time(there):
         (["site", "-o", "."], "the folder is not empty and holds no site"),
     ],
 )
-def test_mistakes_are_said(there, words, message):
+def test_mistakes_are_reported(there, words, message):
     ran = there.call(*words)
     assert (ran.returncode, ran.stdout) == (1, "")
     assert message in ran.stderr and "Traceback" not in ran.stderr

@@ -88,7 +88,7 @@ def test_a_cloud_is_the_reference(files, tmp_path, capsys):
         (["--save", "{output}"], "is a file that is scored"),
     ],
 )
-def test_mistakes_are_said_before_anything_is_computed(files, tmp_path, monkeypatch, capsys, words, message):
+def test_mistakes_are_reported_before_anything_is_computed(files, tmp_path, monkeypatch, capsys, words, message):
     monkeypatch.chdir(tmp_path)
     words = [word.format(output=files / "output.ply") for word in words]
     assert main(["score", str(files / "output.ply"), str(files / "reference.ply"), *words]) == 1

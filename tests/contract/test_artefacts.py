@@ -19,7 +19,7 @@ from bench.geometry.io.files import load_cloud
 KEEPER = TOYS.with_name("silhouettes.py")
 
 
-def test_keeping_costs_a_method_nothing_where_nobody_stores():
+def test_keeping_costs_a_method_nothing_without_a_store():
     run = Run()
     run.keep("never_made", lambda: 1 / 0)
     run.keep("mesh", box())

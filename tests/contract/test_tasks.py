@@ -53,7 +53,7 @@ def test_a_case_depends_on_seed_and_shape_alone():
     assert np.array_equal(one, alone)
 
 
-def test_recipes_make_nothing_before_they_are_asked():
+def test_lazy_cases_make_nothing_before_they_are_requested():
     class Explosive:
         def shapes(self, split):
             yield Shape("a", lambda: 1 / 0)
@@ -61,7 +61,7 @@ def test_recipes_make_nothing_before_they_are_asked():
     assert [r.id for r in Denoise().recipes(Explosive(), Few(), split="test", count=4, seed=0)] == ["a"]
 
 
-def test_a_dataset_without_shapes_is_said():
+def test_a_dataset_without_shapes_is_reported():
     with pytest.raises(UsageError, match="has no shapes"):
         list(Denoise().recipes(object(), Few(), split="test", count=1, seed=0))
 
@@ -90,7 +90,7 @@ BAD_NORMALS = PointCloud(np.eye(3), 2 * np.eye(3))
         (Reconstruct(), mesh(vertices=((0, 0, 0), (1, 0, 0), (2, 0, 0))), "none of its 1 faces has an area"),
     ],
 )
-def test_broken_promises_are_said(task, output, words):
+def test_broken_promises_are_reported(task, output, words):
     with pytest.raises(InvalidOutput, match=words):
         task.validate(output, {"cloud": CLOUD})
 
@@ -140,7 +140,7 @@ def test_a_task_describes_its_inputs_in_its_own_words():
     ("task", "medians"),
     [("nobody_has_it", {"noise": 0.01, "views": 24.0}), ("denoise", {"rms": 0.01}), ("denoise", {"odd": 1.0})],
 )
-def test_without_a_sentence_the_values_are_said(task, medians):
+def test_without_a_sentence_the_values_are_reported(task, medians):
     values = ", ".join(f"{key}={value:g}" for key, value in medians.items())
     assert words_of_input(task, medians) == f"input, median of the cases: {values}."
 

@@ -298,7 +298,7 @@ def test_a_sensor_that_does_not_fit_is_refused_when_planned(shell, words, said):
     assert "Traceback" not in done.stderr
 
 
-def test_images_may_be_spoiled_in_a_chain(shell):
+def test_images_may_be_corrupted_in_a_chain(shell):
     steps = "sensor.steps=[logged_rig,{night:{brightness:0.1}}]"
     done = run(shell, "method=cubes_in_masks", "sensor=chain", steps, "cases=1", "outputs=all", sweep=False)
     assert done.returncode == 0, done.stderr
@@ -333,7 +333,7 @@ def test_check_and_list_know_sensors_and_tasks_of_images(shell):
     assert "gives: views" in shell.call("list", "sensor", "rig").stdout
 
 
-def test_a_task_over_images_that_reads_no_files_says_so(shell):
+def test_a_task_over_images_that_reads_no_files_reports_it(shell):
     (shell.work / "images").mkdir()
     done = shell.apply("--plugin", FILE, "method=cubes_in_masks", "images", "out.ply")
     assert done.returncode == 1

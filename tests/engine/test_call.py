@@ -129,7 +129,7 @@ def test_check_calls_as_run_does(plugin):
     assert done["seconds"] < 0.2  # neither preparing nor the true distances are the method's
 
 
-def test_score_says_of_the_kept_output_what_run_said(ran, plugin):
+def test_score_says_of_the_stored_output_what_run_said(ran, plugin):
     shell, row = ran
     (reference,) = shell.results.glob(f"outputs/references/*{row['case']}-*.ply")
     shutil.copy(reference, shell.work / f"{row['case']}.ply")  # the name seeds the samples, as the case's id does

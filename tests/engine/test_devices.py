@@ -80,7 +80,7 @@ def test_a_device_must_be_there(torch):
         devices.check_device("cuda")
 
 
-def test_without_torch_it_says_what_to_install(monkeypatch):
+def test_without_torch_it_names_the_library_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(UsageError, match="install it with"):
         devices.check_device("cuda")

@@ -70,7 +70,7 @@ def test_the_files_are_not_the_method_s_time(swept):
     assert 0 < row["reference_seconds"] < 1
 
 
-def test_a_missing_program_is_said_before_anything_is_run(swept, tmp_path):
+def test_a_missing_program_is_reported_before_anything_is_run(swept, tmp_path):
     results = tmp_path / "none"
     words = ("method=external,mark", "method.command=no_such_program {input} {output}", f"results={results}")
     done = swept.run(*words[:1], words[1], words[2])

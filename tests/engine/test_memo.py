@@ -30,7 +30,7 @@ def counted(value=1.0):
     return make, calls
 
 
-def test_it_makes_once_and_remembers_the_very_bytes(memo):
+def test_arrays_are_made_once_and_cached_bit_for_bit(memo):
     make, calls = counted(np.pi)
     first, second = memo.arrays("a", make), memo.arrays("a", make)
     assert len(calls) == 1
@@ -126,7 +126,7 @@ def test_what_was_not_used_for_longest_is_forgotten_first(memo):
     assert calls
 
 
-def test_a_look_at_the_size_of_the_whole_is_had_at_the_first_of_fifty_writes(memo, monkeypatch):
+def test_the_total_size_is_checked_at_the_first_of_fifty_writes(memo, monkeypatch):
     looks = []
     monkeypatch.setattr(bench.engine.memo, "prune", lambda folder, limit_gb: looks.append((folder, limit_gb)))
     monkeypatch.setattr(bench.engine.memo._Writes, "count", 0)
@@ -173,14 +173,14 @@ class Fetched(Files):
 
 
 @pytest.mark.parametrize(("kind", "made"), [(Files, 4), (Fetched, 2)])
-def test_the_users_own_files_are_read_again_and_pinned_ones_are_remembered(memo, kind, made):
+def test_the_users_own_files_are_read_again_and_pinned_ones_are_cached(memo, kind, made):
     dataset = kind()
     for _ in range(2):
         assert [len(s.mesh.faces) for s in RememberedDataset(dataset, memo).shapes("test")] == [80, 80]
     assert dataset.made == made
 
 
-def test_a_remembered_dataset_makes_each_mesh_once(memo):
+def test_a_cached_dataset_makes_each_mesh_once(memo):
     dataset = Dataset()
     for _ in range(2):
         remembered = RememberedDataset(dataset, memo)
@@ -211,7 +211,7 @@ def test_the_users_files_are_not_copied(memo):
     assert dataset.made == 2
 
 
-def test_a_remembered_sensor_senses_each_shape_once_for_each_seed(memo):
+def test_a_cached_sensor_senses_each_shape_once_for_each_seed(memo):
     shape, plain = next(Dataset().shapes("test")), Sensor()
     sensor = RememberedSensor(plain, memo)
     clouds = [sensor.sense(shape, generator(seed)) for seed in (0, 0, 1)]
@@ -252,7 +252,7 @@ class Rig:
         return self.given
 
 
-def test_a_remembered_rig_gives_its_very_views_again(memo):
+def test_a_cached_rig_gives_its_very_views_again(memo):
     plain = Rig()
     rig = RememberedSensor(plain, memo, Views)
     first, second = (rig.sense(next(Dataset().shapes("test")), generator(0)) for _ in range(2))

@@ -82,7 +82,7 @@ def entry(memo: Memo, name: str, value: float) -> np.ndarray:
     return memo.arrays(name, lambda: {"x": np.full(3, value)})["x"]
 
 
-def test_arrays_that_somebody_else_made_are_made_again(memo, monkeypatch):
+def test_arrays_made_by_somebody_else_are_made_again(memo, monkeypatch):
     with monkeypatch.context() as context:
         context.setattr(own, "_key", lambda: b"of somebody else")
         assert entry(memo, "a", 5.0)[0] == entry(memo, "a", 6.0)[0] == 5.0

@@ -127,7 +127,7 @@ def test_neither_the_clock_nor_the_limit_runs_meanwhile(ran):
     assert (told["seconds"] < 1).all() and (told["cpu_seconds"] < 1).all()
 
 
-def test_every_format_says_so(ran):
+def test_every_format_reports_it(ran):
     shell, _, printed = ran
     assert f"told {GIVEN}" in printed and "trained on true distances of the reference" in printed
     markdown = shell.call("leaderboard", shell.results, "--format", "markdown").stdout
@@ -181,7 +181,7 @@ def test_the_board_has_the_largest_number_of_each(frame):
     assert set(leaderboard(frame, dataset="other")["true_distances"]) == {0}
 
 
-def test_a_told_method_is_marked_where_it_was_told_and_nowhere_else(frame):
+def test_a_method_given_true_distances_is_marked_only_where_it_used_them(frame):
     other, told = sorted(tables(leaderboard(frame), frame), key=lambda table: table.dataset == "bumps")
     assert told.methods == (f"told {GIVEN}", "seeing") and other.methods == ("told",)
     assert sum(GIVEN in note for note in told.notes) == 1
@@ -204,7 +204,7 @@ def test_the_overview_is_marked_too(frame):
     assert table.methods == (f"told {GIVEN}", "seeing")
 
 
-def test_a_method_whose_told_cases_all_failed_is_not_marked_for_them():
+def test_a_method_is_not_marked_if_all_its_cases_with_true_distances_failed():
     frame = rows(row("told", "a", 0, None, true_distances=9), row("seeing", "a", 0, {"d": 1.0}, true_distances=None))
     assert set(leaderboard(frame)["true_distances"]) == {0}
 

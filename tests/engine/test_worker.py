@@ -159,7 +159,7 @@ def test_a_torch_generator_follows_the_seed():
     [((), 1), (("threads=3",), 3), (("threads=2,4", "seed=1"), 2), (("threads=1", "threads=2"), 2)]
     + [((f"threads={word}",), 1) for word in ("0", "-2", "many", "", "range(1,3)")],
 )
-def test_the_threads_that_words_ask_for_first(words, threads):
+def test_the_first_number_of_threads_in_the_overrides(words, threads):
     assert Request.of(words).threads == threads
 
 

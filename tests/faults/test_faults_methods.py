@@ -147,7 +147,7 @@ def sweeps(shells):
 
 
 @pytest.mark.parametrize("method", BAD)
-def test_a_bad_case_gets_its_status_and_spoils_no_other(sweeps, method):
+def test_a_bad_case_gets_its_status_and_affects_no_other(sweeps, method):
     _, _, _, rows = sweeps("basic")
     status, message = BAD[method]
     found = rows[rows["method"] == method]

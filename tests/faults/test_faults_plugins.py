@@ -120,7 +120,7 @@ def test_one_file_named_twice_is_no_collision(shell):
 # -- edits -------------------------------------------------------------------------------------------------------------
 
 
-def test_an_edited_plugin_is_run_again_and_why_says_so(shell):
+def test_an_edited_plugin_is_run_again_and_why_reports_it(shell):
     toys = Path(shutil.copy(TOYS, shell.folder / "toys.py"))
     words = {"sweep": False, "plugins": (toys,)}
     assert "2 run" in shell.run("method=fine", **words).stderr

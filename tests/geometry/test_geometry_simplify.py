@@ -71,7 +71,7 @@ def test_vertices_take_the_colours_of_the_nearest_points_and_keep_them_in_files(
     assert np.array_equal(dense.colors, cloud.colors) and dense.normals is not None
 
 
-def test_a_kind_of_file_without_colours_says_so(tmp_path):
+def test_a_kind_of_file_without_colours_reports_it(tmp_path):
     colored = with_nearest_colors(trimesh.creation.icosphere(1), PointCloud(np.eye(3), colors=np.eye(3)))
     with collected() as notices:
         save(colored, tmp_path / "mesh.stl")

@@ -80,7 +80,7 @@ def test_a_budget_is_kept_and_notes_say_what_is_shown(results, made):
     assert mean / WORST * shown[0]["limit"] == pytest.approx(0.01, rel=0.2)  # of the full output, however few are shown
 
 
-def test_cases_that_do_not_fit_are_left_out_and_said(results):
+def test_cases_that_do_not_fit_are_left_out_and_reported(results):
     with collected() as said:
         shown, geometry = scenes(results, results.rows(), 15_000)
     assert len(shown) <= 1 and sum(map(len, geometry.values())) <= 15_000

@@ -246,7 +246,7 @@ def test_the_command_writes_the_figure_and_says_what_is_on_it(kept, tmp_path, ca
     assert "1 x 4 tiles" in said and "--limit 0.02" in said and "insets" not in said
 
 
-def test_without_kept_outputs_the_figure_says_what_keeps_them(tmp_path, capsys):
+def test_without_stored_outputs_the_figure_says_what_keeps_them(tmp_path, capsys):
     results, _ = stored(tmp_path / "results", methods=("poisson",), cases=1, keeps=False)
     assert main(["figure", str(results.folder), "-o", str(tmp_path / "f.png"), "--size", "40"]) == 0
     assert (
@@ -285,7 +285,7 @@ def test_a_missing_library_is_named_with_the_line_that_installs_it(command, libr
         (["--zoom", "0,0,0,1", "--no-insets"], "choose one"),
     ],
 )
-def test_mistakes_are_answered_in_words(kept, words, message, capsys):
+def test_mistakes_are_answered_with_a_message(kept, words, message, capsys):
     assert main(["figure", str(kept.folder), *words]) == 1
     assert message in capsys.readouterr().err
 

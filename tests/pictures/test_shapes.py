@@ -72,7 +72,7 @@ def test_what_failed_is_a_sentence(kept):
     assert failed.shape is None and failed.note == "error: ValueError: a wall of bricks"
 
 
-def test_without_kept_outputs_the_note_says_what_keeps_them(tmp_path):
+def test_without_stored_outputs_the_note_says_what_keeps_them(tmp_path):
     results, made = stored(tmp_path, methods=("poisson",), cases=1, keeps=False)
     (shapes,) = shapes_of(results)
     assert shapes.outputs[0].shape is None and "outputs=all" in shapes.outputs[0].note

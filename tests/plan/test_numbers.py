@@ -22,7 +22,7 @@ def test_a_number_that_cannot_be_is_refused(key, value):
 
 
 @pytest.mark.parametrize(("key", "value"), [(key, end) for key, ends in WHOLE_NUMBERS.items() for end in ends])
-def test_the_ends_can_be_had(key, value):
+def test_the_ends_can_be_requested(key, value):
     assert getattr(Cell.from_config(config(**{key: value})), key) == value
     assert COLUMNS.get(key, "int64") == "int64" and abs(value) < 2**63
 
@@ -60,7 +60,7 @@ WORDS = ("task=denoise", "dataset=bumps", "sensor=samples", "method=jet")
         ("run", "results=" + "/".join(["x" * 200] * 25), "cannot be a folder: File name too long"),
     ],
 )
-def test_a_word_that_cannot_be_is_refused_in_a_few_words(tmp_path, capsys, monkeypatch, command, word, said):
+def test_an_invalid_argument_is_refused_briefly(tmp_path, capsys, monkeypatch, command, word, said):
     monkeypatch.chdir(tmp_path)
     assert main([command, *WORDS, word]) == 1
     err = capsys.readouterr().err
@@ -68,7 +68,7 @@ def test_a_word_that_cannot_be_is_refused_in_a_few_words(tmp_path, capsys, monke
     assert len(err) < 5_000
 
 
-def test_more_threads_than_processors_are_said(tmp_path, capsys, monkeypatch):
+def test_more_threads_than_processors_are_reported(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("bench.engine.affinity.available", lambda: [0, 1])
     assert main(["plan", *WORDS, "threads=2", f"results={tmp_path}"]) == 0
     assert "processors" not in capsys.readouterr().out

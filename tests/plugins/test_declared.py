@@ -90,7 +90,7 @@ def test_a_module_whose_text_does_not_tell_is_imported_at_once(package):
     assert sorted(broken.reason.partition(":")[0] for broken in found.broken) == ["OSError", "SyntaxError"]
 
 
-def test_what_one_process_alone_has_loaded_is_in_no_kept_listing(tmp_path, monkeypatch):
+def test_what_one_process_alone_has_loaded_is_not_in_the_cached_listing(tmp_path, monkeypatch):
     from bench.plugins import listing as module
 
     kept = []

@@ -168,6 +168,6 @@ def test_methods_say_which_sphere_they_read(name, monkeypatch):
     assert opened == list(method.reads()) and len(opened) == 1
 
 
-def test_every_method_that_begins_as_a_shipped_sphere_says_so():
+def test_every_method_that_begins_as_a_shipped_sphere_declares_it():
     fitted = [plugin for plugin in registry().all("method") if getattr(plugin.cls, "sine_sphere", False)]
     assert fitted and all(callable(getattr(plugin.cls, "reads", None)) for plugin in fitted)

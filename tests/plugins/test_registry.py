@@ -110,7 +110,7 @@ def test_a_wrong_name_gets_the_nearest_right_one():
         (lambda: register("method")(dataclass(type("Undocumented", (), {}))), "docstring"),
     ],
 )
-def test_what_breaks_the_contract_is_said(make, words):
+def test_what_breaks_the_contract_is_reported(make, words):
     with pytest.raises(PluginError, match=words):
         make()
 
@@ -369,7 +369,7 @@ def test_a_config_class_is_pickled_by_value():
     assert any(op.name in ("STACK_GLOBAL", "GLOBAL") for op, _, _ in pickletools.genops(dumped))
 
 
-def test_a_type_that_a_config_cannot_hold_is_said(tmp_path):
+def test_a_type_that_a_config_cannot_hold_is_reported(tmp_path):
     text = METHOD.format(name="OddType", options="").replace("depth: int = 8", "depth: complex = 8")
     registry().load_file(write(tmp_path, "odd.py", text))
     with pytest.raises(PluginError, match="method odd_type: parameter 'depth': a config cannot hold"):

@@ -165,7 +165,7 @@ def test_families_of_a_mixture_are_told_by_the_ids_of_its_shapes():
     assert one(frame).families == ("bumps", "cad")
 
 
-def test_sure_reversals_are_said_with_their_names():
+def test_sure_reversals_are_reported_with_their_names():
     found = one(results({"cad": "abc", "real": "acb"}))
     assert found.reversed == ((1, 2),)
     assert "on procedural b before c; on real the other way" in render_agreement([found])

@@ -115,7 +115,7 @@ def test_a_winner_at_the_edge_is_noted_with_what_to_try():
     assert "depth=14 is the largest value" in " ".join(inner.edges)
 
 
-def test_only_train_shapes_count_unless_the_user_says_so():
+def test_only_train_shapes_count_unless_the_user_chooses_others():
     both = pd.concat([sweep(), sweep(split="test").assign(**{"score.d": 1e-3})], ignore_index=True)
     (one,) = best(both)
     assert one.group[3] == "train" and one.variants[0].mean > 0.1
@@ -193,7 +193,7 @@ def test_the_winner_becomes_a_preset_that_is_found(here, capsys):
         check_preset("my_poisson")
 
 
-def test_a_preset_that_cannot_be_written_says_why(here):
+def test_a_preset_that_cannot_be_written_reports_why(here):
     frame = stored(here / "results")
     found = best(frame)
     with pytest.raises(UsageError, match="small letters"):

@@ -64,7 +64,7 @@ def test_cases_keep_their_order_and_sensors_their_tables(frame):
     assert first.subject == "d ↓" and first.head == "case"
 
 
-def test_higher_is_better_where_the_metric_says_so(frame):
+def test_higher_is_better_where_the_metric_declares_it(frame):
     up = frame.assign(directions='{"d": "lower", "f": "higher"}')
     scores, _ = by_case(up, by="case,task", metric="f")
     best = scores[scores["best"] == 1].set_index("case")["method"]
@@ -105,7 +105,7 @@ def test_the_order_of_the_columns_is_the_users(frame):
     assert [column.title for column in table.metrics] == ["c_method", "Ours", "b_method"]
 
 
-def test_the_words_besides_case():
+def test_the_keys_besides_case():
     assert without_case("case") is None and without_case("case,sensor") == ["sensor"]
     with pytest.raises(UsageError, match="sensr"):
         by_case(rows(row(scores={"d": 1.0})), by="case,sensr")

@@ -150,7 +150,7 @@ def test_the_speed_of_the_machine_is_taken_out():
     assert line(compared(then, side(seconds=1.0, reference_seconds=0.01)), what="speed")["verdict"] == "faster"
 
 
-def test_rows_without_a_reference_are_compared_as_they_are_and_it_is_said():
+def test_rows_without_a_reference_are_compared_as_they_are_and_it_is_reported():
     found = compared(side(seconds=2.0), side(seconds=3.0, reference_seconds=0.015))
     assert line(found, what="speed")["ratio"] == pytest.approx(1.5) and not line(found, what="speed")["normalised"]
     assert "Not normalised" in render_compared(found)

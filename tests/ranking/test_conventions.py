@@ -250,7 +250,7 @@ def test_view_scales_renames_and_orders():
     assert made["rank_low"].tolist() == [1, 2, 1, 2]
 
 
-def test_with_a_number_of_samples_a_score_stands_in_its_column_and_the_formula_says_so():
+def test_with_a_number_of_samples_a_score_stands_in_its_column_and_the_formula_shows_it():
     """profile=paper of the thesis's tables has 5 million; the usual score goes first where results have both."""
     idf = load_convention("idf")
     few, many = "chamfer_l1_sum@1000", "chamfer_l1_sum@5000000"

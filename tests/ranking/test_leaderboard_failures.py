@@ -150,7 +150,7 @@ def test_a_row_without_the_values_borrows_those_of_its_case_even_of_a_method_tha
     assert line(leaderboard(pooled, by="task", method="a"), "a")["imputed"] == 1  # another sensor, another case
 
 
-def test_results_of_earlier_versions_leave_failures_out_of_the_mean_and_say_so():
+def test_results_of_earlier_versions_leave_failures_out_of_the_mean_and_report_it():
     rng = np.random.default_rng(3)
     hard, _ = world(rng, 8)
     old = frame(hard, [None] * 8, a=failing(luck(rng, 0.9, 8), 4), b=luck(rng, 1.0, 8))

@@ -67,7 +67,7 @@ def test_equal_in_one_criterion_is_not_better():
     assert fronted(board) == {"a", "b"}
 
 
-def test_rounding_pushes_nobody_off():
+def test_rounding_excludes_no_method():
     board = leaderboard(frame_of({"a": (1.0, 1, 2.0, 1), "b": (1.0 + 1e-13, 1, 2.0 + 1e-13, 1)}), pareto="d,seconds")
     assert fronted(board) == {"a", "b"}
 

@@ -66,7 +66,7 @@ def test_two_machines_that_ran_the_same_cases_have_a_line_each():
     assert leaderboard(frame)["mean"].tolist() == pytest.approx([1.15, 2.3, 10.35])
 
 
-def test_a_sweep_spread_over_machines_stays_one_line_and_says_so():
+def test_a_sweep_spread_over_machines_stays_one_line_and_reports_it():
     """As a cluster does it: each cell wherever there is room."""
     frame = rows(*run(cases="ab", host="left"), *run(cases="cd", host="right"), *run("poisson", host="left", value=9.0))
     board = leaderboard(frame)

@@ -28,7 +28,7 @@ def test_a_preset_keeps_its_name(name):
     assert preset_of(preset.plugin, f"{stored},seconds=5") == (name, ("seconds=5",))
 
 
-def test_the_preset_that_says_most_counts():
+def test_the_preset_with_most_parameters_is_used():
     bare = preset_files.variants("method", "idf")["idf_bare"]
     assert set(parts_of(preset_files.variants("method", "idf")["idf_unguided"])) < set(parts_of(bare))
     assert preset_of("idf", bare)[0] == "idf_bare"
@@ -46,7 +46,7 @@ def test_a_sweep_has_parameters_and_not_the_name_of_one_of_its_values():
     assert labels(("poisson", "depth=9"), ("poisson", "depth=7")) == ["poisson (depth=9)", "poisson (depth=7)"]
 
 
-def test_two_methods_of_one_name_are_told_apart():
+def test_two_methods_of_one_name_are_distinguished():
     assert labels(("idf", "omega=30"), ("idf_30", "")) == ["idf (omega=30)", "idf_30"]
     assert labels(("a", ""), ("b", ""), a="Ours", b="Ours") == ["a", "b"]
 

@@ -46,7 +46,7 @@ def test_a_better_mean_on_other_cases_is_not_the_best_if_others_are_surely_bette
     assert marks([1.0, 2.0, 3.0], [False, True, True]) == ["second", "best", "tied"]
 
 
-def test_nothing_stands_out_where_nobody_is_ranked():
+def test_nothing_is_highlighted_without_ranks():
     assert marks([1.0, 2.0, 3.0], [False] * 3, [False] * 3) == ["", "", ""]
 
 

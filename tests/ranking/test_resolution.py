@@ -154,7 +154,7 @@ def test_surely_different_and_equal_in_practice_at_once(rng):
     assert board["versus_first"].tolist() == ["first", "equal"] and board["versus_next"].tolist() == ["better", ""]
 
 
-def test_who_solved_nothing_and_a_single_method_are_compared_with_nobody(rng):
+def test_methods_that_solved_nothing_and_single_methods_are_not_compared(rng):
     scores = noisy(rng, {"a": 1.0, "b": 2.0}) | {"none": units(*[None] * 12, cases=[f"s{i:02d}" for i in range(12)])}
     board = leaderboard(table(scores))
     assert board["versus_next"].tolist() == ["better", "", ""]
@@ -169,7 +169,7 @@ def test_who_solved_nothing_and_a_single_method_are_compared_with_nobody(rng):
 
 @pytest.mark.parametrize("shapes", [1, 2, 3])
 @pytest.mark.parametrize("format", ["terminal", "markdown", "latex"])
-def test_with_few_shapes_nothing_is_ranked_and_that_is_said_once(shapes, format, rng):
+def test_with_few_shapes_nothing_is_ranked_and_that_is_reported_once(shapes, format, rng):
     scores = noisy(rng, {"a": 1.0, "b": 3.0, "c": 9.0}, n=shapes, sigma=1e-3, seeds=3)
     board = leaderboard(table(scores))
     assert ranks(board) == dict.fromkeys("abc", (1, 3))
@@ -231,7 +231,7 @@ def test_what_is_said_of_the_first_two(other, said, rng):
     assert said in printed({"one": one, "two": two})
 
 
-def test_those_tied_for_first_are_told_apart_by_what_is_known():
+def test_those_tied_for_first_are_distinguished_by_what_is_known():
     scores = {"a": units(*np.repeat([1.0, 1.5, 2.0, 2.5, 3.0], 2), cases="abcdefghij")}
     for name, factor, sigma in (("b", 1.001, 0.002), ("c", 1.03, 0.2), ("d", 3.0, 0.01)):
         wobble = np.exp(sigma * np.array([1, -1, 1, -1, 1, -1, 1, -1, 1, -1]))

@@ -88,7 +88,7 @@ def test_the_right_surface_comes_first(found):
     assert rank["wrapped_ball[radius=1.1]"][0] > 1
 
 
-def test_a_method_that_fails_says_why(found):
+def test_a_method_that_fails_reports_why(found):
     assert found["failed"].keys() == {"gives_up", "needle"}
     assert found["failed"]["gives_up"] == "error: these points are not for me"
     assert (
@@ -239,7 +239,7 @@ def test_the_table_of_priors_is_made_of_results(tmp_path):
         (["few.xyz", "--methods", "poisson"], "expected at least two methods"),
     ],
 )
-def test_mistakes_are_told_in_one_line(folder, capsys, monkeypatch, words, said):
+def test_mistakes_are_reported_in_one_line(folder, capsys, monkeypatch, words, said):
     monkeypatch.chdir(folder)
     assert main(["recommend", *words]) == 1
     (err,) = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("warning: plugin ")]

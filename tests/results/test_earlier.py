@@ -75,7 +75,7 @@ def test_a_record_of_an_earlier_version_counts_where_there_is_none_of_today(tmp_
     assert standing(results, one, known) == (mark, mark, ())
 
 
-def test_a_cell_that_was_stored_before_a_metric_came_says_so(tmp_path):
+def test_a_cell_that_was_stored_before_a_metric_came_names_the_metric(tmp_path):
     results, fewer = Results(tmp_path), cell()
     one = type(fewer)(**{**vars(fewer), "metrics": (*fewer.metrics, Choice("metric", "topology", {}))})
     parts = ingredients(one)
@@ -164,7 +164,7 @@ def test_a_folder_of_an_earlier_version_is_gone_on_with(shell):
     assert "0 run, 3 cached" in shell.run("method=fine", "cases=3", "outputs=first", **words).stderr
 
 
-def test_what_cannot_be_current_is_said_in_one_line(shell):
+def test_what_cannot_be_current_is_reported_in_one_line(shell):
     toys = Path(shutil.copy(TOYS, shell.folder / "toys.py"))
     words = {"sweep": False, "plugins": (toys,)}
     shell.run("method=fine", **words)

@@ -171,7 +171,7 @@ def test_a_raised_metric_version_is_an_other_result(monkeypatch):
     assert fingerprint(ingredients(anew(CELL))) != before
 
 
-def test_explain_says_what_differs():
+def test_explain_lists_the_differences():
     then = {"package torch": "2.5", "source of method a": "1", "file a": "1", "file b": "1", "version of metric m": 1}
     now = {"package torch": None, "source of method a": "2", "file a": "2", "file c": "1", "version of metric m": 2}
     assert explain(then, now) == [

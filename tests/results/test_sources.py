@@ -225,7 +225,7 @@ def test_a_room_of_bench_may_be_moved(house):
     assert house / "methods/learned/part.py" in source_closure(method)
 
 
-def test_a_name_above_the_package_is_none_of_ours(house):
+def test_a_name_above_the_package_is_not_ours(house):
     file = house / "methods/family/plugin.py"
     file.write_text("from ......somewhere import x\n")
     assert source_closure(file) == {file}

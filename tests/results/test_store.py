@@ -42,7 +42,7 @@ def test_every_file_has_the_documented_columns_and_types(results):
 
 
 @pytest.mark.parametrize("spoil", ["half", "empty", "garbage", "flipped", "renamed"])
-def test_a_damaged_file_is_set_aside_and_said(results, spoil):
+def test_a_damaged_file_is_set_aside_and_reported(results, spoil):
     written = record()
     results.write(written)
     path = results.path(written.cell, written.fingerprint)
@@ -104,7 +104,7 @@ def test_a_failed_write_leaves_what_was_there(tmp_path):
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != 1000
 
 
-def test_a_folder_that_cannot_be_made_is_said(tmp_path):
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="is a file; expected a folder"):
         Results(tmp_path / "file").prepare()

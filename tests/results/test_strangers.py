@@ -165,13 +165,13 @@ def test_what_the_parts_of_a_plugin_would_write_is_not_written():
         (lambda meta: meta.update(schema_version=99), "of a later detailbench"),
     ],
 )
-def test_metadata_of_any_kind_are_said_in_words(copy, change, said):
+def test_metadata_of_any_kind_are_reported_in_words(copy, change, said):
     file = rewritten(copy, change)
     with pytest.raises(UsageError, match=said):
         Stored.of(file.name[:12], [f"results={file.parents[2]}"]).settings  # noqa: B018
 
 
-def test_kept_outputs_are_looked_for_in_the_folder_alone(tmp_path):
+def test_stored_outputs_are_looked_for_in_the_folder_alone(tmp_path):
     for name in ("outputs/a.ply", "mine/outputs/b.ply", "c.ply"):
         (tmp_path / "results" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "results" / name).write_text("")

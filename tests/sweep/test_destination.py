@@ -58,7 +58,7 @@ def test_one_folder(words, folder, monkeypatch):
         "hydra.sweeper.params.results=a,b",
     ],
 )
-def test_what_is_not_one_folder_is_refused_with_its_word(word, monkeypatch):
+def test_anything_but_one_folder_is_refused_with_its_override(word, monkeypatch):
     monkeypatch.setenv("PLACE", PLACE)
     with pytest.raises(UsageError) as refused:
         settled(Request.of(["seed=0,1", word], multirun=True))

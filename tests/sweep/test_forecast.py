@@ -79,7 +79,7 @@ def test_what_is_left_is_corrected_by_what_was_seen(workers):
     assert forecast.left() == 0
 
 
-def test_jobs_that_nobody_timed_take_what_their_kind_has_taken():
+def test_jobs_without_a_time_take_what_their_kind_has_taken():
     forecast = Forecast([None] * 5, ["fast", "fast", "slow", "slow", "other"])
     assert forecast.left() is None
     forecast.ended(0, 1.0)

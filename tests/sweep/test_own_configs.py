@@ -128,7 +128,7 @@ def test_presets_of_an_installed_package_are_found_and_ours_count_before_them(tm
     assert any("sensor=noisy" in line and "bench/conf" in line.split(" is used")[0] for line in presets.warnings())
 
 
-def test_ones_own_name_counts_before_ours_and_it_is_said(own, tmp_path):
+def test_ones_own_name_counts_before_ours_and_it_is_reported(own, tmp_path):
     write(own, {"sensor/noisy": FILES["sensor/rough"], "method/jet": FILES["method/fine"]})
     write(tmp_path / "other", {"sensor/rough": FILES["sensor/rough"], "sensor/noisy": "defaults: [samples]\n"})
     config_files._found.cache_clear()

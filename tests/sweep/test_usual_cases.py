@@ -51,6 +51,6 @@ def test_the_outlook_of_a_sweep_counts_each_dataset_by_itself(six):
     assert [entry[0].planned for entry in likely_cells(jobs)] == [6, 4, 6]
 
 
-def test_what_is_left_out_is_told(six):
+def test_what_is_left_out_is_reported(six):
     assert cell("dataset=files", six, "cases=4").left_out == "2 of 6 cases left out (cases=4)"
     assert cell("dataset=files", six).left_out == cell("dataset=bumps").left_out == ""

@@ -127,7 +127,7 @@ def test_a_constant_displacement_of_a_ball_is_described_by_its_height():
     assert case.frame.radius == pytest.approx(1.25)
 
 
-def test_recipes_make_nothing_before_they_are_asked():
+def test_lazy_cases_make_nothing_before_they_are_requested():
     def explode():
         raise AssertionError
 

@@ -36,7 +36,7 @@ def axis(toy, word, **fixed):
     return named_axes(toy, named, fixed)[0]
 
 
-def test_words_are_split_into_those_that_fix_and_those_that_name_values():
+def test_overrides_are_split_into_those_that_fix_and_those_that_name_values():
     words = ["method=apss", "method.steps=4", "method.reach=interval(0,3)", "method.k=log(1,9)", "seed=0,1"]
     others, named = split_words(words)
     assert others == ["method=apss", "method.steps=4", "seed=0,1"]
@@ -56,7 +56,7 @@ def test_words_are_split_into_those_that_fix_and_those_that_name_values():
         ("method.radius=log(1,4)", 1, 4, False, True, ()),
     ],
 )
-def test_values_that_words_name(toy, word, low, high, whole, log, choices):
+def test_values_that_overrides_name(toy, word, low, high, whole, log, choices):
     found = axis(toy, word)
     assert (found.low, found.high, found.whole, found.log, found.choices) == (low, high, whole, log, choices)
 
@@ -73,7 +73,7 @@ def test_values_that_words_name(toy, word, low, high, whole, log, choices):
         ("method.weight=choice(3)", "two values or more"),
     ],
 )
-def test_what_is_wrong_with_words_is_said(toy, word, reason):
+def test_what_is_wrong_with_arguments_is_reported(toy, word, reason):
     with pytest.raises(UsageError, match="method"):
         axis(toy, word)
     with pytest.raises(UsageError) as error:

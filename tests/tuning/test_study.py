@@ -178,7 +178,7 @@ def test_the_command_writes_a_preset_that_is_used_and_marked(tune, monkeypatch, 
         (("method=[mover,jet]",), "method"),
     ],
 )
-def test_what_cannot_be_searched_is_said_before_anything_runs(tune, tmp_path, words, reason):
+def test_what_cannot_be_searched_is_reported_before_anything_runs(tune, tmp_path, words, reason):
     mine = tmp_path / "conf" / "method" / "mine.yaml"
     mine.parent.mkdir(parents=True)
     mine.write_text("defaults: [mover]\nshift: 0.5\n")

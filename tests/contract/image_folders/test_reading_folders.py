@@ -122,7 +122,7 @@ def test_a_smaller_copy_of_the_images_has_the_same_cameras(tmp_path):
     np.testing.assert_array_equal(views.masks[5:], BALL.masks[5:])
 
 
-def test_black_masks_are_left_out_and_said(tmp_path):
+def test_black_masks_are_left_out_and_reported(tmp_path):
     save_views_as_transforms(BALL, tmp_path)
     Image.new("L", (64, 64)).save(tmp_path / "masks/004.png")
     with collected() as notices:
@@ -130,7 +130,7 @@ def test_black_masks_are_left_out_and_said(tmp_path):
     assert len(views) == len(BALL) - 1 and "1 of 12 masks are black" in notices[0]
 
 
-def test_the_first_of_two_files_of_cameras_is_taken_and_said(tmp_path):
+def test_the_first_of_two_files_of_cameras_is_taken_and_reported(tmp_path):
     save_views_as_transforms(BALL, tmp_path)
     np.savez(tmp_path / "cameras.npz", world_mat_0=np.eye(4))
     with collected() as notices:

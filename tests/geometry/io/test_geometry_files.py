@@ -314,7 +314,7 @@ def test_a_face_of_two_corners_is_left_out_with_a_warning(write):
     assert mesh.faces.tolist() == [[0, 1, 2]]
 
 
-def test_more_than_the_header_says_is_ignored_with_a_warning(write):
+def test_more_than_the_header_declares_is_ignored_with_a_warning(write):
     with pytest.warns(UserWarning, match="more in the file"):
         assert len(load_mesh(write("more.ply", ply("0 0 0\n1 0 0\n0 1 0\n", "3 0 1 2\n") + "1 2 3\n")).faces) == 1
 

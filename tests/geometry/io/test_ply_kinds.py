@@ -157,7 +157,7 @@ def test_strips_are_those_of_a_loop():
         triangles_of_strips(np.array([3]), np.array([0, 1, 6]), 6, "name")
 
 
-def test_rows_of_more_numbers_than_the_header_says():
+def test_rows_of_more_numbers_than_the_header_declares():
     """MeshLab writes colours of faces as a list where its header says four numbers."""
     channels = [f"property uchar {channel}" for channel in ("red", "green", "blue", "alpha")]
     more = ["element face 6", "property list uchar int vertex_indices", *channels]

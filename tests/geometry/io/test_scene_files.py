@@ -81,7 +81,7 @@ def test_glb_and_gltf(tmp_path):
             load_mesh(tmp_path / "other.gltf")
 
 
-def test_seams_are_closed_and_said():
+def test_seams_are_closed_and_reported():
     apart = trimesh.Trimesh(CUBE.vertices[CUBE.faces.ravel()], np.arange(36).reshape(-1, 3), process=False)
     with collected() as said:
         check_cube(scenes.read_glb(apart.export(file_type="glb"), "a.glb"))

@@ -74,7 +74,7 @@ def test_a_text_without_its_end():
     check_cube(read(two, "no 'endsolid'"), vertices=16, times=2)
 
 
-def test_what_follows_the_facets_is_said():
+def test_what_follows_the_facets_is_reported():
     check_cube(read(binary(tail=b"abc"), "more in the file than the 12 triangles"))
 
 

@@ -56,7 +56,7 @@ def test_ratios_of_perfect_scores_and_of_failures():
     assert np.array_equal(profile.ratios(np.array([[0.5, 1.0, nan, 0.0]]), "higher"), [[2, 1, np.inf, np.inf]])
 
 
-def test_profiles_leave_out_what_not_all_ran_and_say_so():
+def test_profiles_leave_out_what_not_all_ran_and_report_it():
     rows = made_rows()
     table = profile.table(scores(rows[~((rows["method"] == "jet") & (rows["case"] == "case-0"))]), Options())
     assert table.attrs["notes"][1].startswith("2 left out")
@@ -82,7 +82,7 @@ def test_the_critical_difference_is_that_of_the_formula():
         difference.table(scores(made_rows(cases=1, sensors=("clean",))), Options())
 
 
-def test_groups_are_the_largest_that_cannot_be_told_apart():
+def test_groups_are_the_largest_that_cannot_be_distinguished():
     rng = np.random.default_rng(0)
     for _ in range(50):
         ranks, critical = np.sort(rng.uniform(1, 6, 6)), rng.uniform(0.2, 4)
@@ -122,7 +122,7 @@ def test_bars_are_the_lines_of_the_leaderboard():
 
 @pytest.mark.parametrize("cost", ["seconds", "peak_mb"])
 @pytest.mark.parametrize("metric", ["p2f_mean", "fscore@0.01"])
-def test_the_front_is_who_nobody_beats_in_both(metric, cost):
+def test_the_front_has_the_methods_that_none_beats_in_both(metric, cost):
     table = pareto.table(scores(metric=metric), Options(cost=cost))
     sign = -1 if metric.startswith("fscore") else 1
     for line in table.to_dict("records"):

@@ -93,7 +93,7 @@ def test_the_command_writes_the_plot_and_its_numbers(tmp_path, capsys):
     assert target.read_bytes() == before
 
 
-def test_mistakes_are_answered_in_words(tmp_path, capsys):
+def test_mistakes_are_answered_with_a_message(tmp_path, capsys):
     folder = str(stored_rows(tmp_path / "results").folder)
     for words, message in (
         (["bars", folder, "--x", "sensor.noise"], "plot noise"),

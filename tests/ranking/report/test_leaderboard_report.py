@@ -70,7 +70,7 @@ def test_the_terminal_keeps_its_width_and_loses_nothing(board, frame):
     assert sorted(re.findall(r"\[.*?\]", narrow)) == sorted(re.findall(r"\[.*?\]", text))
 
 
-def test_the_terminal_says_what_failed(board, frame):
+def test_the_terminal_lists_the_failures(board, frame):
     text = render(board, "terminal", rows=frame)
     for message in ("a: boom", "b: a message"):  # each kind of message has its case
         assert f"fails|x: 1 error (reconstruct · bumps[max_degree=20] · samples): {message}" in text
