@@ -40,13 +40,13 @@ def chosen(
     folders : sequence of Results
         Where they are from.
     task, dataset, sensor, split : str or list of str
-        As :func:`bench.ranking.selection.select` takes them; the order of datasets and sensors is kept.
+        As for :func:`bench.ranking.selection.select`; the order of datasets and sensors is kept.
     method : str or list of str
         Methods, presets, or labels as they are shown.
     case : str
-        Numbers, or parts of ids, with commas; the first case of each dataset where nothing is said.
+        Numbers, or parts of ids, with commas; by default the first case of each dataset.
     seed : int
-        The smallest that there is where nothing is said.
+        The smallest by default.
 
     Raises
     ------
