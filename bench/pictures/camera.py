@@ -15,7 +15,7 @@ MARGIN = 1.06  # of a window, beyond what it shows
 
 @dataclass(frozen=True)
 class Camera:
-    """Where a figure is seen from.
+    """The viewpoint of a figure.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Camera:
 
     @classmethod
     def of(cls, text: str | None, up: str = "z") -> Camera:
-        """From the words of the command line, ``AZIMUTH,ELEVATION`` or ``AZIMUTH,ELEVATION,ZOOM``.
+        """From a text of the command line, ``AZIMUTH,ELEVATION`` or ``AZIMUTH,ELEVATION,ZOOM``.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class Camera:
 
     @property
     def axes(self) -> np.ndarray:
-        """(3, 3) array: what is to the right, upward, and towards the eye; unit vectors in the rows."""
+        """(3, 3) array: unit vectors to the right, upward, and towards the eye, in rows."""
         azimuth, elevation = np.radians([self.azimuth, self.elevation])
         upward = np.array(AXES[self.up])
         east = np.roll(upward, 1)

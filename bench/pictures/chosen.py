@@ -38,11 +38,11 @@ def chosen(
     ----------
     rows : DataFrame
     folders : sequence of Results
-        Where they are from.
+        Their origin.
     task, dataset, sensor, split : str or list of str
         As for :func:`bench.ranking.selection.select`; the order of datasets and sensors is kept.
     method : str or list of str
-        Methods, presets, or labels as they are shown.
+        Methods, presets, or labels as shown.
     case : str
         Numbers, or parts of ids, with commas; by default the first case of each dataset.
     seed : int
@@ -76,12 +76,12 @@ def split_names(text: str | None) -> list[str]:
 
 
 def renamed(text: str | None, names: Sequence[str]) -> dict[str, str]:
-    """What columns are called: from ``poisson=Poisson,mine=Ours``, all others as they are.
+    """The titles of columns: from ``poisson=Poisson,mine=Ours``, all others unchanged.
 
     Raises
     ------
     UsageError
-        For a word without an equals sign, or a name that is not shown.
+        For an entry without an equals sign, or a name that is not shown.
     """
     found = {name: name for name in names}
     for word in split_names(text):
@@ -107,7 +107,7 @@ def _of_seed(rows: pd.DataFrame, seed: int | None) -> pd.DataFrame:
 
 
 def ordered_labels(rows: pd.DataFrame, method: Names) -> list[str]:
-    """The labels to show, in their order: as asked, or by name.
+    """The labels to show, in the requested order, or by name.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def ordered_labels(rows: pd.DataFrame, method: Names) -> list[str]:
 
 
 def _of_cases(rows: pd.DataFrame, case: str | None) -> pd.DataFrame:
-    """The rows of some cases, with the place of each in the order that is asked for in ``__case``."""
+    """The rows of some cases, with the place of each in the requested order in ``__case``."""
     wanted = split_names(case) if case else ["0"]
     place: dict[Any, int] = {}
     for number, word in enumerate(wanted):
@@ -157,7 +157,7 @@ def _all(names: Names) -> list[str]:
 
 
 def case_names(rows: pd.DataFrame) -> dict[tuple, str]:
-    """The names of the rows of a figure by the place of their case: the case, and what else differs between them."""
+    """The names of the rows of a figure by the place of their case: the case, and other differences between them."""
     places = rows[PLACE].drop_duplicates()
     shown = [name for name in ("task", "sensor", "split") if places[name].nunique() > 1]
     return {

@@ -27,8 +27,8 @@ _HEX = (
     "1f114a1d11471c11451b1043"
 )
 ERROR = np.frombuffer(bytes.fromhex("".join(_HEX)), dtype=np.uint8).reshape(256, 3)  # row 0: no error; read only
-PLAIN = (205, 210, 216)  # of what has no error: inputs and references
-# Okabe and Ito's eight colours, which the common kinds of colour blindness tell apart; black comes last.
+PLAIN = (205, 210, 216)  # of shapes without error: inputs and references
+# Okabe and Ito's eight colours, which are distinct under the common kinds of colour blindness; black comes last.
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
 
 
@@ -38,7 +38,7 @@ def indices(values: np.ndarray, limit: float) -> np.ndarray:
     Parameters
     ----------
     values : (n,) array
-        Distances, 0 or more. What is not finite counts as beyond the limit.
+        Distances, 0 or more. Values that are not finite count as beyond the limit.
     limit : float
         The value at the end of the scale. 0 means that all are equal to the reference: then all is row 0.
     """

@@ -35,7 +35,7 @@ def save_errors(shape: Trimesh | PointCloud, distances: np.ndarray, limit: float
     Parameters
     ----------
     shape : Trimesh or PointCloud
-        With n vertices or points. Its own colours are replaced; normals and other scalars of a cloud are kept.
+        With n vertices or points. Its own colours are replaced; normals and other scalars of a cloud stay.
     distances : (n,) array
         In the unit of the shape.
     limit : float

@@ -23,7 +23,7 @@ def distances(shape: Trimesh | PointCloud, reference: Trimesh | PointCloud) -> n
     shape : Trimesh or PointCloud
         With n vertices or points.
     reference : Trimesh or PointCloud
-        The closest point of a mesh counts, exactly; of a cloud, or of a mesh without faces, its nearest point.
+        Distances to a mesh are exact; those to a cloud, or a mesh without faces, are to its nearest point.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def positions(shape: Trimesh | PointCloud) -> np.ndarray:
 
 
 def weights(shape: Trimesh | PointCloud) -> np.ndarray:
-    """How much of a shape each vertex or point stands for, (n,), with the sum 1: a third of the area of its faces.
+    """The share of a shape that each vertex or point represents, (n,), summing to 1: a third of the area of its faces.
 
     Points of a cloud count the same, and so do the vertices of a mesh without area.
     """
@@ -69,15 +69,15 @@ def common_limit(shown: Iterable[tuple[np.ndarray, np.ndarray]], quantile: float
     Parameters
     ----------
     shown : iterable of (distances, weights)
-        Of each shape, as :func:`distances` and :func:`weights` give them; each shape counts the same, however many
-        vertices it has.
+        Of each shape, from :func:`distances` and :func:`weights`; each shape counts the same, whatever its number of
+        vertices.
     quantile : float
-        The share of all that is to be below the limit.
+        The share of all distances below the limit.
 
     Returns
     -------
     float
-        0 where there is no distance above 0.
+        0 if no distance is above 0.
     """
     pairs = [(d, w) for d, w in shown if len(d)]
     if not pairs:

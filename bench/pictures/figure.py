@@ -27,26 +27,26 @@ if TYPE_CHECKING:
     from ..results.store import Results
 
 ASPECTS = (0.55, 1.25)  # of a tile: height by width
-REACH = 1.3  # times the window of the reference: so far outputs are shown
-SAMPLES = 6000  # of a reference, among which the place of an inset is looked for
-NEIGHBOURS = 25  # from which normals are estimated where the surfaces of clouds are shown
+REACH = 1.3  # times the window of the reference: outputs are shown up to there
+SAMPLES = 6000  # of a reference, among which the place of an inset is searched
+NEIGHBOURS = 25  # for estimating normals if the surfaces of clouds are shown
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a figure looks.
+    """The look of a figure.
 
     Attributes
     ----------
     names : mapping
-        The titles of columns that are not called as their methods are.
+        The titles of columns that differ from the names of their methods.
     metrics : tuple of str
         Scores beneath each tile.
     limit : float or None
-        The error at the end of the colour scale, in radii; a high quantile of all that is shown where None.
+        The error at the end of the colour scale, in radii; a high quantile of all shown errors if None.
     insets : bool
     zoom : Zoom or None
-        The place of insets; where methods differ most where None.
+        The place of insets; where methods differ most if None.
     edges : bool
         Draw the edges of meshes.
     surfaces : bool
@@ -65,7 +65,7 @@ class Options:
 
 @dataclass
 class _Row:
-    """A case, and what is known of it before anything is drawn."""
+    """A case, and its data needed before anything is drawn."""
 
     shapes: CaseShapes
     errors: list[np.ndarray | None]  # of each output
@@ -79,12 +79,12 @@ def draw(rows: pd.DataFrame, folders: Sequence[Results], options: Options, layou
     Parameters
     ----------
     rows : DataFrame
-        As :func:`bench.pictures.chosen.chosen` gives them.
+        As returned by :func:`bench.pictures.chosen.chosen`.
     folders : sequence of Results
         Where they are from.
     options : Options
     layout : Layout
-        Of what size it is to be.
+        The size of the figure.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def _row(shapes: CaseShapes, labels: Sequence[str], options: Options) -> _Row:
 
 
 def _near(points: np.ndarray, camera: Camera, window: Window) -> np.ndarray:
-    """Those of (n, 3) points that are not far outside of a window: what flies away would make all else small."""
+    """Those of (n, 3) points that are not far outside of a window: distant points would make everything else small."""
     away = abs(window.share(camera.project(points)) - 0.5).max(axis=1, initial=0)
     return points[away * camera.zoom <= REACH / 2]
 
@@ -263,7 +263,7 @@ def _value(item: Item, metric: str) -> float:
 
 
 def _best(outputs: Sequence[Item], metric: str) -> float:
-    """The best score of a case; NaN where no direction is better."""
+    """The best score of a case; NaN if no direction is better."""
     values = [v for v in (_value(item, metric) for item in outputs) if math.isfinite(v)]
     stored = (i.row.get("directions") for i in outputs)
     known: dict[str, str] = next((json.loads(text) for text in stored if isinstance(text, str)), {})
@@ -272,7 +272,7 @@ def _best(outputs: Sequence[Item], metric: str) -> float:
 
 
 def _scores(item: Item, exponents: Mapping[str, int], best: Mapping[str, float]) -> tuple[tuple[str, bool], ...]:
-    """What stands beneath a tile: each score, and whether it is the best of its row."""
+    """The text beneath a tile: each score, and whether it is the best of its row."""
     values = {metric: _value(item, metric) for metric in exponents}
     return tuple((plain(values[m], exponents[m]), values[m] == best[m]) for m in exponents)
 

@@ -1,4 +1,4 @@
-"""What methods are called in pictures: as short as it can be while different methods have different names."""
+"""The names of methods in pictures: as short as possible while distinct."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ WHO = ["method", "variant", "threads", "device", "host"]
 
 
 def labels(rows: pd.DataFrame) -> list[str]:
-    """For each row the label of its method, as tables have it.
+    """For each row the label of its method, as in tables.
 
-    Device, threads and host follow where only these tell two rows apart.
+    Device, threads and host follow if only these distinguish two rows.
 
     Parameters
     ----------

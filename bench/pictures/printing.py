@@ -1,4 +1,4 @@
-"""What all printed pictures share: sizes of columns and pages, fonts that stay text, files without a date."""
+"""The common part of all printed pictures: sizes of columns and pages, fonts that stay text, files without a date."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ WIDTHS = {"column": 3.3, "page": 7.0}  # inches, of the usual two-column papers 
 KINDS = ("pdf", "svg", "png")
 SMALLEST = 4.5  # points
 DATELESS = {"pdf": {"CreationDate": None, "ModDate": None}, "svg": {"Date": None}, "png": {}}
-MISSING = "Glyph"  # begins the warning of a letter that the font does not have
+MISSING = "Glyph"  # the start of the warning about a character that the font lacks
 STYLE = {
-    "pdf.fonttype": 42,  # TrueType, embedded: text can be searched, and journals take it
+    "pdf.fonttype": 42,  # TrueType, embedded: text can be searched, and journals accept it
     "ps.fonttype": 42,
     "svg.fonttype": "none",  # text, not outlines
     "svg.hashsalt": "detailbench",
@@ -56,7 +56,7 @@ def kind_of(path: str) -> str:
     Raises
     ------
     UsageError
-        For another suffix, or where the folder is not there.
+        For another suffix, or if the folder does not exist.
     """
     kind = Path(path).suffix.lower().removeprefix(".")
     if kind not in KINDS:
@@ -72,7 +72,7 @@ def matplotlib() -> Any:
     Raises
     ------
     MissingLibrary
-        When it is not installed.
+        If it is not installed.
     """
     try:
         import matplotlib as module
@@ -94,14 +94,14 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def drawn(figure: Figure) -> None:
-    """Draw a figure for its measures, without a warning of letters that the font does not have."""
+    """Draw a figure for its measures, without a warning about characters that the font lacks."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=MISSING)
         figure.canvas.draw()
 
 
 def saved(figure: Figure, kind: str, dpi: int) -> bytes:
-    """The figure as a file of a kind, the same whenever it is made."""
+    """The figure as a file of a kind, the same at any time."""
     target = io.BytesIO()
     # matplotlib reads the date from here where it is set, which would be an arbitrary one
     before = os.environ.pop("SOURCE_DATE_EPOCH", None)
@@ -121,7 +121,7 @@ def printable(text: str) -> str:
 
 
 def text_width(text: str, size: float, weight: str = "normal") -> float:
-    """How wide a line of text is, in inches, at a size in points."""
+    """The width of a line of text, in inches, at a size in points."""
     matplotlib()
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
@@ -135,7 +135,7 @@ def text_width(text: str, size: float, weight: str = "normal") -> float:
 
 
 def wrapped(text: str, width: float, size: float, lines: int) -> list[str]:
-    """Text in lines of a width in inches, at most so many; what does not fit ends with an ellipsis."""
+    """Text in at most ``lines`` lines of a width in inches; longer text ends with an ellipsis."""
     text = printable(" ".join(text.split()))
     found = [""]
     for word in re.findall(r"[^\s_\-/,(=]*[_\-/,(=]?\s*", text):
@@ -151,7 +151,7 @@ def wrapped(text: str, width: float, size: float, lines: int) -> list[str]:
 
 
 def fitted(text: str, width: float, size: float, lines: int) -> tuple[float, list[str]]:
-    """The largest size up to ``size`` at which text fits a width in so many lines, and the lines."""
+    """The largest size up to ``size`` at which text fits a width in ``lines`` lines, and the lines."""
     while True:
         for count in range(1, lines + 1):
             found = wrapped(text, width, size, count)

@@ -1,7 +1,7 @@
-"""The shapes of a case of stored results: its input, what each method made of it, and the reference.
+"""The shapes of a case of stored results: its input, the output of each method, and the reference.
 
 Everything is in the frame of the case: box centre of the reference at the origin, its farthest vertex at radius 1.
-Outputs and references are read from the files that ``outputs=first`` or ``outputs=all`` kept; the input is made again
+Outputs and references are read from the files that ``outputs=first`` or ``outputs=all`` stored; the input is made again
 from the dataset, the sensor and the seed of the record, as ``detailbench reproduce`` does.
 """
 
@@ -32,7 +32,7 @@ PLACE = ["task", "dataset", "sensor", "split", "seed", "case"]
 
 
 class Place(NamedTuple):
-    """Where a case is in the results."""
+    """The keys of a case in the results."""
 
     task: str
     dataset: str
@@ -44,7 +44,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Item:
-    """One thing to show.
+    """One shape to show.
 
     Attributes
     ----------
@@ -52,9 +52,9 @@ class Item:
         ``input``, ``reference``, or the label of a method; of an input with several parts, the argument's name.
     role : str
     shape : Trimesh, PointCloud, Views or None
-        In the frame of the case; None where there is nothing to show.
+        In the frame of the case; None if there is nothing to show.
     note : str
-        Why there is nothing to show, as a sentence; or what is to be said of the shape.
+        Why there is nothing to show, as a sentence; or a note on the shape.
     row : mapping
         The row of the results of an output; empty for the others.
     """
@@ -79,7 +79,7 @@ class CaseShapes:
         One for each method, in the order of the rows.
     reference : Item
     frame : Frame or None
-        From the original coordinates to the frame of the case; None where the case cannot be made again.
+        From the original coordinates to the frame of the case; None if the case cannot be made again.
     unit : str
         Of lengths in this frame.
     """
@@ -113,13 +113,13 @@ def case_shapes(folders: Sequence[Results], place: Place, rows: pd.DataFrame) ->
         Where the rows are from.
     place : Place
     rows : DataFrame
-        The rows of this case, as :meth:`bench.results.store.Results.rows` gives them: one output each. A column
+        The rows of this case, as returned by :meth:`bench.results.store.Results.rows`: one output each. A column
         ``label`` names them; without it :func:`bench.pictures.labels.labels` does.
 
     Returns
     -------
     CaseShapes
-        With a note in place of whatever is not there: nothing is raised for a missing file, a plugin that is not
+        With a note in place of whatever is missing: nothing is raised for a missing file, a plugin that is not
         installed, or a case that cannot be made again.
     """
     names = list(rows["label"]) if "label" in rows else labels(rows)
@@ -138,7 +138,7 @@ def case_of(results: Results, row: Mapping[str, Any]) -> Case:
     Raises
     ------
     DetailbenchError
-        If its plugins are not loaded, its data are not here, or its dataset has no such case today.
+        If its plugins are not loaded, its data are missing, or its dataset no longer has such a case.
     """
     from ..errors import UsageError
     from ..results.checks import lacks
@@ -152,7 +152,7 @@ def case_of(results: Results, row: Mapping[str, Any]) -> Case:
     if stored.missing:
         raise UsageError(f"{', '.join(stored.missing)} is not loaded; name its file with --plugin FILE")
     cell = stored.cell
-    dataset, sensor = _remembered(cell, results)
+    dataset, sensor = _cached(cell, results)
     recipes = cell.task.build().recipes(dataset, sensor, split=cell.split, count=cell.cases, seed=cell.seed)
     for recipe in recipes:
         if recipe.id == row["case"]:
@@ -160,10 +160,10 @@ def case_of(results: Results, row: Mapping[str, Any]) -> Case:
     raise UsageError(f"dataset {cell.dataset.label} has no case {row['case']} today")
 
 
-def _remembered(cell: Cell, results: Results) -> tuple[Any, Any]:
-    """The dataset and the sensor of a cell, which take what a run of today's sources left in the cache of the folder.
+def _cached(cell: Cell, results: Results) -> tuple[Any, Any]:
+    """The dataset and the sensor of a cell, which read the cache of the folder, as left by a run of today's sources.
 
-    Meshes and scans cost more than all else that a picture needs. Nothing is added to the cache.
+    Meshes and scans cost more than everything else in a picture. Nothing is added to the cache.
     """
     from ..contract.sensors import gives_scans, noun_of
     from ..engine.memo import Memo, RememberedDataset, RememberedSensor
@@ -209,7 +209,7 @@ def _inputs(case: Case, row: Mapping[str, Any]) -> tuple[Item, ...]:
 
 
 def _edited(shown: Mapping[str, Any], row: Mapping[str, Any]) -> str:
-    """A note where the input has another number of points than the record says."""
+    """A note if the input has another number of points than in the record."""
     then, cloud = row.get("input.points"), shown.get("cloud")
     if not isinstance(cloud, PointCloud) or then is None or then != then or int(then) == len(cloud):
         return ""
@@ -223,7 +223,7 @@ def _is_shown(value: Any) -> bool:
 
 
 def _output(name: str, row: Mapping[str, Any], results: Results | None) -> Item:
-    """The kept output of a row, or why there is none."""
+    """The stored output of a row, or why there is none."""
     if row["status"] != "ok":
         reason = str(row.get("message") or "").strip().partition("\n")[0]
         return Item(name, "output", None, f"{row['status']}: {reason}" if reason else row["status"], row)
@@ -237,7 +237,7 @@ def _output(name: str, row: Mapping[str, Any], results: Results | None) -> Item:
 
 
 def _reference(found: Sequence[tuple[str, Mapping[str, Any], Results | None]], case: Case | None, why: str) -> Item:
-    """What the outputs were compared with: the kept file, or that of the case where there is none."""
+    """The reference of the outputs: the stored file, or that of the case if there is none."""
     for _, row, results in found:
         path = results.reference_of(row) if results else None
         if path is None:
@@ -253,7 +253,7 @@ def _reference(found: Sequence[tuple[str, Mapping[str, Any], Results | None]], c
 
 
 def load(path: Path) -> Geometry:
-    """A kept file: a mesh where it has faces, and a cloud otherwise.
+    """A stored file: a mesh if it has faces, and a cloud otherwise.
 
     Raises
     ------

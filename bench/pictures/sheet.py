@@ -36,7 +36,7 @@ class Tile:
     region : ((x, y), (half width, half height)) or None
         What the inset shows, as shares of the tile, to the right and upward.
     note : str
-        In the tile where there is no picture.
+        In a tile without a picture.
     scores : tuple of (text, whether it is the best)
         Beneath it.
     """
@@ -61,7 +61,7 @@ class Layout:
     dpi : int
         Pixels of tiles per inch.
     size : int or None
-        Pixels across a tile, in place of what ``dpi`` gives.
+        Pixels across a tile, in place of those from ``dpi``.
     """
 
     width: float = 7.0
@@ -74,7 +74,7 @@ class Layout:
     title_lines: int = 1
 
     def for_tiles(self, titles: Sequence[str], aspects: Sequence[float], scores: int) -> Layout:
-        """The layout for so many columns, for rows of these heights by width, and so many scores beneath each."""
+        """The layout for these numbers of columns and of scores beneath each, and rows of these heights by width."""
         font = 7.0 if self.width >= 5 else 6.0
         found = replace(self, font=font, columns=len(titles), aspects=tuple(aspects), scores=scores)
         if found.tile < 0.3:
@@ -249,7 +249,7 @@ class Sheet:
         inner.add_patch(Rectangle((0, 0), 1, 1, fill=False, edgecolor=FRAME, linewidth=1.0))
 
     def _bar(self, figure: Figure) -> None:
-        """The colour bar, and what the numbers beneath the tiles are."""
+        """The colour bar, and the meaning of the numbers beneath the tiles."""
         place = self.layout
         y = place.bottom - 0.07 - BAR
         edge = place.width

@@ -113,7 +113,7 @@ class Studio:
         normals = None if cloud.normals is None else cloud.normals[kept]
         vertices, faces, owner = discs(points, normals, spacing(points), self.camera)
         mesh = self._pyvista.make_tri_mesh(vertices, faces)
-        if normals is None:  # nothing tells how these points are lit, so what is farther away is darker
+        if normals is None:  # points without normals cannot be lit, so farther ones are darker
             style |= {"lighting": False}
             rgb = darkened(rgb, self.camera.project(points)[:, 2])
         mesh["rgb"] = rgb[owner]
@@ -134,14 +134,14 @@ class Studio:
 
 
 def darkened(rgb: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Colours (n, 3) that are darker the smaller ``depth`` (n,) is: what is far from the eye."""
+    """Colours (n, 3) that are darker the smaller ``depth`` (n,) is: far from the eye."""
     span = np.ptp(depth) if len(depth) else 0.0
     share = (depth - depth.min()) / span if span > 0 else np.ones(len(depth))
     return np.round(rgb * (FAR + (NEAR - FAR) * share)[:, None]).astype(np.uint8)
 
 
 def pyvista() -> Any:
-    """The module, told that there need not be a display: VTK warns that it found none, and renders all the same."""
+    """The module, set up without a display: VTK warns that it found none, but renders anyway."""
     try:
         import pyvista as module
         from vtkmodules.vtkCommonCore import vtkLogger
@@ -152,14 +152,14 @@ def pyvista() -> Any:
 
 
 def shown_points(count: int) -> np.ndarray:
-    """Which of ``count`` points are drawn: all, or so many at random, always the same."""
+    """Which of ``count`` points are drawn: all, or a fixed random subset."""
     if count <= MOST_DISCS:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, MOST_DISCS, replace=False))
 
 
 def spacing(points: np.ndarray) -> float:
-    """The median distance of points (n, 3) to their nearest neighbour, in their unit; 0.02 where there is none."""
+    """The median distance of points (n, 3) to their nearest neighbour, in their unit; 0.02 if there is none."""
     from scipy.spatial import cKDTree
 
     if len(points) < 2:
@@ -173,7 +173,7 @@ def spacing(points: np.ndarray) -> float:
 def discs(
     points: np.ndarray, normals: np.ndarray | None, distance: float, camera: Camera
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A small disc in place of each point, across its normal, or across the view where there is none.
+    """A small disc in place of each point, across its normal, or across the view without normals.
 
     Parameters
     ----------

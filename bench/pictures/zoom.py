@@ -13,7 +13,7 @@ from .camera import Camera, Window
 RADIUS = 0.16  # of the place that an inset shows, in radii of the reference
 CANDIDATES = 600
 DEPTH = 0.06  # radii: a place with something this far in front of it is hidden
-FACING = 0.6  # the least cosine between a normal and the view: what is seen from the side shows little
+FACING = 0.6  # the least cosine between a normal and the view: surfaces seen from the side show little
 
 
 class Zoom(NamedTuple):
@@ -73,7 +73,7 @@ def where_they_differ(
     Returns
     -------
     Zoom or None
-        None where there are fewer than two methods, or nothing can be seen.
+        None with fewer than two methods, or if nothing is visible.
     """
     from scipy.spatial import cKDTree
 

@@ -1,1 +1,1 @@
-"""Plots of scores: for each kind a table of what is drawn, and the drawing of the table."""
+"""Plots of scores: for each kind a table of the drawn numbers, and the drawing of the table."""

@@ -1,4 +1,4 @@
-"""The kinds of plots, and what is asked of them."""
+"""The kinds of plots, and their interface."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Options:
-    """What some kinds are told.
+    """The options of some kinds.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ class Plot:
     ----------
     figure : Figure
     table : DataFrame
-        All numbers that are drawn.
+        All drawn numbers.
     notes : list of str
-        What is to be said of it.
+        The notes on it.
     """
 
     figure: Figure
@@ -70,9 +70,9 @@ def plot(kind: str, scores: Scores, options: Options) -> Plot:
     Raises
     ------
     UsageError
-        Where the results do not have what the kind shows.
+        If the results lack the data of the kind.
     MissingLibrary
-        When matplotlib is not installed.
+        If matplotlib is not installed.
     """
     from ..printing import matplotlib
     from .scores import rounded

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .scores import Scores
 
 KINDS = ("sensor", "dataset", "method", "task")
-LEVELS = 3  # digits of what was measured of inputs: 0.00998 and 0.01003 are one level of noise
+LEVELS = 3  # digits of the measures of inputs: 0.00998 and 0.01003 are one level of noise
 
 
 def table(scores: Scores, options: Options) -> pd.DataFrame:
@@ -72,7 +72,7 @@ def _without(labels: pd.Series, name: str) -> list[str]:
 
 
 def _values(scores: Scores) -> dict[str, pd.Series]:
-    """For each number that rows differ in, its value in each row: parameters, and what was measured of inputs."""
+    """For each number that differs between rows, its value in each row: parameters, and the measures of inputs."""
     rows = scores.rows
     metas: dict[tuple[str, str], dict[str, float]] = {}
     for row in rows.drop_duplicates(["cell", "fingerprint"]).to_dict("records"):

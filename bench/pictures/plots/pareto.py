@@ -1,4 +1,4 @@
-"""Quality against what it costs: the mean of each method over its time or memory, with the front."""
+"""Quality against cost: the mean of each method over its time or memory, with the front."""
 
 from __future__ import annotations
 

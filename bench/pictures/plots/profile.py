@@ -36,7 +36,7 @@ def ratios(values: np.ndarray, direction: str) -> np.ndarray:
     Returns
     -------
     (units, k) array
-        1 for the best; infinite for a failure, and for what is not perfect where another is. A unit on which all failed
+        1 for the best; infinite for a failure, and if imperfect where another is perfect. A unit on which all failed
         is infinite for all.
     """
     is_lower = direction == "lower"
@@ -59,7 +59,7 @@ def table(scores: Scores, options: Options) -> pd.DataFrame:
     if (values < 0).to_numpy().any():
         raise UsageError(f"--metric {scores.metric}: has scores below 0, of which no ratio can be made")
     run = rows.groupby([*keys, "label"], dropna=False).size().unstack("label").reindex(columns=scores.order)
-    whole = run.notna().all(axis=1)  # compared on the units that all methods were to solve
+    whole = run.notna().all(axis=1)  # compared on the units planned for all methods
     if not whole.any():
         raise UsageError("no case was run with all of these methods; choose fewer with --method")
     found = ratios(values[whole].to_numpy(dtype=float), scores.direction)

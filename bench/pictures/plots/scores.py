@@ -24,19 +24,19 @@ ARROWS = {"lower": " ↓", "higher": " ↑"}
 
 @dataclass(frozen=True)
 class Scores:
-    """What a plot is made of.
+    """The data of a plot.
 
     Attributes
     ----------
     rows : DataFrame
-        One task and split; with a column ``label``. Not pooled: datasets and sensors are as they were run.
+        One task and split; with a column ``label``. Not pooled: datasets and sensors are as in the runs.
     metric : str
     direction : str
         ``lower``, ``higher`` or ``reference``.
     order : list of str
-        The labels in the order to show them: as asked, or by name.
+        The labels in the requested order, or by name.
     titles : mapping
-        From labels to what is printed.
+        From labels to printed names.
     level : float
         Of intervals and tests.
     folders : sequence of Results
@@ -54,7 +54,7 @@ class Scores:
 
     @property
     def axis(self) -> str:
-        """The metric with an arrow to where it is better."""
+        """The metric with an arrow in its better direction."""
         if self.direction == "reference":
             return f"|{self.metric} - that of the reference|"
         return f"{self.metric}{ARROWS.get(self.direction, '')}"
@@ -63,7 +63,7 @@ class Scores:
         """The label of each line of a leaderboard, or of the contenders of a table."""
         pooled = self.pooled()
         known: dict[tuple, str] = {}
-        # Two pools of the same rows may name the machines of a line differently: then the host is no help.
+        # Two pools of the same rows may name the machines of a line differently: then the host does not help.
         for names in (CONTENDER[:-1], CONTENDER):
             keys = pooled[names].fillna("").itertuples(index=False)
             known |= {tuple(key): label for key, label in zip(keys, pooled["label"], strict=True)}
@@ -75,7 +75,7 @@ class Scores:
         return pool(self.rows, "task")
 
     def means(self, board: pd.DataFrame) -> dict[str, Any]:
-        """What a board gives to the table of a plot: means, their intervals, and how many cases were solved."""
+        """The columns of a board for the table of a plot: means, their intervals, and how many cases were solved."""
         return {
             "metric": self.metric,
             "mean": board["mean"].astype(float),
@@ -88,7 +88,7 @@ class Scores:
     def board(self, rows: pd.DataFrame | None = None, by: Names = "task") -> pd.DataFrame:
         """The lines of the leaderboard of some of the rows by the plot's metric, with a column ``label``.
 
-        Means, intervals and what failed cases are worth are those that `detailbench leaderboard` prints.
+        Means, intervals and the scores of failed cases are those of `detailbench leaderboard`.
         """
         from ...ranking.leaderboard import leaderboard
 
@@ -115,19 +115,19 @@ def scores_of(
     rows : DataFrame
     folders : sequence of Results
     metric : str
-        One; the one that ranks the task where None.
+        One; the one that ranks the task if None.
     method : str or list of str
-        Methods, presets or labels; all where None.
+        Methods, presets or labels; all if None.
     names : str
-        What they are called: ``poisson=Poisson,mine=Ours``.
+        Their names: ``poisson=Poisson,mine=Ours``.
     level : float
     filters
-        ``task``, ``dataset``, ``sensor``, ``split`` and ``tag``, as :func:`bench.ranking.selection.select` takes them.
+        ``task``, ``dataset``, ``sensor``, ``split`` and ``tag``, as for :func:`bench.ranking.selection.select`.
 
     Raises
     ------
     UsageError
-        For a name that no row has, and where the rows are of several tasks or splits.
+        For a name that no row has, and if the rows are of several tasks or splits.
     """
     from ...results.imputation import lent
 
@@ -155,7 +155,7 @@ def scores_of(
 
 
 def _metric(rows: pd.DataFrame, metric: str | None) -> str:
-    """The metric of a plot: the one that is named, the one that ranks the task, or the only one."""
+    """The metric of a plot: the named one, the one that ranks the task, or the only one."""
     known = metrics_of(rows)
     if metric is not None:
         found = matching("metric", metric, known)
@@ -176,7 +176,7 @@ def _direction(rows: pd.DataFrame, metric: str) -> str:
 
 
 def rounded(table: pd.DataFrame) -> pd.DataFrame:
-    """A table without what differs in the last bits of a number."""
+    """A table with numbers rounded so that differences in their last bits vanish."""
     numbers = table.select_dtypes("float").columns
     return table.assign(**{name: table[name].map(_rounded) for name in numbers})
 

@@ -1,4 +1,4 @@
-"""How plots look: colours, markers and lines that survive a grey print; names at the lines, without overlap."""
+"""The look of plots: colours, markers and lines that survive a grey print; names at the lines, without overlap."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def settle(axes: Axes) -> None:
 
 
 def name_width(titles: Mapping[str, str]) -> float:
-    """The room that names need, in inches."""
+    """The width of the names, in inches."""
     return max((text_width(title, FONT) for title in titles.values()), default=0.0)
 
 
@@ -102,7 +102,7 @@ def spread(wanted: np.ndarray, gap: float, low: float, high: float) -> np.ndarra
     """Places near the wanted ones, in their order, at least ``gap`` apart and between ``low`` and ``high``.
 
     The places with the least squares of their moves: neighbours that are too close become a block around their mean
-    (the pool of adjacent violators). Where there is no room for all, they are evenly spaced.
+    (the pool of adjacent violators). If there is no room for all, they are evenly spaced.
     """
     n = len(wanted)
     if n == 0:
@@ -201,12 +201,12 @@ def names_at_points(
     titles : mapping
         From the same keys.
     lines : sequence of (n, 2) arrays
-        What is drawn besides, in data coordinates.
+        Other drawn lines, in data coordinates.
 
     Returns
     -------
     list of Box
-        Where the names are, in inches from the diagram's lower left corner.
+        The places of the names, in inches from the diagram's lower left corner.
     """
     figure = axes.figure
     settle(axes)

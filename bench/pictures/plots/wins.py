@@ -1,4 +1,4 @@
-"""How often each method is better than each other one, as a matrix; see :mod:`bench.ranking.comparison`."""
+"""How often each method is better than each other method, as a matrix; see :mod:`bench.ranking.comparison`."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def table(scores: Scores, options: Options) -> pd.DataFrame:
 
 
 def clusters(units: pd.DataFrame) -> np.ndarray:
-    """The first unit of each shape; of each seed where there is one shape only."""
+    """The first unit of each shape; of each seed if there is only one shape."""
     cases = units["case"].to_numpy()
     key = cases if len(set(cases)) > 1 else units["seed"].to_numpy()
     return np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
