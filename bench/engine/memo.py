@@ -159,13 +159,13 @@ class RememberedDataset:
     def _shapes(self, split: str) -> Iterator[Shape]:
         for shape in self._dataset.shapes(split):
             shape.id = encodable(shape.id)  # seeds and rows are made of it
-            yield self._remembered(shape, split) if self._is_frozen() else shape
+            yield self._cached(shape, split) if self._is_frozen() else shape
 
     def _is_frozen(self) -> bool:
         """Whether its meshes follow from its key: not the user's own files, but those that are fetched and pinned."""
         return not hasattr(self._dataset, "state") or hasattr(self._dataset, "fetch")
 
-    def _remembered(self, shape: Shape, split: str) -> Shape:
+    def _cached(self, shape: Shape, split: str) -> Shape:
         from trimesh import Trimesh
 
         def mesh() -> Trimesh:

@@ -1,4 +1,4 @@
-"""What belongs to the points of a cloud besides their normals, carried over to what a method makes of it."""
+"""Attributes of the points of a cloud besides normals, carried over to the output of a method."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ IN_ORDER = 0.1  # rows match where points moved by less than this share of the d
 
 
 def carried(source: PointCloud, output: PointCloud | Trimesh) -> PointCloud | Trimesh:
-    """An output with the colours and scalars of the cloud that it was made from, where it has none of its own.
+    """An output with the colours and scalars of the cloud that it was made from, if it has none of its own.
 
-    An output point at the place of an input point takes what belongs to that one. Where the places differ and there are
+    An output point at the place of an input point takes its attributes. Where the places differ and there are
     as many points in the same order (as after most denoising), row by row; otherwise each takes those of the nearest
     input point. A notice says which. A mesh takes colours if all its vertices are input points.
 
@@ -42,7 +42,7 @@ def carried(source: PointCloud, output: PointCloud | Trimesh) -> PointCloud | Tr
 
 
 def _colored(source: PointCloud, mesh: Trimesh) -> Trimesh:
-    """The mesh with the colours of the points that its vertices are."""
+    """The mesh with the colours of the points at its vertices."""
     visual: Any = mesh.visual  # of colours, or of a texture
     if source.colors is None or visual.kind is not None:
         return mesh
@@ -56,7 +56,7 @@ def _colored(source: PointCloud, mesh: Trimesh) -> Trimesh:
 
 
 def _matched(points: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, str]:
-    """The row of ``points`` for each of ``others``, and how it was found, in words; none where the places are equal."""
+    """The row of ``points`` for each of ``others``, and how it was found, in words; none if the places are equal."""
     rows, found = same_places(points, others)
     if found.all():
         return rows, ""

@@ -1,4 +1,4 @@
-"""Whether geometry can be used at all; the messages name it and say what was expected."""
+"""Checks that geometry is usable; the messages name it and state what was expected."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def check_mesh(mesh: Trimesh, name: str) -> None:
 
 
 def check_points(points: np.ndarray, name: str, *, what: str = "points", at_least: int = 1) -> None:
-    """Raise :class:`BadInput` unless ``points`` (n, 3) are finite, at least so many, not all equal, and not too far."""
+    """Raise :class:`BadInput` unless ``points`` (n, 3) are finite, numerous enough, not all equal, and not too far."""
     if len(points) < at_least:
         raise BadInput(f"{name}: has {len(points)} {what}; expected at least {at_least}")
     bad = int((~np.isfinite(points)).any(axis=1).sum())

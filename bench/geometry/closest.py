@@ -1,6 +1,6 @@
 """Closest points on a triangle mesh, exact, in float64 (libigl's bounding-box tree).
 
-Other libraries answer faster in float32, but name another triangle where two are nearly as close, with a distance
+Other libraries answer faster in float32, but name another triangle if two are nearly as close, with a distance
 error around 1e-7 that no later correction of the named triangle removes. Queries that follow a space-filling curve
 (:mod:`bench.geometry.neighbours`) make libigl as fast as they are.
 """

@@ -19,7 +19,7 @@ SCALAR = "scalar_"  # before the names of scalars among the arrays of a cloud
 
 
 def _own(values: Any) -> np.ndarray:
-    """The values as an array that nobody else can change: a copy, unless they are frozen already."""
+    """The values as an immutable array: a copy, unless they are frozen already."""
     is_frozen = isinstance(values, np.ndarray) and values.flags.owndata and not values.flags.writeable
     return values if is_frozen and values.dtype == np.float64 else np.array(values, dtype=np.float64)
 
@@ -42,13 +42,13 @@ class PointCloud:
     normals : (N, 3) float64 array of unit length, or None
     colors : (N, 3) float64 array in 0..1, or None
     scalars : mapping of names to (N,) float64 arrays, or None for an empty one
-        Further numbers of each point: intensity, time, class, ... They may be NaN where a point has none.
+        Further numbers of each point: intensity, time, class, ... NaN for points without a value.
 
     Raises
     ------
     BadInput
-        If an array has another shape, or other than N rows. Values are not judged here: what a *method* returns is
-        judged by its task, so that a NaN is recorded as an invalid output.
+        If an array has another shape, or other than N rows. Values are not checked here: the output of a *method* is
+        checked by its task, so that a NaN is recorded as an invalid output.
 
     Example
     -------
@@ -103,11 +103,11 @@ class PointCloud:
         return cls(arrays["points"], arrays.get("normals"), arrays.get("colors"), scalars)
 
     def subset(self, rows: np.ndarray) -> PointCloud:
-        """The points at ``rows``, an (N,) bool array or an array of indices, with all that belongs to them."""
+        """The points at ``rows``, an (N,) bool array or an array of indices, with all their attributes."""
         return PointCloud.of({name: array[rows] for name, array in self.arrays().items()})
 
     def moved(self, points: np.ndarray) -> PointCloud:
-        """The cloud with its points at other places, (N, 3); all that belongs to them stays."""
+        """The cloud with its points at other places, (N, 3); their attributes stay."""
         return PointCloud.of(self.arrays() | {"points": points})
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""A point cloud as a :class:`bench.Surface`: all that is known of a reference that came without a mesh."""
+"""A point cloud as a :class:`bench.Surface`: the surface of a reference without a mesh."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
 """The distances between one output and the reference of its case, computed once and shared by all metrics.
 
-Which is measured how::
+The four distances::
 
     output point    -> nearest reference sample      to_reference    kd-tree
     reference sample -> nearest output point         to_output       kd-tree
     output point    -> closest point of the mesh     to_surface      exact, point to triangle
     reference sample -> closest point of the output  from_surface    exact, point to triangle; outputs that are meshes
 
-Largest distances see what samples miss: a spike, say, that has no area. The vertices of a mesh count there too, as in
+Largest distances include parts that samples miss, as a spike without area. They use vertices of meshes too, as in
 Metro (Cignoni et al. 1998) and MeshLab: those of the output by their distance to the reference mesh, those of the
 reference by theirs to the output (a spike is farthest at its tip). Means are over the samples alone.
 
@@ -45,11 +45,11 @@ NOWHERE = -1  # the index of a nearest point that does not exist
 
 
 class NeedsSurface(BadInput):
-    """Asked for a distance to a surface where the reference is a point cloud."""
+    """A distance to a surface was requested, but the reference is a point cloud."""
 
 
 class Reference:
-    """What all comparisons of a case share: the samples of its reference, their kd-tree, the tree of its mesh.
+    """The common part of all comparisons of a case: the samples of its reference, their kd-tree, the tree of its mesh.
 
     Samples come from ``case.reference.surface``, so from the exact surface where the dataset knows one; the mesh is
     then a fine tessellation of it, and ``surface`` is measured against the mesh. A perfect cloud shows in the floor
@@ -72,7 +72,7 @@ class Reference:
 
     @cached_property
     def vertices(self) -> OrderedPoints | None:
-        """The vertices of the reference mesh that faces use; None where the reference is a cloud."""
+        """The vertices of the reference mesh that faces use; None if the reference is a cloud."""
         mesh = self._shape.mesh
         return OrderedPoints(used_vertices(mesh)) if len(mesh.faces) else None
 
@@ -80,7 +80,7 @@ class Reference:
         """(n, 3) unit normals of the surface at closest points of the mesh, any face's where several faces meet.
 
         The faces of a tessellation with edges of length h are tilted against a surface of curvature k by up to k h / 2,
-        more than one degree for a bumpy sphere of 80,000 faces: more than good methods are apart. Where the dataset
+        more than one degree for a bumpy sphere of 80,000 faces: more than good methods differ. If the dataset
         knows the surface, its exact normals at the vertices are interpolated, which errs by a tenth of that.
         """
         if self._vertex_normals is None:
@@ -96,7 +96,7 @@ class Reference:
 
 
 class Comparison:
-    """An output held against the reference of its case; every distance is computed when first asked for, once.
+    """The comparison of an output with the reference of its case; every distance is computed once, on first use.
 
     Made by :meth:`bench.Case.compare`.
 
@@ -105,10 +105,10 @@ class Comparison:
     output : PointCloud, or Trimesh with faces
         In the frame of the case.
     case : Case
-        Its seed and id seed the samples, so that all methods meet the same sample of the reference.
+        Its seed and id seed the samples, so that all methods get the same sample of the reference.
     samples : int, optional
-        How many points are drawn from the reference, and from an output that is a mesh: :data:`SAMPLES`, or what
-        :func:`set_samples` said of the case.
+        How many points are drawn from the reference, and from an output that is a mesh: :data:`SAMPLES`, or the number
+        set by :func:`set_samples` for the case.
     sampling : str
         How the points of the reference are spread, see :mod:`reference_sample`.
     """
@@ -271,7 +271,7 @@ def compare(output: PointCloud | Trimesh, case: Case, samples: int, sampling: st
 
 
 def set_samples(case: Case, samples: int) -> None:
-    """How many points the comparisons of a case draw where nobody says otherwise; before the first one."""
+    """Set the default number of points of the comparisons of a case; before the first one."""
     case._cache["samples"] = samples
 
 

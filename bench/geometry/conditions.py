@@ -1,6 +1,6 @@
-"""How bad a cloud really is: noise, outliers, holes and unevenness against the truth.
+"""The realised state of a cloud: noise, outliers, holes and unevenness against the truth.
 
-A sensor's parameters say what it was told to do; two sensors that are told "1 %" need not be equally hard. These
+A sensor's parameters are nominal: two sensors set to "1 %" need not be equally hard. These
 figures are measured on the cloud itself, so that levels compare across sensors.
 """
 
@@ -32,7 +32,7 @@ def describe_cloud(cloud: PointCloud, case: Case) -> dict[str, float]:
     -------
     dict
         ``points`` N; ``rms`` and ``rms_inliers``: root mean square distance to the reference mesh of all points, and
-        of those that are no outliers; ``outliers``: share of the points that are farther than 0.05 from it;
+        of those that are not outliers; ``outliers``: share of the points that are farther than 0.05 from it;
         ``coverage``: share of the surface within ``2 sqrt(A / N)`` of a point (independent uniform points leave out
         exp(-4 pi), four in a million); ``density_variation``: standard deviation over mean of the area that eight
         neighbours take up, over points that are no outliers (independent uniform points: 1 / sqrt(8) = 0.35; evenly
@@ -53,7 +53,7 @@ def describe_cloud(cloud: PointCloud, case: Case) -> dict[str, float]:
         "outliers": 1 - near.mean(),
         "coverage": (pair.to_output.distance <= reach).mean(),
     }
-    if hasattr(case.reference.surface, "sample_evenly"):  # a curve: the area of its mesh says nothing of it
+    if hasattr(case.reference.surface, "sample_evenly"):  # a curve: the area of its mesh is meaningless
         del figures["coverage"]
         return {name: float(value) for name, value in figures.items()}
     points = np.unique(cloud.points[near], axis=0)

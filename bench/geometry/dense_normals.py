@@ -1,7 +1,7 @@
 """Planes of dense clouds, at a cost of about a nearest-neighbour query for each point.
 
-Two things are as good at a fraction of the points. How large neighbourhoods have to be is found at some points, each of
-which decides for those around it. And large neighbourhoods are put together of blocks of a few points: sums of sums.
+Two shortcuts lose no accuracy. The size of neighbourhoods is chosen at some points, each of
+which decides for those around it. And large neighbourhoods are assembled from blocks of a few points: sums of sums.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 SAMPLES = 50_000  # points at which sizes are tried, at least
-SHARE = 16  # and one of so many, at least
+SHARE = 16  # and at least one of this many
 REGION = 16  # samples over which squared differences are averaged; their neighbourhoods hardly overlap
 BLOCK = 8  # points of a block, on average
 WHOLE = 48  # points of a neighbourhood up to which it is made of points; larger ones are made of blocks
 # A block is near or far as a whole, which would tilt the plane: the weight of blocks falls to 0 at the border of the
-# neighbourhood. With so many times the points the random error is about that of points of one weight.
+# neighbourhood. With this factor more points the random error is about that of points of equal weight.
 SPREAD = 1.5
 NEAR = 8  # neighbours of each point that are kept
 

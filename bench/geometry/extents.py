@@ -1,11 +1,11 @@
-"""Whether two sets of points can be in the same coordinates: what is said where their units or places differ."""
+"""Whether two sets of points can be in the same coordinates: the message if their units or places differ."""
 
 from __future__ import annotations
 
 import numpy as np
 
-UNLIKE = 10.0  # extents that differ by more are no two views of one thing
-# What a factor is likely to be, where the larger numbers are in the smaller unit; within NEAR of it.
+UNLIKE = 10.0  # extents that differ by more are not of the same object
+# The likely meanings of a factor, if the larger numbers are in the smaller unit; within NEAR of it.
 FACTORS = {
     1000: "millimetres against metres",
     100: "centimetres against metres",
@@ -19,7 +19,7 @@ NEAR = 0.1
 
 
 def unlike(points: np.ndarray, name: str, others: np.ndarray, other: str) -> str:
-    """What is to be said where two sets of points, (n, 3) and (m, 3), are of very unlike size or place.
+    """The message if two sets of points, (n, 3) and (m, 3), have very different sizes or places.
 
     Sizes are those of the boxes of the inner 90 % along each axis, which some far points do not move.
     """

@@ -13,7 +13,7 @@ def farthest_points(points: np.ndarray, count: int, taken: int = 0) -> np.ndarra
     points : (n, 3) array
     count : int, from 1 to n
     taken : int
-        So many of the first points are chosen from the start. Without any, the point nearest the centroid is.
+        The number of first points that are chosen from the start. Without any, the point nearest the centroid is.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Outputs that know nothing of their input: what the pseudo-methods return, and what a failed case is scored as."""
+"""Outputs that ignore their input: those of the pseudo-methods, by which a failed case is scored."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ CREASE = np.cos(np.radians(30))  # a normal that differs more from its face's be
 class MeshSurface:
     """The mesh itself is the truth: uniform samples with face normals, exact closest points.
 
-    Faces without an area are no part of the surface: they have no normal, and no sample falls on them.
+    Faces without an area are not part of the surface: they have no normal, and no sample falls on them.
     """
 
     def __init__(self, mesh: Trimesh):

@@ -1,4 +1,4 @@
-"""How many neighbours a normal is estimated from: as many as noise demands and the shape allows, point by point.
+"""The number of neighbours for estimating a normal: as many as noise demands and the shape allows, point by point.
 
 A plane through k neighbours has two errors. The *random* error, from noise and from the accident of sampling, falls as
 k grows; its variance follows from the variances of the neighbourhood itself. The *bias*, from curvature and edges,
@@ -6,7 +6,7 @@ grows with k; it shows as a difference between the normals of small and large ne
 random errors explain. The size with the least sum of squares is chosen (Lepski 1991; Goldenshluger and Lepski 2011;
 for normals in the spirit of Mitra, Nguyen and Guibas 2004, who need the noise to be known).
 
-Two kinds of neighbourhoods say nothing, however precise they look: those that are *lines*, as along a scan line that
+Two kinds of neighbourhoods are useless, however precise they look: those that are *lines*, as along a scan line that
 is much denser than the lines are apart, and those of scattered points along one (noise of the range). In the first,
 the largest variance grows with the square of k, where that of a surface grows with k. In the second, nearly all
 normals of a region turn as soon as the neighbourhoods reach the next line, and stay as they are from there on.

@@ -1,7 +1,7 @@
 """Nearest neighbours between point sets, exact, in float64.
 
-The kd-tree is pykdtree's, the fastest of those that were measured. What decides the time of 100,000 queries is not the
-tree, though, but the cache: points in random order visit the tree's memory at random. Sorted along a space-filling
+The kd-tree is pykdtree's, the fastest of those that were measured. The time of 100,000 queries does not depend on the
+tree, though, but on the cache: points in random order visit the tree's memory at random. Sorted along a space-filling
 curve they are answered in less than half the time, in every tree that was tried, so points are kept in an
 :class:`OrderedPoints` that does the sorting once, and answers come back in the caller's order.
 """
@@ -32,7 +32,7 @@ class Nearest(NamedTuple):
 
 
 def processors() -> int:
-    """How many processors this process may use: a call of a method is held to those that it is given."""
+    """The number of processors that this process may use: a call of a method is pinned to its own."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
 
 
@@ -60,7 +60,7 @@ def curve_order(points: np.ndarray) -> np.ndarray:
 
 
 class OrderedPoints:
-    """Points together with themselves in a cache-friendly order, and a kd-tree over them when it is asked for.
+    """Points together with themselves in a cache-friendly order, and a kd-tree over them, built on first use.
 
     Parameters
     ----------
@@ -84,13 +84,13 @@ class OrderedPoints:
         return np.ascontiguousarray(self.points[self.order], dtype=np.float64)
 
     def restore(self, values: np.ndarray) -> np.ndarray:
-        """What was computed for :attr:`along_curve`, in the order of :attr:`points`."""
+        """Values computed for :attr:`along_curve`, in the order of :attr:`points`."""
         restored = np.empty_like(values)
         restored[self.order] = values
         return restored
 
     def nearest_in(self, others: OrderedPoints) -> Nearest:
-        """The nearest of ``others`` to each of these points, exact, with any one of them where several are."""
+        """The nearest of ``others`` to each of these points, exact, any one of them in case of ties."""
         tree, members = others._tree
         distance, found = tree.query(self.along_curve)
         return Nearest(self.restore(distance), self.restore(members[found]))

@@ -1,4 +1,4 @@
-"""Normals of a point cloud: estimated where there are none, completed where a few lack, and turned outward."""
+"""Normals of a point cloud: estimated if there are none, completed if a few are missing, and turned outward."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Estimate(NamedTuple):
 def with_normals(cloud: PointCloud) -> PointCloud:
     """The cloud with a unit normal for every point.
 
-    Normals that came with the cloud are kept, scaled to unit length; those that are zero or not finite are taken from
+    Normals of the cloud itself are used, scaled to unit length; those that are zero or not finite are taken from
     the nearest point that has one, with a notice, unless these are most of all. A cloud without any, or with hardly
     any, gets estimated, oriented normals.
 
@@ -58,7 +58,7 @@ def completed(points: np.ndarray, normals: np.ndarray, name: str) -> np.ndarray 
     ----------
     points, normals : (n, 3) arrays
     name : str
-        Of the file, say, for the notice of how many were filled, or that all were left out.
+        For instance of the file, for the notice of how many were filled, or that all were left out.
 
     Returns
     -------

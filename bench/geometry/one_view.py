@@ -1,4 +1,4 @@
-"""What one depth image sees of a mesh."""
+"""The part of a mesh visible in one depth image."""
 
 from __future__ import annotations
 

@@ -31,15 +31,15 @@ class NoSides(BadInput):
 
 
 def oriented(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The faces of a mesh, wound consistently and outward where they were not.
+    """The faces of a mesh, rewound consistently and outward if they were not.
 
     Copies of a face count once, however they are wound (a sheet of two sides that sticks out of a solid not at all).
     Then, component by component (faces that hang together through edges): what is wound consistently is trusted, so
     a cavity stays one and a body that is enclosed in another one stays a body; only where such a component lies in no
     other one and is inside out, it is turned with all that it holds. Faces of a component that disagree are turned
     until they agree. It is outward then, or inward where it lies in an odd number of others: a hollow ball keeps its
-    cavity. Where more than two faces meet in an edge, sides are told by counting how often rays cross the component.
-    One that cannot be mended stays as it is if 95 % of its area agrees, unless it is closed and has only one side:
+    cavity. If more than two faces meet in an edge, sides are found by counting how often rays cross the component.
+    One that cannot be repaired is unchanged if 95 % of its area agrees, unless it is closed and has only one side:
     surfaces from noisy scans have a few faces that fit nowhere.
 
     Parameters
@@ -49,12 +49,12 @@ def oriented(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    (g, 3) int array, g <= f; ``faces`` itself where nothing is wrong
+    (g, 3) int array, g <= f; ``faces`` itself if nothing is wrong
 
     Raises
     ------
     NoSides
-        Where faces disagree and no choice mends it: a Klein bottle, a sheet in shreds that are wound either way.
+        If faces disagree and no choice repairs it: a Klein bottle, a sheet in shreds that are wound either way.
     """
     V, F = np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64)
     position = distinct_positions(V)[F]
@@ -119,7 +119,7 @@ def _is_closed(position: np.ndarray) -> bool:
 
 
 def _agreeing(V: np.ndarray, F: np.ndarray, position: np.ndarray, parts: _Parts) -> np.ndarray:
-    """Which faces to turn so that those of each component agree; which side it is that they then face is left open."""
+    """Which faces to turn so that those of each component agree; the side that they then face is arbitrary."""
     turn = np.zeros(len(F), dtype=bool)
     if not parts.mixed.any():
         return turn

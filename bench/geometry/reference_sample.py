@@ -1,7 +1,7 @@
 """Samples of a reference: independent of each other, or evenly spread as the ground truth of papers on clouds is.
 
 Poisson-disk samples take seconds where there are many of them (80,000 take some 7 s of processor time), so each is made
-once per case and number of points, whatever methods and metrics ask for it; a sweep's memory keeps it.
+once per case and number of points, for all methods and metrics; a sweep's cache stores it.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def sample_reference(case: Case, count: int, sampling: str, stream: str) -> Mapp
 
 
 def evenly_perfect(output: PointCloud | Trimesh, case: Case) -> PointCloud | Trimesh:
-    """What a perfect method would have returned in place of ``output`` where the ground truth is a Poisson-disk sample.
+    """The output of a perfect method in place of ``output`` if the ground truth is a Poisson-disk sample.
 
     Another such sample, as large as the output but for :data:`MOST`; for a mesh, the reference mesh. Beside an evenly
     spread ground truth the usual perfect cloud, uniform points, would score worse than good methods do.

@@ -6,8 +6,8 @@ plane, only overlap, which is not counted; nor is touching. All is decided in fl
 regions and T-junctions do not cross by rounding; crossings shallower than that are missed.
 
 Candidates come from grids, one for each power of two of the faces' sizes: a face is compared with those of its size
-and smaller in the cells of its own grid, so long and short triangles may mix. Most of the time goes into telling boxes
-apart: a corner of a box is one integer (:func:`_packed`), so that a comparison is two subtractions, and neighbours in a
+and smaller in the cells of its own grid, so long and short triangles may mix. Most of the time is for comparing boxes:
+a corner of a box is one integer (:func:`_packed`), so that a comparison is two subtractions, and neighbours in a
 cell lie side by side in memory.
 """
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def signed_distances(mesh: Trimesh, points: np.ndarray) -> np.ndarray:
-    """How far points are from a mesh: the exact Euclidean distance, negative inside.
+    """The distance of points from a mesh: exact, Euclidean, negative inside.
 
     The sign is that of :func:`bench.geometry.winding.inside`, so a mesh may have holes, doubled vertices or parts that
     cross, where normals of the closest face would mislead. It is right but for points within single precision of the

@@ -1,4 +1,4 @@
-"""Meshes of fewer faces, and the distance between two meshes: what the fewer faces cost."""
+"""Meshes of fewer faces, and the distance between two meshes: the error of simplification."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class MeshDistance(NamedTuple):
 
 
 def simplify(mesh: Trimesh, faces: int) -> Trimesh:
-    """The mesh with at most so many faces, by quadric error metrics (Garland and Heckbert 1997), from Open3D.
+    """The mesh with at most ``faces`` faces, by quadric error metrics (Garland and Heckbert 1997), from Open3D.
 
     Edges are contracted in the order of the error that this costs; boundaries are kept in place. A mesh that has as few
     faces is returned as it is. Where there are too few faces for all pieces of a mesh, small pieces vanish.

@@ -1,4 +1,4 @@
-"""What is wrong with the coordinates of a file although they are numbers: saved too coarsely, or spread by strays."""
+"""Suspicious coordinates in a file: saved too coarsely, or spread by strays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What kind of surface a triangle mesh is: components, genus, boundary, watertightness."""
+"""The topology of a triangle mesh: components, genus, boundary, watertightness."""
 
 from __future__ import annotations
 

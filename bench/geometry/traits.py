@@ -1,4 +1,4 @@
-"""What a surface is like, measured: the tags by which leaderboards are sliced.
+"""Measured traits of a surface: the tags by which leaderboards are sliced.
 
 Every shape is measured alike, whatever it was made from: on its mesh, in the frame of a case (farthest vertex at
 radius 1), at points that are uniform by area. Where neighbouring faces turn by less than 30 degrees the mesh stands for
@@ -63,12 +63,12 @@ class Traits(NamedTuple):
         return tuple(tag for tag in TAGS if holds[tag])
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The measures as arrays, to be kept."""
+        """The measures as arrays, to be stored."""
         return {name: np.asarray(float(value)) for name, value in self._asdict().items()}
 
     @classmethod
     def of(cls, arrays: Mapping[str, np.ndarray]) -> Traits:
-        """The measures that :meth:`arrays` gave."""
+        """The measures from :meth:`arrays`."""
         whole = ("genus", "components", "boundary_edges")
         return cls._make((int if name in whole else float)(arrays[name]) for name in cls._fields)
 

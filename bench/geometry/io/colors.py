@@ -6,7 +6,7 @@ import numpy as np
 
 
 def color_scale(triple: np.ndarray, *, named: bool = False, integers: bool = False) -> float:
-    """What three columns (n, 3) are divided by to be colours in 0..1; 0 if they are none.
+    """The divisor that turns three columns (n, 3) into colours in 0..1; 0 if they are not colours.
 
     Eight bits that are stored in fields of sixteen are eight bits. Columns that are ``named`` colours may be constant,
     or means of several. ``integers`` says that the file stores whole numbers, of which 0 and 1 are dark.
@@ -24,5 +24,5 @@ def color_scale(triple: np.ndarray, *, named: bool = False, integers: bool = Fal
 
 
 def colors_of(triple: np.ndarray, *, integers: bool = False) -> np.ndarray:
-    """Columns (n, 3) that are named colours, as fractions of 1, float64; what fits no scale stays as it is."""
+    """Columns (n, 3) that are named colours, as fractions of 1, float64; values that fit no scale are unchanged."""
     return np.asarray(triple, dtype=np.float64) / (color_scale(triple, named=True, integers=integers) or 1)

@@ -60,9 +60,9 @@ def geometry_of(table: np.ndarray, names: Sequence[str], name: str, *, lone: str
     names : c names of columns, or none
         Without names the first three columns are coordinates. Of the others three in a row are normals if their lengths
         are 1 (or 0), colours if they are whole numbers from 0 to 255 or to 65,535, or any from 0 to 1; what is left
-        are scalars. A notice says what was taken for what.
+        are scalars. A notice reports the interpretation.
     name : of the file, for messages
-    lone : what a single scalar is called where there are no names
+    lone : the name of a single scalar if there are no names
     """
     groups = _by_name(names)
     if groups is None:

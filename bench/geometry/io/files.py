@@ -1,7 +1,7 @@
-"""Geometry files: what is read is complete and finite, or there is one clear message; what is written is whole.
+"""Geometry files: reads are complete and finite, or give one clear message; files are written whole.
 
 Files that end early, name vertices that do not exist or hold NaN are refused with the name of the file, what was
-expected, and what to do. What is merely unpleasant is read as it is: duplicate points, holes, non-manifold edges,
+expected, and what to do. Merely unpleasant defects are read unchanged: duplicate points, holes, non-manifold edges,
 degenerate faces among good ones.
 """
 
@@ -43,7 +43,7 @@ from .tables import read_pts, read_pwn, read_table
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-MOST_MESSAGE = 400  # letters of a message besides the name of the file: a damaged word may be millions of letters long
+MOST_MESSAGE = 400  # characters of a message besides the name of the file: a damaged word may have millions
 
 
 class NoFaces(BadInput):
@@ -68,8 +68,8 @@ def load_mesh(path: str | Path) -> Trimesh:
 def load_cloud(path: str | Path) -> PointCloud:
     """Read a point cloud: from PLY, PCD, LAS, E57, NPY, tables as text, or the vertices of a mesh file.
 
-    Normals, colours and scalars are those that the file itself stores for each point; none are computed. What columns
-    without names hold is told by their values, see :func:`bench.geometry.io.columns.geometry_of`. Points that are not
+    Normals, colours and scalars are those that the file itself stores for each point; none are computed. Columns
+    without names are identified by their values, see :func:`bench.geometry.io.columns.geometry_of`. Points that are not
     finite are left out, with a notice (:mod:`bench.notices`).
 
     Normals are scaled to unit length. The few that have no direction (zero, NaN) become those of the nearest point that

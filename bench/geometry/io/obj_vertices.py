@@ -1,4 +1,4 @@
-"""An OBJ file with other coordinates, and all else as it was: texture coordinates, groups, materials."""
+"""An OBJ file with other coordinates, and everything else unchanged: texture coordinates, groups, materials."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """PLY, read and written so that nothing is lost: float64 coordinates, and every count of the header is kept.
 
-The readers at hand are not strict enough for a benchmark: an ASCII file that ends early loses faces without a word, and
+Existing readers are not strict enough for a benchmark: an ASCII file that ends early silently loses faces, and
 writers round coordinates to float32, which at a distance of 1e6 from the origin is a sixteenth of a unit.
 """
 
@@ -253,7 +253,7 @@ def _indices(face: Columns, name: str) -> Ragged | None:
 
 
 def _name_the_rest(vertex: Columns, face: Columns, others: dict[str, Columns], name: str) -> None:
-    """Say what of the file is not read, but for what faces often have besides."""
+    """Report the parts of the file that are not read, except for properties that faces often have."""
     rest = [f"{title} of vertices" for title in vertex]
     rest += [f"{title} of faces" for title in face if title.lower() not in OF_FACES]
     rest += [f"element {title}" for title, columns in others.items() if any(map(_length, columns.values()))]

@@ -1,4 +1,4 @@
-"""What a geometry file holds, before anybody asks whether it is a mesh or a cloud."""
+"""The contents of a geometry file, before they become a mesh or a cloud."""
 
 from __future__ import annotations
 

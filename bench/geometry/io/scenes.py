@@ -1,4 +1,4 @@
-"""Scenes (GLB, glTF, 3MF, COLLADA) as one mesh: trimesh reads them, and what it would lose in silence is refused."""
+"""Scenes (GLB, glTF, 3MF, COLLADA) as one mesh: trimesh reads them, and content that it would lose is refused."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def _part(geometry: Any, transform: np.ndarray, name: str) -> _Part | None:
 
 
 def _check_gltf(text: bytes, most: int | None, name: str) -> None:
-    """Refuse what trimesh would leave out, or read wrong, without a word."""
+    """Refuse content that trimesh would silently leave out or read wrongly."""
     try:
         header = json.loads(text)
         needed = [word for word in header.get("extensionsRequired", []) if not word.startswith(HARMLESS)]

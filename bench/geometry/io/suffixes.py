@@ -1,4 +1,4 @@
-"""The suffixes of files that are read; this module imports nothing, so that whoever lists files may ask it."""
+"""The suffixes of files that are read; this module imports nothing, so that listings of files may use it."""
 
 SCENES = (".glb", ".gltf", ".3mf", ".dae")
 MESH_SUFFIXES = (".ply", ".obj", ".stl", ".off", *SCENES)

@@ -1,4 +1,4 @@
-"""Clouds as text: one point a line, with a line of names where there is more than coordinates and normals."""
+"""Clouds as text: one point a line, with a line of names if there is more than coordinates and normals."""
 
 from __future__ import annotations
 

@@ -109,13 +109,13 @@ class Head(NamedTuple):
 def read_table(data: bytes, name: str, *, lone: str = "") -> RawGeometry:
     """The points in the text of a table, with normals, colours and scalars.
 
-    See :func:`bench.geometry.io.columns.geometry_of` for what is taken for what.
+    See :func:`bench.geometry.io.columns.geometry_of` for the interpretation of columns.
 
     Parameters
     ----------
     data : content of the file: UTF-8, UTF-16 or Latin-1, with any line ends
     name : of the file, for messages
-    lone : what a single scalar without a name is called
+    lone : the name of a single scalar without one
 
     Raises
     ------
