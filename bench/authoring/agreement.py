@@ -130,7 +130,7 @@ def _beyond(distances: np.ndarray, tolerances: np.ndarray | float, what: str) ->
     worst = np.argmax(distances - tolerances)
     allowed = np.broadcast_to(tolerances, distances.shape)[worst]
     share = f"{100 * beyond.mean():.0f} %"
-    return f"{what % share}, up to {distances[worst]:.2g} of the radius where {allowed:.2g} is expected"
+    return f"{what % share}, up to {distances[worst]:.2g} of the radius; expected at most {allowed:.2g}"
 
 
 def _turned_normals(truth: _Truth, points: np.ndarray, normals: np.ndarray, what: str) -> str | None:

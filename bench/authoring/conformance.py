@@ -63,7 +63,7 @@ def check_plugin(
         trial = _Trials(plugin, isolation, dict(values or {}), limit)
         lacking = trial.run("require")
         if lacking["status"] == "skipped":
-            yield Check("libraries", "warn", f"{lacking['message']}; nothing else can be tried")
+            yield Check("libraries", "warn", f"{lacking['message']}; no other check can run")
             return
         yield from {"method": method_checks, "dataset": _dataset_checks}.get(plugin.kind, simple_checks)(trial)
 
@@ -151,7 +151,7 @@ def _repeated(name: str, first: dict[str, Any], again: dict[str, Any], limit: fl
         return Check(name, "ok", "two processes agree to the bit")
     hint = "draw from run.rng, and give libraries one thread or a seed"
     if first["seconds"] > limit / 3:
-        hint += f"; or did run.seconds_left() end it, after {first['seconds']:.3g} s? Then try a larger limit.seconds"
+        hint += f"; if run.seconds_left() ended it after {first['seconds']:.3g} s, raise limit.seconds"
     return Check(name, "fail", hint)
 
 
@@ -309,7 +309,7 @@ def _solve(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel:
     # Only a toy that was made here has poor variants.
     row = {"seconds": call.columns["seconds"], "cloud": taken_by(task) == "cloud" and not hasattr(task, "toy")}
     if asked["input"] == "empty" and isinstance(output, PointCloud) and not len(output):
-        return row | {"output": "nothing from nothing", "digest": ""}
+        return row | {"output": "no output from an empty input", "digest": ""}
     task.validate(output, case.input)
     return row | {"output": repr(output).strip("<>"), "digest": digest_of(output)}
 
@@ -353,7 +353,7 @@ def _sensor(plugin: Plugin, asked: dict[str, Any], spec: dict[str, Any], channel
     elif gives == "views":
         given = sensor.spoil(toy_views(), toy_ball(), generator("check"))
     else:
-        return {"output": f"not tried: there are no {gives} to spoil here; try it in a chain", "digest": ""}
+        return {"output": f"not tried: this check has no {gives} to degrade; try it in a chain", "digest": ""}
     if gives == "cloud":
         validate_cloud(given, "a PointCloud")
     elif noun is not None and not isinstance(given, noun):

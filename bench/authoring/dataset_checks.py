@@ -132,7 +132,9 @@ def items_trial(plugin: Any, asked: dict[str, Any], spec: dict[str, Any], channe
 def _checked_id(item: Any) -> str:
     id = getattr(item, "id", None)
     if not isinstance(id, str) or not re.fullmatch(r"[\w.+-]+", id):
-        raise InvalidOutput(f"the id {id!r} of a {type(item).__name__} is no file name; use letters, digits and ._+-")
+        raise InvalidOutput(
+            f"the id {id!r} of a {type(item).__name__} is not a valid file name; use letters, digits and ._+-"
+        )
     return id
 
 
@@ -180,7 +182,7 @@ class _Findings:
             self.exact.append(shape.id)
             complaints += disagreements(mesh, shape.surface)
         elif shape.exactness in EXACT:
-            complaints.append(f"exactness={shape.exactness!r} promises more than the mesh, but there is no surface=")
+            complaints.append(f"exactness={shape.exactness!r} claims more than the mesh, but surface= is missing")
         self.complaints["surface and mesh"] += [f"{shape.id}: {complaint}" for complaint in complaints]
 
     def seen(self) -> dict[str, tuple[str, list[str]]]:
@@ -222,9 +224,9 @@ def attribute_complaints(shape: Shape) -> list[str]:
         others = {a.shape[1] for n, a in arrays.items() if n != name and a.ndim == 2 and len(a) in (vertices, faces)}
         rows = len(array) if array.ndim else 0
         if not isinstance(name, str) or not name.isidentifier():
-            found.append(f"the name {name!r} is no identifier")
+            found.append(f"the name {name!r} is not an identifier")
         elif array.dtype.kind not in "biufSU":
-            found.append(f"{name} has the type {array.dtype}; expected numbers or texts")
+            found.append(f"{name} has the type {array.dtype}; expected numbers or strings")
         elif rows not in (vertices, faces) and rows not in others:
             found.append(
                 f"{name} has the shape {array.shape}; expected a row per vertex ({vertices}) or face ({faces})"

@@ -56,12 +56,16 @@ def learning_checks(run: Callable[..., dict[str, Any]], folder: Path) -> Iterato
     hint = "" if same else "draw from generators made of run.seed and the number of the step"
     yield "learning: same seed, same weights", "ok" if same else "fail", hint
     if first["checkpoints"] == 0:
-        yield "learning: goes on from a checkpoint", "warn", "fit never calls run.checkpoint(): a kill loses all"
+        yield (
+            "learning: continues from a checkpoint",
+            "warn",
+            "fit never calls run.checkpoint(): a kill loses all steps",
+        )
         return
     resumed = run("learn", folder="", resume=True)
     same = resumed.get("digest") == first["digest"]
-    hint = resumed["message"] if resumed["status"] != "ok" else "other weights than those of a training at one go"
-    yield "learning: goes on from a checkpoint", "ok" if same else "fail", "" if same else hint
+    hint = resumed["message"] if resumed["status"] != "ok" else "not the weights of an uninterrupted training"
+    yield "learning: continues from a checkpoint", "ok" if same else "fail", "" if same else hint
 
 
 def learn(
@@ -90,7 +94,7 @@ def learn(
     )
     examples = {name: np.asarray(a) for name, a in method.examples(data, Run(threads=spec["threads"])).items()}
     if not examples:
-        raise InvalidOutput("examples(data, run) gave no arrays")
+        raise InvalidOutput("examples(data, run) returned no arrays")
 
     def fit(end: int, begun: _Counted | None = None) -> tuple[dict[str, np.ndarray], _Counted]:
         run = _Counted(threads=spec["threads"], resumed=begun.stored if begun else None)

@@ -267,7 +267,7 @@ class Run:
         """
         if self.on_distances is None:
             raise UsageError(
-                "true distances: there is no reference here to measure them to; choose a supervision by the input's "
+                "true distances: there is no reference to measure them to; choose a supervision by the input's "
                 "own points (one of the method's parameters: detailbench list method NAME), or run it on a dataset"
             )
         points = np.asarray(points, dtype=np.float64)

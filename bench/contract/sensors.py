@@ -125,7 +125,7 @@ def _check_step(number: int, built: Sequence[Step]) -> None:
         if needs_a_source(plugin, sensor):
             sources = [p.name for p in registry().all("sensor") if not _is_effect(p) and _gives(p) == gives]
             raise ValueError(
-                f"steps: number 1, {plugin.name}, only spoils {gives}; put a sensor before it that makes them: "
+                f"steps: number 1, {plugin.name}, only degrades {gives}; put a sensor before it that makes them: "
                 f"{', '.join(sources) or 'none is known'}"
             )
         return

@@ -190,7 +190,7 @@ class Task:
         InvalidOutput
             Stating what was promised and what was returned.
         """
-        raise InvalidOutput(f"task {type(self).__name__} does not say what it accepts")
+        raise InvalidOutput(f"task {type(self).__name__} has no function validate(output, input)")
 
 
 def validate_deformed(output: Any, source: Trimesh, promise: str) -> None:

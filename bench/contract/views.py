@@ -259,7 +259,7 @@ def _check_rotations(rotations: np.ndarray) -> None:
     wrong = (off > TOLERANCE) | (np.linalg.det(rotations) < 0)
     if wrong.any():
         raise BadInput(
-            f"Views.extrinsics: view {np.argmax(wrong)}: the first three columns are no rotation; expected world-to-"
+            f"Views.extrinsics: view {np.argmax(wrong)}: the first three columns are not a rotation; expected world-to-"
             "camera matrices [R | t] with R @ R.T = 1 and det(R) = 1 (x right, y down, z forward)"
         )
 

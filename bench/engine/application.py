@@ -133,8 +133,8 @@ def _weights_of(job: Application) -> Path | None:
     if (known := known_weights(Results(job.results), job.training)) is None:
         name = job.training.method.name
         raise UsageError(
-            f"method {name} learns, and comes with no weights for these parameters. Train it: detailbench train "
-            f"method={name} dataset=NAME --save FILE; then say training.weights=FILE"
+            f"method {name} is learned, and no shipped weights fit these parameters. Train it: detailbench train "
+            f"method={name} dataset=NAME --save FILE; then add training.weights=FILE"
         )
     return known.path
 
@@ -283,7 +283,7 @@ def _with_normals_of(source: str, value: Any) -> Any:
     share = disagreement(value.points, value.normals)
     if share > UNORIENTED:
         notice(
-            f"{share:.0%} of the normals point the other way than those around them, as if they were not oriented; "
+            f"{share:.0%} of the normals point opposite to their neighbours, as if they were not oriented; "
             "orient them, or add normals=estimate"
         )
     return value

@@ -25,7 +25,7 @@ class NoEvent(ValueError):
     """A message of a worker is no event, or one that the worker cannot send at this point."""
 
     def __init__(self, reason: str):
-        super().__init__(f"something else than the worker wrote to the pipe on which it reports: {reason}")
+        super().__init__(f"something other than the worker wrote to its event pipe: {reason}")
 
 
 class Channel:
@@ -112,14 +112,14 @@ def read_event(line: bytes) -> dict[str, Any]:
     try:
         event = json.loads(line)
     except (ValueError, RecursionError) as error:  # no JSON, no UTF-8, or nested too deeply
-        raise NoEvent(f"a line that is no event ({line[:40]!r})") from error
+        raise NoEvent(f"a line that is not an event ({line[:40]!r})") from error
     kind = event.get("event") if isinstance(event, dict) else None
     values = EVENTS.get(kind) if isinstance(kind, str) else None
     if values is None:
-        raise NoEvent(f"a line that is no event ({line[:40]!r})")
+        raise NoEvent(f"a line that is not an event ({line[:40]!r})")
     for name, fits in values.items():
         if not fits(event.get(name)):
-            raise NoEvent(f"an event {kind!r} whose {name!r} cannot be one")
+            raise NoEvent(f"an event {kind!r} with an invalid {name!r}")
     return event
 
 

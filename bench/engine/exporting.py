@@ -106,7 +106,9 @@ def _written(case: Any, cell: Cell, folder: Path, group: str) -> dict[str, Any]:
     clouds = {name: value for name, value in case.input.items() if isinstance(value, PointCloud)}
     numbers = {name: value for name, value in case.input.items() if isinstance(value, (int, float))}
     if len(clouds) != 1 or len(clouds) + len(numbers) < len(case.input):
-        raise DetailbenchError(f"task {cell.task.label}: its input is not one cloud; no other is written to files")
+        raise DetailbenchError(
+            f"task {cell.task.label}: its input is not a single point cloud; only point clouds are written to files"
+        )
     (cloud,) = clouds.values()
     name = file_name(case.id)
     save(PointCloud(cloud.points, cloud.normals), folder / group / "inputs" / name)

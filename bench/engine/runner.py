@@ -331,7 +331,7 @@ class _Job:
         """
         kind, index = event["event"], event.get("index", self.at[0])
         if not self.fits(event, index):
-            raise NoEvent(f"an event {kind!r} where there can be none")
+            raise NoEvent(f"an event {kind!r} that is not expected here")
         if kind == "cases":
             self.ids, self.listed = event["ids"], True
             self.rows = {i: row for i, row in self.rows.items() if i < len(self.ids)}

@@ -54,7 +54,7 @@ def changes(before: dict[str, Any]) -> list[str]:
     try:
         after = state()
     except (OSError, MemoryError) as error:  # no descriptors left, or no memory
-        return [f"what cannot be read any more ({type(error).__name__})"]
+        return [f"something that can no longer be read ({type(error).__name__})"]
     compared: dict[str, Callable[[Any, Any], bool]] = {
         "descriptors": _are_closed,
         "processes": _are_new,

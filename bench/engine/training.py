@@ -125,7 +125,9 @@ def known_weights(results: Results, training: Training) -> Weights | None:
     if training.weights == SHIPPED:
         path = training.shipped
         if path is None:
-            raise UsageError(f"method {training.method.label}: its shipped weights are gone; install detailbench anew")
+            raise UsageError(
+                f"method {training.method.label}: its shipped weights are missing; install detailbench again"
+            )
         return Weights.of(path, training.weights)
     if training.weights != TRAINED:
         return Weights.of(Path(os.path.expanduser(training.path)), training.weights)
@@ -139,7 +141,7 @@ def known_weights(results: Results, training: Training) -> Weights | None:
             return None
         with contextlib.suppress(OSError):
             path.replace(path.with_suffix(".damaged"))
-        results.damaged.append(f"{error}; set aside, it will be trained again")
+        results.damaged.append(f"{error}; moved aside; the method is trained again")
         return None
 
 
@@ -288,7 +290,7 @@ def _watched(
     if death.status == "timeout" and death.stage == "method":
         message = (
             f"did not end by itself and was stopped after {limit.seconds:g} s (training.seconds={training.seconds:g}); "
-            "fit should look at run.seconds_left()"
+            "fit should check run.seconds_left()"
         )
     elif death.status == "oom":
         message = message.replace("limit.memory_gb", "limit.train_memory_gb")

@@ -106,7 +106,9 @@ class Session:
         self.channel.send("cases", ids=[recipe.id for recipe in recipes])
         for index, recipe in enumerate(recipes):
             if self.changed:
-                print(f"{recipe.id}: has a new process, for the call before it changed {', '.join(self.changed)}")
+                print(
+                    f"{recipe.id}: runs in a new process, because the call before it changed {', '.join(self.changed)}"
+                )
                 self.channel.send("replace")
                 return
             owed = index in self.owed
@@ -264,7 +266,7 @@ class Session:
             with collected():  # the notices are in the case's row already
                 row = self.worst(self.made(recipe) if case is None else case, task)
         except Exception as error:  # the boundary: the case has its row, and these values are left out
-            print(f"{recipe.id}: cannot score hopeless outputs: {error!r}", file=sys.stderr)
+            print(f"{recipe.id}: cannot score the outputs of hopeless(): {error!r}", file=sys.stderr)
             return
         self.channel.send("worst", index=index, row=plain(row))
 

@@ -254,7 +254,7 @@ def _sensor_fits(sensor: Choice, task: Choice, dataset: Choice) -> Choice:
         )
     if needs_a_source(plugin, built):
         raise NotSolved(
-            f"sensor {sensor.name} only spoils {gives} that another sensor gives: "
+            f"sensor {sensor.name} only degrades {gives} that another sensor gives: "
             f"sensor=chain 'sensor.steps=[NAME,{sensor.name}]'"
         )
     _check_scans(sensor, dataset)
@@ -268,14 +268,15 @@ def _check_scans(sensor: Choice, dataset: Choice) -> None:
     brings, gives = bool(dataset.plugin.options.get("scans")), gives_scans(sensor.plugin, sensor.made)
     if brings and not gives:
         raise NotSolved(
-            f"dataset {dataset.name} brings scans, and sensor {sensor.label} would make others: leave the sensor out, "
-            "put it behind the scan (sensor=chain 'sensor.steps=[scan,...]'), or scan the references with dataset=files"
+            f"dataset {dataset.name} has its own scans, and sensor {sensor.label} would make others: leave the sensor "
+            "out, put it after the scan (sensor=chain 'sensor.steps=[scan,...]'), or scan the references with "
+            "dataset=files"
         )
     if gives and not brings:
         having = ", ".join(p.name for p in registry().all("dataset") if p.options.get("scans"))
         raise NotSolved(
             f"sensor {sensor.label} gives scans that come with the shapes, and dataset {dataset.name} has none. "
-            f"Datasets that have: {having or 'none'}"
+            f"Datasets with scans: {having or 'none'}"
         )
 
 
@@ -286,7 +287,7 @@ def _metrics(nodes: Mapping[str, Any], task: Choice) -> tuple[Choice, ...]:
     fitting = [m for m in chosen if kind in m.plugin.options.get("outputs", ("mesh", "cloud"))]
     if not fitting:
         names = [m.name for m in registry().all("metric") if kind in m.options.get("outputs", ("mesh", "cloud"))]
-        raise UsageError(f"metric: none that is chosen scores a {kind}. Known: {', '.join(names)}")
+        raise UsageError(f"metric: none of the chosen metrics scores a {kind}. Known: {', '.join(names)}")
     return tuple(sorted(fitting, key=lambda m: m.name))
 
 

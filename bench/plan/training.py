@@ -86,7 +86,7 @@ class Training(Resolved):
         if keys.weights == SHIPPED or (keys.weights == AUTO and shipped(method.plugin, method.parameters)):
             if shipped(method.plugin, method.parameters) is None:
                 raise UsageError(
-                    f"training.weights=shipped: {method.label} comes with no weights for these parameters; say "
+                    f"training.weights=shipped: {method.label} has no shipped weights for these parameters; use "
                     "training.weights=trained, or the name of a file"
                 )
             return cls(SHIPPED, learned)

@@ -34,7 +34,7 @@ def check_type(annotation: Any, where: str) -> None:
         key = args[0]
         texts = _split(key)[0] is Literal and all(isinstance(a, str) for a in _split(key)[1])
         if not (key is str or texts or _is_enum(key)):
-            raise PluginError(f"{where}: the keys of {annotation!r} are not texts; use dict[str, ...]")
+            raise PluginError(f"{where}: the keys of {annotation!r} are not strings; use dict[str, ...]")
     for arg in args:
         if arg is not Ellipsis:
             check_type(arg, where)

@@ -60,8 +60,8 @@ def check_files(choice: Choice) -> None:
     for name, value, is_path in _named(choice, made):
         if is_path and not Path(os.path.expanduser(value)).exists():
             raise UsageError(
-                f"{choice.kind}.{name}={value}: no such file or folder (looked for from {Path.cwd()}). Where the "
-                f'plugin itself makes it, its class should say so: writes = ("{name}",)'
+                f"{choice.kind}.{name}={value}: no such file or folder (looked for from {Path.cwd()}). If the "
+                f'plugin itself creates it, declare it in its class: writes = ("{name}",)'
             )
 
 

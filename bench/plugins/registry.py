@@ -506,7 +506,7 @@ def _check_options(kind: str, name: str, options: Mapping[str, Any]) -> None:
             raise PluginError(f'@register("{kind}", ...) of {name}: unknown {option!r}. {did_you_mean(option, known)}')
     gives = options.get("gives", "cloud")
     if not isinstance(gives, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", gives) or gives == "none":
-        raise PluginError(f"sensor {name}: gives={gives!r}; expected a word like 'cloud' or 'views'")
+        raise PluginError(f"sensor {name}: gives={gives!r}; expected a name like 'cloud' or 'views'")
     length = options.get("length", 0)
     powers = list(length.values()) if isinstance(length, Mapping) else [length]
     if length != "file" and not all(isinstance(power, int) for power in powers):

@@ -84,7 +84,7 @@ def check_fits(plugin: Plugin, parameters: Mapping[str, Any], path: Path) -> Non
         what = (
             f"it was trained as {shortened(str(theirs), MOST)}"
             if theirs
-            else "its header does not say what it was trained as"
+            else "its header does not say how it was trained"
         )
         raise BadInput(f"training.weights={path}: expected weights of {plugin.name}, but {what}")
     theirs = {**defaults(plugin), **(facts.get("parameters") or {})}
@@ -92,8 +92,8 @@ def check_fits(plugin: Plugin, parameters: Mapping[str, Any], path: Path) -> Non
         if not _same(theirs.get(name), here):
             there = shortened(str(theirs.get(name)), MOST)
             raise BadInput(
-                f"training.weights={path}: was trained with {name}={there}, and {name} is {here} here; say "
-                f"method.{name}={there}, or train it anew: detailbench train method={plugin.name} --help"
+                f"training.weights={path}: was trained with {name}={there}, and {name} is {here} here; set "
+                f"method.{name}={there}, or train it again: detailbench train method={plugin.name} --help"
             )
 
 
@@ -155,10 +155,10 @@ def _header(file: BinaryIO, path: str) -> dict[str, Any]:
     head = file.read(8)
     length = struct.unpack("<Q", head)[0] if len(head) == 8 else LONGEST_HEADER + 1
     if length > LONGEST_HEADER or len(text := file.read(length)) < length:
-        raise BadInput(f"{path}: is no safetensors file, or is cut off; {EXPECTED}")
+        raise BadInput(f"{path}: is not a safetensors file, or is cut off; {EXPECTED}")
     header = json.loads(text)
     if not isinstance(header, dict):
-        raise BadInput(f"{path}: is no safetensors file; {EXPECTED}")
+        raise BadInput(f"{path}: is not a safetensors file; {EXPECTED}")
     return header
 
 

@@ -200,4 +200,4 @@ def test_a_wrong_surface_is_found_out_and_reported(what):
 def test_what_is_said_names_share_and_distance():
     (words, *_) = disagreements(icosphere(4), Moved(Sphere(), 1.5 * np.eye(3)))
     assert words.startswith("surface.sample: 100 % of its points are off the mesh, up to 0.5")
-    assert "of the radius where" in words
+    assert "of the radius; expected at most" in words

@@ -22,14 +22,14 @@ FAULTS = {
     # the fault: the line of the report that fails, and what it says
     "large surface": ("surface and mesh", "surface.sample: 100 % of its points are off the mesh"),
     "large surface of pairs": ("pairs: surface and mesh", "a-source: surface.sample: 100 %"),
-    "no surface": ("surface and mesh", "exactness='parametric' promises more than the mesh, but there is no surface="),
+    "no surface": ("surface and mesh", "exactness='parametric' claims more than the mesh, but surface= is missing"),
     "faces inwards": ("surface and mesh", "the mesh's faces look inwards"),
     "moody mesh": ("same shapes every time", "draw from bench.generator"),
     "moody attribute": ("same shapes every time", "draw from bench.generator"),
     "moody pairs": ("same pairs every time", "draw from bench.generator"),
     "rows": ("attributes", r"height has the shape (7,); expected a row per vertex (162) or face (320)"),
     "nan": ("attributes", "height has values that are NaN or infinite"),
-    "objects": ("attributes", "height has the type object; expected numbers or texts"),
+    "objects": ("attributes", "height has the type object; expected numbers or strings"),
     "no mapping": ("attributes", "attributes are a list; expected a mapping"),
     "shared id": ("train split of shapes", "both splits have the id one-0"),
     "shared mesh": ("train split of shapes", "test-0 and train-0 have the same mesh"),
@@ -39,7 +39,7 @@ FAULTS = {
     "other attributes": ("pairs: correspondence", "have other attributes: ['height'] and []"),
     "landmark": ("pairs: correspondence", "the landmark tip is 999; expected a vertex, 0 to 161"),
     "id twice": ("shapes", "two shapes have one id: 'twin'"),
-    "bad id": ("shapes", "the id 'a/b' of a Shape is no file name"),
+    "bad id": ("shapes", "the id 'a/b' of a Shape is not a valid file name"),
     "pair id twice": ("pairs", "two pairs have one id: 'a'"),
 }
 

@@ -34,7 +34,7 @@ def test_apply_notices_normals_that_are_not_oriented_and_takes_none_where_told(s
     signs = np.where(np.random.default_rng(1).random(600) < 0.5, -1, 1)[:, None]
     write(shell, "scan.xyz", sphere, signs * sphere)
     done = shell.call(*IDENTITY, "scan.xyz", "out.xyz")
-    assert "of the normals point the other way" in done.stdout and "add normals=estimate" in done.stdout
+    assert "of the normals point opposite to their neighbours" in done.stdout and "add normals=estimate" in done.stdout
     done = shell.call(*IDENTITY, "normals=estimate", "scan.xyz", "out.xyz")
     assert done.returncode == 0, done.stderr
     assert "scan.xyz (600 points) -> out.xyz (600 points)" in done.stdout and "note" not in done.stdout

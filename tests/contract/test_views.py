@@ -124,8 +124,8 @@ def test_arrays_and_back_and_nothing_can_be_changed():
         ({"masks": np.zeros((3, 96, 127), bool)}, r"masks: expected .*\(3, 96, 128\)"),
         ({"masks": np.zeros((3, 96, 128))}, "masks: expected bool, got float64"),
         ({"extrinsics": np.zeros((3, 4, 4))}, r"extrinsics: expected .*\(3, 3, 4\), got \(3, 4, 4\)"),
-        ({"extrinsics": np.zeros((3, 3, 4))}, "extrinsics: view 0: the first three columns are no rotation"),
-        ({"extrinsics": np.tile(np.diag([1, 1, -1, 0])[:3], (3, 1, 1))}, "view 0: .* no rotation"),
+        ({"extrinsics": np.zeros((3, 3, 4))}, "extrinsics: view 0: the first three columns are not a rotation"),
+        ({"extrinsics": np.tile(np.diag([1, 1, -1, 0])[:3], (3, 1, 1))}, "view 0: .* not a rotation"),
         ({"extrinsics": np.full((3, 3, 4), np.nan)}, "extrinsics: view 0 has numbers that are NaN"),
         ({"intrinsics": np.eye(4)}, r"intrinsics: expected an array of shape \(3, 3\) or \(3, 3, 3\)"),
         ({"intrinsics": -K}, "intrinsics: view 0: expected .*positive focal lengths"),
@@ -283,10 +283,10 @@ def test_a_task_over_images_runs_and_its_images_are_made_once(shell):
     ("words", "said"),
     [
         (("sensor=dots",), r"takes views, but sensor dots gives cloud. Sensors that give views: .*logged_rig.*rig"),
-        (("sensor=night",), r"sensor night only spoils views .*sensor=chain 'sensor.steps=\[NAME,night\]'"),
+        (("sensor=night",), r"sensor night only degrades views .*sensor=chain 'sensor.steps=\[NAME,night\]'"),
         (("task=denoise", "method=fine"), r"task denoise takes cloud, but sensor logged_rig gives views. .*dots"),
         (("sensor=chain", "sensor.steps=[logged_rig,gaussian]"), "gaussian, works on cloud, .* gives views. .*night"),
-        (("sensor=chain", "sensor.steps=[night,night]"), "number 1, night, only spoils views; .*logged_rig"),
+        (("sensor=chain", "sensor.steps=[night,night]"), "number 1, night, only degrades views; .*logged_rig"),
         (("sensor=chain", "sensor.steps=[dots,night]"), "night, works on views, but the first step, dots, gives cloud"),
     ],
 )

@@ -346,12 +346,12 @@ def test_the_sensor_is_the_scan_unless_an_effect_comes_after_it(folder):
 
 def test_a_simulated_sensor_is_refused(folder):
     for words in (["sensor=noisy"], ["sensor=uniform"], ["sensor.count=100"]):
-        with pytest.raises(NotSolved, match=r"dataset paired brings scans.*dataset=files"):
+        with pytest.raises(NotSolved, match=r"dataset paired has its own scans.*dataset=files"):
             cell(folder, *words)
     with pytest.raises(UsageError, match=r"sensor=samples: dataset paired brings its own scans: leave the sensor out"):
         check(Request.of(["dataset=paired", "sensor=samples"]))
     check(Request.of(["dataset=paired,bumps", "sensor=samples"], multirun=True))
-    with pytest.raises(NotSolved, match="dataset bumps has none. Datasets that have: .*paired"):
+    with pytest.raises(NotSolved, match="dataset bumps has none. Datasets with scans: .*paired"):
         Cell.from_config(resolved(["sensor=scan", "task=denoise", "method=identity"]))
 
 

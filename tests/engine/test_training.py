@@ -286,7 +286,7 @@ def test_methods_that_do_not_learn_have_cells_as_before():
     ("training", "said"),
     [
         ({"weights": "nothing.safetensors"}, "no such file"),
-        ({"weights": "shipped"}, "comes with no weights for these parameters"),
+        ({"weights": "shipped"}, "has no shipped weights for these parameters"),
         ({"cases": 0}, "training.cases=0: expected a whole number of at least 1"),
         ({"seconds": -1}, "training.seconds=-1: expected a number above 0"),
         ({"device": "gpu"}, "expected cpu, cuda or cuda:N"),
@@ -419,12 +419,12 @@ def test_train_on_ones_own_folder_then_apply(shell, tmp_path):
     applied = shell.apply(*plugin, f"training.weights={saved}", scan, clean)
     assert applied.returncode == 0 and clean.exists(), applied.stderr
     refused = shell.call("train", "method=jet", f"results={shell.results}")
-    assert refused.returncode == 1 and "does not learn" in refused.stderr
+    assert refused.returncode == 1 and "is not a learned method" in refused.stderr
 
 
 def test_check_tries_to_learn(shell):
     done = shell.call("check", LEARNER)
     assert done.returncode == 0, done.stdout + done.stderr
-    for line in ("examples and a few steps", "same seed, same weights", "goes on from a checkpoint", "denoise: toy"):
+    for line in ("examples and a few steps", "same seed, same weights", "continues from a checkpoint", "denoise: toy"):
         assert line in done.stdout
     assert "FAIL" not in done.stdout.upper().replace("FAILED", "")

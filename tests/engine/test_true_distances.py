@@ -82,7 +82,7 @@ def test_the_clock_stands_still():
 
 def test_without_a_reference_it_is_said_what_to_do():
     assert not Run().has_truth
-    with pytest.raises(UsageError, match="no reference here.*choose a supervision"):
+    with pytest.raises(UsageError, match="no reference to measure.*choose a supervision"):
         Run().true_distances(np.zeros((1, 3)))
 
 
@@ -149,7 +149,7 @@ def test_a_file_of_one_s_own_has_no_truth(ran):
     words = ("apply", "threads=1", "--plugin", plugin, "method=told", "ball.ply", "out.ply")
     refused = shell.call(*words)
     assert refused.returncode != 0 and "Traceback" not in refused.stdout
-    assert "told: true distances: there is no reference here" in refused.stderr
+    assert "told: true distances: there is no reference to measure them to" in refused.stderr
     assert not (shell.work / "out.ply").exists()
     done = shell.call(*words, "method.asks=false")
     assert done.returncode == 0, done.stderr

@@ -103,7 +103,7 @@ def test_a_wrong_name_gets_the_nearest_right_one():
             lambda: register("sensor", gives="none")(dataclass(type("S", (), DOC | SENSE))),
             "gives='none'; expected",
         ),
-        (lambda: register("sensor", gives=3)(dataclass(type("S", (), DOC | SENSE))), "gives=3; expected a word"),
+        (lambda: register("sensor", gives=3)(dataclass(type("S", (), DOC | SENSE))), "gives=3; expected a name"),
         (lambda: register("method", gives="views")(dataclass(type("M", (), DOC))), "unknown 'gives'"),
         (lambda: register("method", name="No Name")(dataclass(type("M", (), DOC))), "should be snake_case"),
         (lambda: register("method")(dataclass(type("M", (), NO_DEFAULT))), "needs a default"),
@@ -349,7 +349,7 @@ def test_a_number_on_the_command_line_is_a_text_where_one_is_expected():
 
 @pytest.mark.parametrize("annotation", [complex, list[complex], dict[int, str], tuple[int, set[str]], bytes | None])
 def test_types_that_cannot_be_held_are_refused_however_deep(annotation):
-    with pytest.raises(PluginError, match="method x: .*cannot hold the type|keys of .* are not texts"):
+    with pytest.raises(PluginError, match="method x: .*cannot hold the type|keys of .* are not strings"):
         check_type(annotation, "method x")
 
 

@@ -69,7 +69,7 @@ def test_the_label_shows_what_is_not_default():
         ({"seed": -1}, "seed=-1"),
         ({"split": "tset"}, "Did you mean 'test'"),
         ({"device": "gpu"}, "device=gpu"),
-        ({"metric": {}}, "none that is chosen scores a cloud"),
+        ({"metric": {}}, "none of the chosen metrics scores a cloud"),
         (
             {"task": node("task", "reconstruct")},
             "method provenance_method does not solve reconstruct: it solves denoise",

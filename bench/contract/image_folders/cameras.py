@@ -21,7 +21,7 @@ def nearest_rotation(matrix: np.ndarray, where: str) -> np.ndarray:
     determinant = np.linalg.det(matrix)
     scaled = matrix / max(abs(determinant), 1e-300) ** (1 / 3)
     if not determinant > 0 or np.abs(scaled @ scaled.T - np.eye(3)).max() > LOOSE:
-        what = "is mirrored (its determinant is negative)" if determinant < 0 else "is no rotation"
+        what = "is mirrored (its determinant is negative)" if determinant < 0 else "is not a rotation"
         raise BadInput(f"{where}: {what}; expected a rotation, up to a scale: three axes at right angles, right-handed")
     u, _, v = np.linalg.svd(scaled)
     return u @ v

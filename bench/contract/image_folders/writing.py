@@ -23,7 +23,7 @@ def save_views_as_transforms(views: Views, folder: str | Path) -> None:
     from PIL import Image
 
     if views.intrinsics[:, 0, 1].any():
-        raise BadInput(f"{folder}: transforms.json has no place for the skew of a camera; expected intrinsics without")
+        raise BadInput(f"{folder}: transforms.json cannot store the skew of a camera; expected intrinsics without skew")
     folder = Path(folder)
     frames = []
     for view in range(len(views)):

@@ -189,7 +189,7 @@ def without(name):
         (changed(file_path="images/no"), r"frames\[0\]: there is no image .*no; expected it there, or with"),
         (without("transform_matrix"), "has no transform_matrix"),
         (changed(transform_matrix=[[1, 2], [3, 4]]), r"expected a transform_matrix of 4 rows of 4.* shape \(2, 2\)"),
-        (changed(transform_matrix=np.diag([1, 2, 3, 1]).tolist()), "transform_matrix: is no rotation"),
+        (changed(transform_matrix=np.diag([1, 2, 3, 1]).tolist()), "transform_matrix: is not a rotation"),
         (changed(transform_matrix=np.diag([1, 1, -1, 1]).tolist()), "transform_matrix: is mirrored"),
         (changed(fl_x="wide"), "fl_x: expected a finite number of at most 1e.15, got 'wide'"),
         (changed(fl_x=-1), "expected fl_x above 0"),
@@ -259,7 +259,7 @@ def test_wrong_cameras_npz(tmp_path):
     refused("world_mat_3: expected 3 or 4 rows of 4 finite numbers", world_mat_3=np.eye(3))
     refused("world_mat_3: expected a projection K", world_mat_3=np.zeros((4, 4)))
     refused("world_mat_0: its focal length is 1 pixels.*camera_mat_i", world_mat_0=np.eye(4))
-    refused("scale_mat_0: is no rotation", **{f"scale_mat_{v}": np.diag([1, 2, 3, 1]) for v in range(12)})
+    refused("scale_mat_0: is not a rotation", **{f"scale_mat_{v}": np.diag([1, 2, 3, 1]) for v in range(12)})
     refused("expected one scale_mat for all", scale_mat_5=np.diag([2, 2, 2, 1]))
     refused("12 images, but .* has 13 cameras", world_mat_12=np.eye(4))
     away = np.eye(4)

@@ -99,7 +99,7 @@ def test_effects_stand_in_chains_and_repeat_themselves(effect):
     source, stream = generator(7).spawn(2)
     by_hand = effect.spoil(Rig(views=8, resolution=24).sense(BALL, source), BALL, stream)
     same(views, by_hand)
-    with pytest.raises(ValueError, match=f"{name}, only spoils views; put a sensor before it.*rig"):
+    with pytest.raises(ValueError, match=f"{name}, only degrades views; put a sensor before it.*rig"):
         Chain(steps=(name,))
 
 
