@@ -49,12 +49,12 @@ def open_own(path: Path, flags: int) -> int:
     Raises
     ------
     OSError
-        If it cannot be, or if it is no regular file.
+        If it cannot be, or if it is not a regular file.
     """
     opened = os.open(path, flags | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o666)
     if not stat.S_ISREG(os.fstat(opened).st_mode):
         os.close(opened)
-        raise OSError(errno.EINVAL, "is no regular file", str(path))
+        raise OSError(errno.EINVAL, "is not a regular file", str(path))
     return opened
 
 
@@ -67,7 +67,7 @@ def read_regular(path: Path) -> bytes:
         If it cannot be read, or is something else: a FIFO would be waited for, and a device has no end.
     """
     if not stat.S_ISREG(os.stat(path).st_mode):
-        raise OSError(errno.EINVAL, "is no regular file", str(path))
+        raise OSError(errno.EINVAL, "is not a regular file", str(path))
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
         return file.read()
 

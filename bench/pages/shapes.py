@@ -219,7 +219,7 @@ def _is_compared(item: Item) -> bool:
 def _of_images(item: Item, room: float) -> _Panel:
     """A panel of images that are an input, in at most ``room`` bytes."""
     sheet = contact_sheet(item.shape, room)
-    said = f"{len(item.shape)} images, for which the page has no room" if sheet is None else sheet.note
+    said = f"{len(item.shape)} images, which do not fit into the page" if sheet is None else sheet.note
     note = "; ".join(filter(None, [item.note, said]))
     return _Panel(Item(item.name, item.role, None, note, item.row), picture=b"" if sheet is None else sheet.data)
 

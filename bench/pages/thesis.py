@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 NEAR = 0.1  # a relative difference to the paper's number that counts as equal
 FAR = 2.0  # times the paper's number: up to here a method works, though it does not reproduce the number
 STATUSES = {
-    "reproduces": f"reproduces: within {NEAR:.0%} of the paper's number, or better, or the interval of ours holds it",
+    "reproduces": f"reproduces: within {NEAR:.0%} of the paper's number, or better, or our interval contains it",
     "works": f"works: all cases solved, the number within a factor of {FAR:g}",
     "differs": "differs: farther off, or cases failed",
-    "not run": "not run: no row of these results is of the paper's method and parameters",
+    "not run": "not run: no row of these results has the paper's method and parameters",
 }
 
 

@@ -125,7 +125,7 @@ def read_meta(path: Path) -> dict[str, Any]:
 
     def read() -> dict[str, Any]:
         if not path.is_file():  # a FIFO would block
-            raise NoRecord("is no regular file", damaged=False)
+            raise NoRecord("is not a regular file", damaged=False)
         meta = checked_meta((pq.read_metadata(path).metadata or {}).get(META_KEY))
         _check_name(path, meta)
         return meta
@@ -155,7 +155,7 @@ def guarded(read: Callable[[], T]) -> T:
         raise NoRecord("does not fit into memory", damaged=False) from error
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise NoRecord(f"is no whole Parquet file ({reason})") from error
+        raise NoRecord(f"is not a complete Parquet file ({reason})") from error
 
 
 # -- metadata ----------------------------------------------------------------------------------------------------------
@@ -170,13 +170,13 @@ def checked_meta(content: bytes | None) -> dict[str, Any]:
         If they do not match :data:`META_TYPES`, or if the cell does not match its id.
     """
     if content is None:
-        raise NoRecord("is no record of detailbench (it has no metadata of it)", damaged=False)
+        raise NoRecord("is not a record of detailbench (it lacks its metadata)", damaged=False)
     try:
         meta = json.loads(content)
     except (ValueError, RecursionError) as error:
-        raise NoRecord("its metadata are no JSON") from error
+        raise NoRecord("its metadata are not JSON") from error
     if not isinstance(meta, dict):
-        raise NoRecord("its metadata are no JSON object")
+        raise NoRecord("its metadata are not a JSON object")
     for key in ("cell_id", "fingerprint", "planned"):
         if key not in meta:
             raise NoRecord(f"its metadata lack {key!r}")
@@ -193,7 +193,7 @@ def checked_meta(content: bytes | None) -> dict[str, Any]:
             damaged=False,
         )
     if "cell" in meta and id_of(meta["cell"]) != meta["cell_id"]:
-        raise NoRecord(f"its cell is not that of its id {meta['cell_id'][:40]!r}")
+        raise NoRecord(f"its cell does not match its id {meta['cell_id'][:40]!r}")
     return meta
 
 
@@ -219,7 +219,7 @@ def _check_name(path: Path, meta: Mapping[str, Any]) -> None:
     """Check that the file is named after its record, which is found by that name."""
     expected = f"{meta['cell_id']}-{meta['fingerprint']}"
     if path.stem != expected:
-        reason = f"holds the record {expected[:40]}, which is not what its name says"
+        reason = f"holds the record {expected[:40]}, which does not match its file name"
         raise NoRecord(reason, damaged=NAME.fullmatch(path.stem) is not None)
 
 
@@ -236,19 +236,19 @@ def checked_rows(table: pa.Table, meta: Mapping[str, Any]) -> pa.Table:
     """
     table = checked_types(table)
     if not table.num_rows or table.num_rows != meta["planned"]:
-        raise NoRecord("its rows are not those that its metadata announces")
+        raise NoRecord("its rows do not match its metadata")
     if table["split"].null_count:  # rows of versions below 4
         place = table.column_names.index("split")
         table = table.set_column(place, "split", table["split"].fill_null(split_of(meta)))
     check_values(table)
     places = table["case_index"].unique().to_pylist()
     if len(places) < table.num_rows or min(places) < 0 or len(table["case"].unique()) < table.num_rows:
-        raise NoRecord("two of its rows are of one case")
+        raise NoRecord("two of its rows have the same case")
     wanted = {"cell": meta["cell_id"], "fingerprint": meta["fingerprint"]} | of_the_cell(meta.get("cell", {}))
     for name in ("cell", "fingerprint", *OF_THE_CELL):
         values = table[name].unique().to_pylist()
         if len(values) > 1 or values[0] != wanted.get(name, values[0]):
-            raise NoRecord(f"its rows are not of one cell, that of its metadata: {name} is {str(values)[:80]}")
+            raise NoRecord(f"its rows do not all belong to the cell of its metadata: {name} is {str(values)[:80]}")
     return table
 
 
@@ -315,7 +315,7 @@ def checked_types(table: pa.Table, columns: Iterable[str] = COLUMNS) -> pa.Table
     names = table.column_names
     chosen = [name for name in names if name in COLUMNS or name.startswith(MEASURED)]
     if len(set(chosen)) < len(chosen):
-        raise NoRecord("has two columns of one name")
+        raise NoRecord("has two columns of the same name")
     types = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
     fields = []
     for name in chosen:

@@ -138,7 +138,7 @@ def told(stale: Iterable[Iterable[str]]) -> str:
     more = [f"{len(reasons) - REASONS} more reasons"] if len(reasons) > REASONS else []
     cells = "1 cell has a stored result that is" if count == 1 else f"{count} cells have stored results that are"
     known = any(not reason.endswith(UNSCORED) for reason, _ in reasons)
-    hint = ". `detailbench why CELL` says more" if known else ""
+    hint = ". `detailbench why CELL` shows more" if known else ""
     return f"{cells} not current: {'; '.join([*shown, *more])}{hint}"
 
 

@@ -157,7 +157,9 @@ def _warn_of_the_future(rivals: pd.DataFrame, folders: Sequence[Results], now: f
     dated = rivals.drop_duplicates([FOLDER, FILE, "finished"])
     ahead = dated[[seconds_of(finished) > now for finished in dated["finished"]]].drop_duplicates([FOLDER, FILE])
     for folder, name, finished in zip(ahead[FOLDER], ahead[FILE], ahead["finished"], strict=True):
-        folders[folder].damaged.append(f"{name}: is dated {finished}, in the future; the time of its file counts")
+        folders[folder].damaged.append(
+            f"{name}: is dated {finished}, in the future; the time of its file is used instead"
+        )
 
 
 def _read_all(results: Results, paths: list[Path]) -> tuple[list[pa.Table], set[str]]:

@@ -176,7 +176,7 @@ def explain(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
             what = "is new" if before is None else "is gone" if after is None else "has other content"
             lines.append(f"{key} {what}")
         elif key.startswith("content of "):
-            what = "was not recorded" if before is None else "is not read any more" if after is None else "has changed"
+            what = "was not recorded" if before is None else "is no longer read" if after is None else "has changed"
             lines.append(f"{key} {what}")
         else:
             lines.append(f"{key}: {before or 'not installed'} -> {after or 'not installed'}")

@@ -66,7 +66,7 @@ class Stored:
         if missing := lacks(shown.meta):
             raise UsageError(
                 f"{results.path(shown.cell, shown.fingerprint)}: its metadata lack {', '.join(missing)}; only a record "
-                "as `detailbench run` writes it can be explained or repeated"
+                "written by `detailbench run` can be explained or repeated"
             )
         return cls(results, records, shown, paths)
 
@@ -122,8 +122,8 @@ class Stored:
         look = f"detailbench why {cell} results={self.results.folder} --source"
         kept = any(sources.get(file, {}).get("text") for file in files)
         return (
-            f"cell {cell} was run with the plugin {run_with}. Plugin files that a record names are not imported by "
-            "themselves, since importing runs them: name the file, if you trust it, with --plugin FILE."
+            f"cell {cell} was run with the plugin {run_with}. Plugin files that a record names are not imported "
+            "automatically, because importing runs them: if you trust the file, name it with --plugin FILE."
             + (f" Its source is in the record: `{look}` prints it." if kept else "")
         )
 
@@ -143,7 +143,11 @@ class Stored:
                 check()
         except UsageError as error:
             names = [f"dataset.{name}=PATH" for name in _paths_of(cell.dataset)]
-            advice = f"\nThe record names this path; say where it is here with {' '.join(names)}" if names else ""
+            advice = (
+                f"\nThe record names this path; set its location on this machine with {' '.join(names)}"
+                if names
+                else ""
+            )
             raise UsageError(f"{error}{advice}") from error
         return cell
 
@@ -178,7 +182,7 @@ def _cell_of(record: Record, paths: Mapping[str, str]) -> Cell:
         reason = "its plugins do not fit"
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         reason = f"{type(error).__name__}: {error}"
-    raise UsageError(f"cell {record.cell}: its record holds no cell that can be made here ({reason})")
+    raise UsageError(f"cell {record.cell}: the cell of its record cannot be made here ({reason})")
 
 
 def _edited(meta: Mapping[str, Any], cell: Cell) -> Iterator[str]:

@@ -279,7 +279,7 @@ class Results:
                 if stat.S_ISREG(found.st_mode):
                     yield path, found
                 else:
-                    self.leave_out(path, NoRecord("is no regular file", damaged=False))
+                    self.leave_out(path, NoRecord("is not a regular file", damaged=False))
 
     def _listed(self, folder: Path) -> list[Path]:
         """The entries of a folder; one that cannot be read is left out and reported."""

@@ -112,12 +112,12 @@ def check(group: str, path: str, text: str) -> None:
         raise UsageError(f"{path}: expected `# @package _global_` as the first line of a file of {group}s")
     for key in _keys(content):
         if key in INSTANTIATES:
-            raise UsageError(f"{path}: {key}: a config file is data, and makes no objects; leave this key out")
+            raise UsageError(f"{path}: {key}: a config file cannot create objects; leave this key out")
     _check_defaults(path, content.get("defaults") or [])
     if group in ROOTS:
         _check_root(path, content)
     elif "hydra" in content:
-        raise UsageError(f"{path}: hydra: expected only parameters of a {group}; an experiment may have a sweep")
+        raise UsageError(f"{path}: hydra: expected only parameters of a {group}; only an experiment may have a sweep")
 
 
 def _keys(content: Any) -> Iterator[Any]:
@@ -143,7 +143,7 @@ def _check_defaults(path: str, defaults: Any) -> None:
             if group not in GROUPS:
                 raise UsageError(
                     f"{path}: defaults: {key}: {value}: expected one of {', '.join(GROUPS)}, or hydra/launcher with "
-                    f"{' or '.join(LAUNCHERS)}; whatever else is Hydra's belongs on the command line"
+                    f"{' or '.join(LAUNCHERS)}; put other keys of Hydra on the command line"
                 )
         if not isinstance(entry, Mapping) and not re.fullmatch(r"[\w-]+", str(entry)):
             raise UsageError(f"{path}: defaults: {entry}: expected a name")

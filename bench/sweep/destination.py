@@ -73,7 +73,7 @@ def _resolved(text: str, said: str) -> str:
     from omegaconf.errors import OmegaConfBaseException
 
     if OF_A_JOB.search(text):
-        raise UsageError(f"{said}: {ONE}; of what ${{...}} can be, only ${{oc.env:NAME}} is the same for every job")
+        raise UsageError(f"{said}: {ONE}; of all ${{...}}, only ${{oc.env:NAME}} has one value for all jobs")
     try:
         folder = str(OmegaConf.create({"folder": text}).folder)
     except OmegaConfBaseException as error:

@@ -93,6 +93,6 @@ def _check_value(flag: str, value: str) -> None:
             raise UsageError(f"{flag}: expected a value, for instance {flag} method")
     elif not choices:
         if value:
-            raise UsageError(f"{flag}={value}: this flag has no value")
+            raise UsageError(f"{flag}={value}: this flag takes no value")
     elif value not in choices:
         raise UsageError(f"{' '.join([flag, value]).strip()}: expected one of {', '.join(choices)}")

@@ -326,9 +326,9 @@ def launch_all(session: Session, request: Request, jobs: Sequence[Sequence[str]]
             return code
         rest = f"{what}: {undone} of {len(jobs)} cells are not finished"
         if again:
-            print(f"error: {rest}; the same command goes on from there", file=sys.stderr)
+            print(f"error: {rest}; run the same command again to continue", file=sys.stderr)
         else:
-            print(f"warning: {rest}, and are launched once more", file=sys.stderr)
+            print(f"warning: {rest}; they are launched once more", file=sys.stderr)
     return 3
 
 

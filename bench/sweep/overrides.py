@@ -80,7 +80,7 @@ def check(request: Request) -> None:
         else:
             _check_root_key(head, request, text_of(override))
             if override.is_delete() and head not in GROUPS:
-                raise UsageError(f"{text_of(override)}: every run has {head}; leave this out for its usual value")
+                raise UsageError(f"{text_of(override)}: every run has {head}; leave this out for its default")
 
 
 def _instead_of_sweep(command: str) -> str:
@@ -94,7 +94,7 @@ NOT_HERE = {
     "hydra.searchpath": "experiments and presets of your own are found in ./conf and in --config-dir DIR",
     "hydra.sweeper.params": "give each key its values, as in seed=0,1,2; an experiment file has hydra.sweeper.params",
     "hydra.run": "results go to the one folder results=DIR",
-    "hydra.output_subdir": "configs are kept in the records of the results, and `detailbench why CELL` shows them",
+    "hydra.output_subdir": "configs are stored in the records of the results, and `detailbench why CELL` shows them",
 }
 
 
@@ -104,7 +104,7 @@ def _check_hydra(key: str, values: Sequence[Any], override: Override) -> None:
         if key == known or key.startswith(f"{known}."):
             raise UsageError(f"{line}: {instead}")
     if override.is_sweep_override():
-        raise UsageError(f"{line}: expected one value: what is Hydra's is the same for all jobs")
+        raise UsageError(f"{line}: expected one value: keys of Hydra are the same for all jobs")
     if "/" in key and not all(value is None or isinstance(value, str) for value in values):
         raise UsageError(f"{line}: expected a name, as in hydra/launcher=joblib")
     if key == "hydra/sweeper" and "basic" not in values:
@@ -158,7 +158,7 @@ def _check_preset(group: str, name: Any, is_deleted: bool) -> None:
         if "/" in str(name) or str(name).endswith((".yaml", ".yml")):
             raise UsageError(
                 f"{group}={name}: expected a name; put the file into ./conf/{group}/, or into DIR/{group}/ with "
-                f"--config-dir DIR, and say {group}={Path(str(name)).stem}"
+                f"--config-dir DIR, and use {group}={Path(str(name)).stem}"
             )
         raise UsageError(f"no {group} is called {name!r}. {did_you_mean(str(name), known)}")
 
@@ -179,7 +179,7 @@ def _check_parameter(kind: str, tail: str, request: Request, override: Override)
         _check_all_have(kind, names, parameter, line)
     if parameter and parameter not in known:
         of_the_run = parameter == tail and parameter in {f.name for f in dataclasses.fields(Base)}
-        hint = f"The run has: say {parameter}=..." if of_the_run else _hint(prefix, parameter, known)
+        hint = f"The run has it: use {parameter}=..." if of_the_run else _hint(prefix, parameter, known)
         raise UsageError(f"{line}: {_without_it(kind, names)} parameter {parameter!r}. {hint}")
     if parameter == tail and not override.is_delete():
         having = [p for p in (registry().find(kind, n) for n in names) if any(f.name == parameter for f in p.fields)]
@@ -286,6 +286,6 @@ def _check_scans(kind: str, names: Sequence[Any], request: Request, line: str) -
     plugins = [registry().find("dataset", name) for name in datasets if name in known]
     if plugins and all(plugin.options.get("scans") for plugin in plugins):
         raise UsageError(
-            f"{line}: dataset {plugins[0].name} brings its own scans: leave the sensor out, or simulate scans of the "
+            f"{line}: dataset {plugins[0].name} has its own scans: leave the sensor out, or simulate scans of the "
             "references with dataset=files dataset.path=REFERENCES"
         )

@@ -56,7 +56,7 @@ class Lines:
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Report that a training starts, or that another process runs it; other lines are for finished cells."""
-        words = {"train": "begins", "waits": "another process is at it; waiting"}
+        words = {"train": "begins", "waits": "another process is running it; waiting"}
         if event["event"] in words:
             self.show(f"{event['title']}: {words[event['event']]}")
 

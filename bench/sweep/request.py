@@ -130,8 +130,8 @@ class Request:
         if self.threads <= processors or not self.runs_here:
             return ""
         return (
-            f"threads={self.threads}: only {processors} processors can be used here, so the times are not those of "
-            f"{self.threads}"
+            f"threads={self.threads}: only {processors} processors are available, so the times are not those of "
+            f"{self.threads} threads"
         )
 
     @property

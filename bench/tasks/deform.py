@@ -97,7 +97,7 @@ class Deform(Task):
         if self.target == "depth":
             whole = mirrored(depth_points(reference.mesh))
             if not len(whole):
-                raise BadInput(f"{id}: a depth image from the front left sees nothing of the target")
+                raise BadInput(f"{id}: a depth image from the front left does not show the target")
             rows = rng.permutation(len(whole))[: self.points]
             assert whole.normals is not None
             return PointCloud(whole.points[rows], whole.normals[rows])
@@ -192,7 +192,7 @@ def _rounds(mesh: Trimesh, least: int) -> int:
         count, edges, faces, rounds = count + edges, 2 * edges + 3 * faces, 4 * faces, rounds + 1
         if rounds > 8:
             raise BadInput(
-                f"the source has {len(mesh.vertices)} vertices; dividing it to {least} takes too many rounds"
+                f"the source has {len(mesh.vertices)} vertices; subdividing it to {least} takes too many rounds"
             )
     return rounds
 

@@ -56,7 +56,7 @@ class DetailTransfer(Task):
         """The first ``count`` pairs of a dataset's split."""
         if not hasattr(dataset, "pairs"):
             raise UsageError(
-                "task detail_transfer: this dataset has no pairs(split); choose one with pairs of shapes that know "
+                "task detail_transfer: this dataset has no pairs(split); choose one with pairs of shapes that have "
                 "their base, like dataset=reliefs"
             )
         for pair in islice(dataset.pairs(split), count):
@@ -75,7 +75,7 @@ class DetailTransfer(Task):
         source_base, target_base = _base(pair.source), _base(pair.target)
         if len(source_base) != len(target_base):
             raise BadInput(
-                f"{pair.id}: the bases have {len(source_base)} and {len(target_base)} vertices, which are to correspond"
+                f"{pair.id}: the bases have {len(source_base)} and {len(target_base)} vertices; expected equal numbers"
             )
         used = is_used(pair.source.mesh)
         turn = rotation_between(source_base[used], target_base[used]).T
@@ -163,7 +163,7 @@ class DetailTransfer(Task):
                 f"base; got {len(paths)}: {', '.join(map(str, paths)) or 'none'}"
             )
         if len(paths) == 3 and not self.bases:
-            raise UsageError(f"task.bases=false takes no base of the source; leave {paths[1]} out")
+            raise UsageError(f"with task.bases=false the source has no base; leave {paths[1]} out")
         source, *source_base, target_base = (load_mesh(path) for path in paths)
         frame = Frame.of(used_vertices(target_base))
         return self._input(source, source_base[0] if source_base else None, target_base, frame), frame
@@ -198,7 +198,7 @@ def _base(shape: Shape) -> np.ndarray:
     if base is None:
         known = ", ".join(sorted(shape.attributes)) or "none"
         raise UsageError(
-            f"{shape.id}: has no attribute base_vertices (it has: {known}), and detail_transfer needs shapes that know "
+            f"{shape.id}: has no attribute base_vertices (it has: {known}), and detail_transfer needs shapes that have "
             "their base, like those of dataset=reliefs"
         )
     base = np.asarray(base, dtype=np.float64)

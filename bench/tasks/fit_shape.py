@@ -23,7 +23,7 @@ from ..plugins.registry import register
 @register("task")
 @dataclass(frozen=True)
 class FitShape(Task):
-    """Images of a shape and a cloud to begin with -> a cloud of the shape's surface.
+    """Images of a shape and an initial cloud -> a cloud of the shape's surface.
 
     A method is called as ``fit_shape(views, cloud, run)``: images with masks, cameras and known lights, and oriented
     points that have nothing to do with the shape. It returns a cloud of any number of points. The task ``multiview``
@@ -87,21 +87,21 @@ class FitShape(Task):
         return views_words(medians)
 
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
-        """Views from an ``.npz`` file with the arrays of :meth:`bench.Views.arrays`, and a cloud to begin with.
+        """Views from an ``.npz`` file with the arrays of :meth:`bench.Views.arrays`, and an initial cloud.
 
         The frame is that of the cloud; without one, cameras are assumed to look at a shape of radius 1 at the origin.
         """
         from ..geometry.io.files import load_cloud
 
         if len(paths) not in self.files:
-            raise UsageError(f"expected VIEWS.npz, or VIEWS.npz and a cloud to begin with; got {len(paths)} files")
+            raise UsageError(f"expected VIEWS.npz, or VIEWS.npz and an initial cloud; got {len(paths)} files")
         views = load_views(paths[0])
         if len(paths) == 1:
             return self.input(views), Frame()
         cloud = load_cloud(paths[1])
         frame = Frame.of(cloud.points)
         if cloud.normals is None:
-            raise UsageError(f"{paths[1]}: the cloud to begin with needs normals")
+            raise UsageError(f"{paths[1]}: the initial cloud needs normals")
         start = PointCloud(frame.apply(cloud.points), cloud.normals)
         return {"views": views.in_frame(frame), "cloud": start}, frame
 

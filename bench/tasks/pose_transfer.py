@@ -159,8 +159,8 @@ class PoseTransfer(Task):
             mesh = load_mesh(paths[3])
             if self.target == "corresponding" and not np.array_equal(mesh.faces, template.faces):
                 raise BadInput(
-                    f"{paths[3]}: has other faces than the template {paths[1]}; expected the template in the pose. "
-                    "Use task.target=cloud for another mesh"
+                    f"{paths[3]}: its faces differ from those of the template {paths[1]}; expected the template in the "
+                    "pose. Use task.target=cloud for another mesh"
                 )
             frame = Frame.of(used_vertices(mesh))
             target = plain_mesh(frame.apply(mesh.vertices), mesh.faces)
@@ -215,7 +215,7 @@ def read_landmarks(path: str) -> dict[str, np.ndarray]:
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror})") from None
     except ValueError:
-        raise BadInput(f"{path}: is no JSON; {expected}") from None
+        raise BadInput(f"{path}: is not JSON; {expected}") from None
     if not isinstance(content, dict) or not content:
         raise BadInput(f"{path}: {expected}")
     landmarks = {}

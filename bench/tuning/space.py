@@ -213,11 +213,11 @@ def _interval(
 ) -> Axis:
     whole = _takes(plugin, name, int)
     if not whole and not _takes(plugin, name, float):
-        raise UsageError(f"{word}: {name} is no number; list its values: method.{name}=a,b")
+        raise UsageError(f"{word}: {name} is not a number; list its values: method.{name}=a,b")
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise UsageError(f"{word}: expected the lower end first, and finite numbers")
     if log and low <= 0:
-        raise UsageError(f"{word}: expected ends above 0, for values that are searched by factors")
+        raise UsageError(f"{word}: expected ends above 0, for values that are searched on a log scale")
     if whole:
         low, high = math.ceil(low), math.floor(high)
     for end in (low, high):

@@ -51,13 +51,13 @@ def _failed(default: Scores, tuned: Scores) -> str:
 def verdict(held: Ratio | None) -> str:
     """One sentence: the result on the cases that the search did not see."""
     if held is None or not held.shapes:
-        return "No held-out case: the trial cases alone flatter the tuned setting, which was chosen by them."
+        return "No held-out case: the trial cases alone flatter the tuned setting, which was chosen on them."
     if not math.isfinite(held.low):
         return f"{held.shapes} held-out shapes are too few to say more; add cases or datasets."
     if held.high < 1:
         return "On held-out cases the tuned setting is better."
     if held.low > 1:
-        return "On held-out cases the tuned setting is worse than the default: the search fitted its trial cases."
+        return "On held-out cases the tuned setting is worse than the default: the search overfitted its trial cases."
     return "On held-out cases no difference is significant: use the default, or search on more cases."
 
 
@@ -88,7 +88,7 @@ def check_target(name: str, method: str, taken: Sequence[str]) -> Path:
     if path.exists():
         content = content_of(str(path), path.read_text(encoding="utf-8"))
         if content.get(TIER) != TUNED:
-            raise UsageError(f"--preset {name}: {path} is there, and no search wrote it; choose another name")
+            raise UsageError(f"--preset {name}: {path} already exists, and no search wrote it; choose another name")
     return path
 
 

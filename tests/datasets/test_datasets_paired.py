@@ -348,7 +348,7 @@ def test_a_simulated_sensor_is_refused(folder):
     for words in (["sensor=noisy"], ["sensor=uniform"], ["sensor.count=100"]):
         with pytest.raises(NotSolved, match=r"dataset paired has its own scans.*dataset=files"):
             cell(folder, *words)
-    with pytest.raises(UsageError, match=r"sensor=samples: dataset paired brings its own scans: leave the sensor out"):
+    with pytest.raises(UsageError, match=r"sensor=samples: dataset paired has its own scans: leave the sensor out"):
         check(Request.of(["dataset=paired", "sensor=samples"]))
     check(Request.of(["dataset=paired,bumps", "sensor=samples"], multirun=True))
     with pytest.raises(NotSolved, match="dataset bumps has none. Datasets with scans: .*paired"):

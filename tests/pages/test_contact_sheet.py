@@ -95,4 +95,4 @@ def test_images_without_room_are_a_sentence(with_views, monkeypatch):
     shown, _ = scenes(with_views, with_views.rows(), 400_000)
     panel = shown[0]["panels"][0]
     assert (panel["kind"], panel["geometry"]) == (None, None)
-    assert panel["note"] == "7 images, for which the page has no room"
+    assert panel["note"] == "7 images, which do not fit into the page"

@@ -73,4 +73,4 @@ def test_more_threads_than_processors_are_reported(tmp_path, capsys, monkeypatch
     assert main(["plan", *WORDS, "threads=2", f"results={tmp_path}"]) == 0
     assert "processors" not in capsys.readouterr().out
     assert main(["plan", *WORDS, "threads=3", f"results={tmp_path}"]) == 0
-    assert "threads=3: only 2 processors can be used here" in capsys.readouterr().out
+    assert "threads=3: only 2 processors are available" in capsys.readouterr().out

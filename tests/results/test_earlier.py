@@ -88,12 +88,12 @@ def test_a_cell_that_was_stored_before_a_metric_came_names_the_metric(tmp_path):
 def test_what_is_said_is_one_line():
     assert told([]) == told([(), ()]) == ""
     assert told([("package numpy: 1 -> 2",)]) == (
-        "1 cell has a stored result that is not current: package numpy: 1 -> 2. `detailbench why CELL` says more"
+        "1 cell has a stored result that is not current: package numpy: 1 -> 2. `detailbench why CELL` shows more"
     )
     many = [("a",), ("a", "b"), (), ("c",), ("d", "e")]
     assert told(many) == (
         "4 cells have stored results that are not current: a (2 cells); b; c; 2 more reasons. `detailbench why CELL` "
-        "says more"
+        "shows more"
     )
     assert told([["metric m was not scored"]] * 2) == (
         "2 cells have stored results that are not current: metric m was not scored (2 cells)"
@@ -170,12 +170,12 @@ def test_what_cannot_be_current_is_reported_in_one_line(shell):
     shell.run("method=fine", **words)
     (file,) = shell.files()
     age(file, toys, **{"content of w (read by method fine)": "0"})
-    line = "1 cell has a stored result that is not current: content of w (read by method fine) is not read any more. "
+    line = "1 cell has a stored result that is not current: content of w (read by method fine) is no longer read. "
     plan = shell.run("method=fine", act=lambda _, *rest: shell.call("plan", *rest), **words)
     assert sum(line in text for text in plan.stdout.splitlines()) == 1 and "changed" in plan.stdout
     id = shell.rows()["cell"].iloc[0]
     why = shell.call("why", id, f"results={shell.results}", "--plugin", toys).stdout
-    assert sum("is not read any more" in text for text in why.splitlines()) == 1 and "not current" in why
+    assert sum("is no longer read" in text for text in why.splitlines()) == 1 and "not current" in why
     done = shell.run("method=fine", **words)
     assert sum(line in text for text in done.stderr.splitlines()) == 1 and "2 run" in done.stderr
     assert "not current" not in shell.run("method=fine", **words).stderr

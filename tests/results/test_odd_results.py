@@ -220,14 +220,14 @@ def tiny_bomb(path):
 
 
 KINDS = {
-    "a foreign table": (foreign, "is no record of detailbench"),
+    "a foreign table": (foreign, "is not a record of detailbench"),
     "a link to nothing": (lambda path: path.symlink_to("nowhere"), "No such file"),
     "a link to itself": (lambda path: path.symlink_to(path), "symbolic link"),
-    "a folder": (lambda path: path.mkdir(), "is no regular file"),
-    "a fifo": (lambda path: os.mkfifo(path), "is no regular file"),
-    "a device": (lambda path: path.symlink_to("/dev/zero"), "is no regular file"),
-    "an empty file": (lambda path: path.write_bytes(b""), "is no whole Parquet file"),
-    "a text": (lambda path: path.write_text("cell,method\n"), "is no whole Parquet file"),
+    "a folder": (lambda path: path.mkdir(), "is not a regular file"),
+    "a fifo": (lambda path: os.mkfifo(path), "is not a regular file"),
+    "a device": (lambda path: path.symlink_to("/dev/zero"), "is not a regular file"),
+    "an empty file": (lambda path: path.write_bytes(b""), "is not a complete Parquet file"),
+    "a text": (lambda path: path.write_text("cell,method\n"), "is not a complete Parquet file"),
     "a bomb": (tiny_bomb, "more than any record"),
 }
 

@@ -115,7 +115,7 @@ def test_a_record_whose_cell_is_not_that_of_its_id_is_refused_everywhere(folder,
     here, plugins = f"results={file.parents[2]}", ("--plugin", TOYS, "--plugin", folder.folder / "writes.py")
     for command in ("why", "reproduce"):
         done = folder.call(command, file.name[:12], here, *plugins)
-        assert done.returncode == 1 and "its cell is not that of its id" in done.stderr, done.stderr
+        assert done.returncode == 1 and "its cell does not match its id" in done.stderr, done.stderr
         assert "Traceback" not in done.stderr
     board = folder.call("leaderboard", file.parents[2])
     assert board.returncode == 1 and board.stderr.count(file.name) == board.stderr.count("warning: ") == 1

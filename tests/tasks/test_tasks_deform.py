@@ -191,7 +191,7 @@ def test_there_are_at_least_as_many_vertices_as_asked_for(least):
 
 def test_too_many_divisions_are_refused():
     flat = Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], process=False)
-    with pytest.raises(BadInput, match="the source has 3 vertices; dividing it to 200000 takes too many rounds"):
+    with pytest.raises(BadInput, match="the source has 3 vertices; subdividing it to 200000 takes too many rounds"):
         case_of(pair_of(flat, flat), vertices=200_000)
 
 

@@ -138,10 +138,10 @@ def test_files_and_what_is_wrong_with_them(tmp_path):
     with pytest.raises(UsageError, match="CHARACTER TEMPLATE LANDMARKS TARGET; got 1"):
         Task().read(paths[:1])
     save(icosphere(subdivisions=1), paths[3])
-    with pytest.raises(BadInput, match="has other faces than the template"):
+    with pytest.raises(BadInput, match="its faces differ from those of the template"):
         Task(target="corresponding").read(paths)
     for text, says in (
-        ("no", "is no JSON"),
+        ("no", "is not JSON"),
         ("[]", "expected JSON like"),
         ('{"a": [[0, 0, 1]]}', "a is .*expected JSON like"),
         ('{"a": [[0, 0, "x"], [1, 2, 3]]}', "a is"),

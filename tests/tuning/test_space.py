@@ -66,7 +66,7 @@ def test_values_that_overrides_name(toy, word, low, high, whole, log, choices):
     [
         ("method.stepz=1,2", "no parameter 'stepz'. Did you mean 'steps'"),
         ("method.kind=a,d", "expected"),
-        ("method.title=log(1,2)", "is no number"),
+        ("method.title=log(1,2)", "is not a number"),
         ("method.weight=log(0,2)", "above 0"),
         ("method.weight=log(x,2)", "expected two numbers"),
         ("method.weight=interval(3,2)", "lower end first"),
