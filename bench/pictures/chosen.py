@@ -102,7 +102,7 @@ def _of_seed(rows: pd.DataFrame, seed: int | None) -> pd.DataFrame:
     seeds = sorted(rows["seed"].unique())
     wanted = seeds[0] if seed is None else seed
     if wanted not in seeds:
-        raise UsageError(f"--seed {seed}: no result has it; there are {', '.join(map(str, seeds))}")
+        raise UsageError(f"--seed {seed}: no result has this seed; the seeds are {', '.join(map(str, seeds))}")
     return rows[rows["seed"] == wanted]
 
 
@@ -136,7 +136,7 @@ def _of_cases(rows: pd.DataFrame, case: str | None) -> pd.DataFrame:
         if not hits.any():
             count = int(rows["case_index"].max()) + 1
             raise UsageError(
-                f"--case {word}: there is none; expected a number below {count}, or a part of a case's name, like "
+                f"--case {word}: no such case; expected a number below {count}, or a part of a case's name, like "
                 f"{rows['case'].iloc[0]}"
             )
         for index in rows.index[hits]:

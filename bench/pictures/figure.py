@@ -283,4 +283,4 @@ def check_metrics(names: Sequence[str], rows: pd.DataFrame) -> None:
 
     for name in names:
         if len(matching("metric", [name], metrics_of(rows))) != 1:
-            raise UsageError(f"--metric {name}: names several scores; say which")
+            raise UsageError(f"--metric {name}: names several scores; choose one")

@@ -229,7 +229,7 @@ def _output(name: str, row: Mapping[str, Any], results: Results | None) -> Item:
         return Item(name, "output", None, f"{row['status']}: {reason}" if reason else row["status"], row)
     path = results.output_of(row) if results else None
     if path is None:
-        return Item(name, "output", None, f"no output is kept; {KEEP}", row)
+        return Item(name, "output", None, f"no output is saved; {KEEP}", row)
     try:
         return Item(name, "output", load(path), "", row)
     except (DetailbenchError, OSError) as error:

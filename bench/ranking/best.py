@@ -105,7 +105,7 @@ def best(
         if not (rows["split"] == TRAIN).any():
             raise UsageError(
                 "--best: parameters are chosen on train shapes, and these results have none. Run the sweep with "
-                "split=train; --split test chooses on the test shapes all the same, which flatters the winner"
+                "split=train; --split test chooses on the test shapes anyway, which flatters the winner"
             )
         filters["split"] = TRAIN
     chosen = pool(select(lent(rows), **filters), by)
@@ -189,7 +189,7 @@ def _metric_of(task: str, rows: pd.DataFrame, metric: Names) -> tuple[str, str]:
     first = metric_order(lines)[0] if not metric else lines[0]["metric"]
     better = next(line["better"] for line in lines if line["metric"] == first)
     if better == "reference":
-        raise UsageError(f"--best: {first} is to be near the reference's own value, which has no geometric mean")
+        raise UsageError(f"--best: {first} is best near the reference's own value, and has no geometric mean")
     return first, better
 
 

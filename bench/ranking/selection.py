@@ -202,7 +202,7 @@ def matching(option: str, names: Names, known: Iterable[str]) -> list[str]:
         pattern = name.replace("[", "[[]")
         hits = [k for k in known if name in (k, re.split(r"[\[@]", k)[0]) or fnmatch.fnmatchcase(k, pattern)]
         if not hits:
-            what = f"--{option} {name}: there is none" if option in VIEWS else f"no result has {option} {name!r}"
+            what = f"--{option} {name}: no such name" if option in VIEWS else f"no result has {option} {name!r}"
             raise UsageError(f"{what}. {did_you_mean(name, known)}")
         found.extend(hits)
     return list(dict.fromkeys(found))

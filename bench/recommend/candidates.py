@@ -94,7 +94,7 @@ def parts(text: str) -> Iterator[str]:
         else:
             part += letter
     if depth:
-        raise UsageError(f"{text}: a bracket has no partner; expected NAME or NAME[key=value,...], with commas between")
+        raise UsageError(f"{text}: unbalanced brackets; expected NAME or NAME[key=value,...], with commas between")
     if part.strip():
         yield part.strip()
 
@@ -130,7 +130,7 @@ def _weights(values: dict[str, Any], method: Choice) -> str:
     known = known_weights(Results(values["results"]), training)
     if known is None:
         raise UsageError(
-            f"method {method.label} learns, and has no weights here. Train it (detailbench train method={method.name} "
-            "dataset=NAME), or leave it out"
+            f"method {method.label} is learned, and has no weights here. Train it (detailbench train "
+            f"method={method.name} dataset=NAME), or leave it out"
         )
     return str(Path(known.path))

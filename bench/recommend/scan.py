@@ -33,7 +33,7 @@ class State(NamedTuple):
     normals: float
     """1 where the scan has normals, 0 where it has none"""
     contradicting: float
-    """share of the normals that point the other way than those around them; 0 without normals"""
+    """share of the normals that point opposite to their neighbours; 0 without normals"""
 
 
 @dataclass(frozen=True, eq=False)

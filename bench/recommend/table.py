@@ -19,9 +19,9 @@ LEGEND = (
     "quarter of to points, others, and gaps by the share of the surface in holes; relative to the best. to mesh, to "
     "points: from the points of one half of the scan to the mesh of the other, and back. others: to the meshes of "
     "other methods. halves: between the meshes of the two halves. gaps: between the points of holes that were cut "
-    "into the scan and the mesh of the rest. x noise: median distance of held-out points over what the noise alone "
-    "makes it. halves, x noise and what is right of it do not count; pieces, open edges, seconds and memory are of "
-    "the tried points."
+    "into the scan and the mesh of the rest. x noise: median distance of held-out points divided by the "
+    "distance that noise alone causes. halves, x noise and the columns to their right do not count; pieces, "
+    "open edges, seconds and memory are of the tried points."
 )
 
 
@@ -40,7 +40,7 @@ def _prior(scan: Scan) -> str:
     known = nearest(scan.state)
     errors = ", ".join(f"{name} {error:g}" for name, error in known.errors.items())
     return (
-        f"{scan.name} measures most like the clouds of the benchmark's sensor {known.sensor}, where the mean distance "
+        f"{scan.name} is most like the clouds of the benchmark's sensor {known.sensor}, where the mean distance "
         f"to the truth was, with the usual parameters ({known.metric}, {known.shapes} shapes): {errors}."
     )
 
@@ -56,7 +56,7 @@ def _state(scan: Scan, hidden: float) -> str:
     if state.normals:
         normals = "normals"
         if state.contradicting > 0.05:
-            normals += f", of which {state.contradicting:.0%} point the other way than those around them"
+            normals += f", of which {state.contradicting:.0%} point opposite to their neighbours"
     return (
         f"{scan.name}: {scan.total:,} points{tried}, {unit:.3g} apart; noise about {state.noise * unit:.2g} "
         f"({state.noise:.2f} spacings, rough detail included); {state.outliers:.1%} outliers; density varies by "

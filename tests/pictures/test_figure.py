@@ -250,7 +250,7 @@ def test_without_stored_outputs_the_figure_says_what_keeps_them(tmp_path, capsys
     results, _ = stored(tmp_path / "results", methods=("poisson",), cases=1, keeps=False)
     assert main(["figure", str(results.folder), "-o", str(tmp_path / "f.png"), "--size", "40"]) == 0
     assert (
-        "poisson: no output is kept; run it again with outputs=all, or draw it with `detailbench figure --recompute`"
+        "poisson: no output is saved; run it again with outputs=all, or draw it with `detailbench figure --recompute`"
         in capsys.readouterr().out
     )
 

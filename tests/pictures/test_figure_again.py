@@ -40,7 +40,7 @@ def test_a_figure_of_results_without_outputs_is_that_of_results_with_them(shell)
     assert len(shell.calls()) == before  # nothing is run where outputs are kept
     done = draw(shell, shell.results, "again.png", "--case", "1", "--recompute")
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("running 1 case again") == 2 and "no output is kept" not in done.stdout
+    assert done.stderr.count("running 1 case again") == 2 and "no output is saved" not in done.stdout
     assert shell.calls()[before:] == ["fine 0 1"]  # the other case is left alone
     pictures = [(shell.work / name).read_bytes() for name in ("kept.png", "again.png")]
     assert pictures[0] == pictures[1]
@@ -52,7 +52,7 @@ def test_without_the_option_the_tile_says_how_to_get_a_picture(shell):
     shell.run("method=fine", "outputs=none", sweep=False)
     done = draw(shell, shell.results, "empty.svg")
     assert done.returncode == 0, done.stderr
-    assert "no output is kept; run it again with outputs=all, or draw it with `detailbench figure --recompute`" in (
+    assert "no output is saved; run it again with outputs=all, or draw it with `detailbench figure --recompute`" in (
         done.stdout
     )
 
@@ -86,7 +86,7 @@ def test_a_plugin_file_of_a_record_is_not_imported_and_a_program_not_started(she
     assert done.returncode == 1 and "--allow-program" in done.stderr and not touched.exists()
     done = draw(shell, other, "program.png", "--recompute", "--allow-program")
     assert done.returncode == 0, done.stderr
-    assert touched.exists() and "no output is kept" not in done.stdout
+    assert touched.exists() and "no output is saved" not in done.stdout
 
 
 def test_trained_weights_are_taken_along(shell, monkeypatch):

@@ -122,7 +122,9 @@ def test_failed_solved_new_and_gone():
     assert found.gone[["method", "cases"]].to_numpy().tolist() == [["old", 8]]
     assert line(found)["change"] > 0.1  # a failure counts as the worst output
     text = render_compared(found)
-    assert all(word in text for word in ("failed now, solved then", "timeout: stopped", "new: not there", "gone: not"))
+    assert all(
+        word in text for word in ("failed now, solved then", "timeout: stopped", "new: missing then", "gone: missing")
+    )
 
 
 def test_results_without_a_common_case_are_refused():

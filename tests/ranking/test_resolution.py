@@ -297,7 +297,7 @@ def shown(*records):
 
 def test_different_cases_are_named_where_methods_were_not_run_on_the_same():
     text, board = shown(*(scored("a", c, "d") for c in "vwxyz"), *(scored("b", c, "d") for c in "vwxy"))
-    assert f"{DIFFERENT}: b lacks 1. Each two are compared on what both were run on." in text
+    assert f"{DIFFERENT}: b lacks 1. Each pair is compared on the cases that both were run on." in text
     assert UNDEFINED not in text
     assert board.set_index("method")["not_run"].to_dict() == {"a": 0, "b": 1}
 
@@ -327,7 +327,7 @@ def test_a_metric_that_is_undefined_for_some_outputs_is_named_with_the_reason():
         *(scored("b", c, "d", *(["genus"] if c in "wx" else [])) for c in "wxyz"),
     )
     assert DIFFERENT not in text
-    assert f"{UNDEFINED}: genus (up to 2 outputs of a method). Each two are compared where both have a score." in text
+    assert f"{UNDEFINED}: genus (up to 2 outputs of a method). Each pair is compared where both have a score." in text
     assert line(board, "b", "genus")["undefined"] == 2 and line(board, "b", "d")["undefined"] == 0
 
 

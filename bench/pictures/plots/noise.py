@@ -30,11 +30,11 @@ def table(scores: Scores, options: Options) -> pd.DataFrame:
     if name is None:
         several = [key for key in found if key.startswith("sensor.") and len(set(found[key].dropna())) > 1]
         if len(several) != 1:
-            raise UsageError(f"--x: say which parameter the plot is over: {_listed(found)}")
+            raise UsageError(f"--x: choose the parameter of the x axis: {_listed(found)}")
         name = several[0]
     name = _one_of(name, found)
     if found[name].dropna().nunique() < 2:
-        raise UsageError(f"--x {name}: has one value only, so there is no curve; {_listed(found)}")
+        raise UsageError(f"--x {name}: has only one value, so there is no curve; {_listed(found)}")
     rows = rows.assign(__x=found[name])
     parts = []
     for x, part in rows.dropna(subset="__x").groupby("__x"):

@@ -51,13 +51,13 @@ def ratios(values: np.ndarray, direction: str) -> np.ndarray:
 def table(scores: Scores, options: Options) -> pd.DataFrame:
     """The steps of each method's curve: from a factor on, the share of units that are within it."""
     if scores.direction not in ("lower", "higher"):
-        raise UsageError(f"--metric {scores.metric}: is neither better lower nor higher, so nothing is the best")
+        raise UsageError(f"--metric {scores.metric}: has no direction (lower or higher), so no method is the best")
     rows = scores.pooled()
     value = pd.to_numeric(rows[f"score.{scores.metric}"]).where(rows["status"] == "ok")
     keys = [rows[name] for name in UNIT]
     values = value.groupby([*keys, rows["label"]], dropna=False).mean().unstack("label").reindex(columns=scores.order)
     if (values < 0).to_numpy().any():
-        raise UsageError(f"--metric {scores.metric}: has scores below 0, of which no ratio can be made")
+        raise UsageError(f"--metric {scores.metric}: has scores below 0, which have no ratios")
     run = rows.groupby([*keys, "label"], dropna=False).size().unstack("label").reindex(columns=scores.order)
     whole = run.notna().all(axis=1)  # compared on the units planned for all methods
     if not whole.any():

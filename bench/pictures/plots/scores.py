@@ -164,7 +164,7 @@ def _metric(rows: pd.DataFrame, metric: str | None) -> str:
         return found[0]
     primary = [name for name in primary_metrics(rows["task"].iloc[0]) if name in known]
     if not primary and len(known) != 1:
-        raise UsageError(f"--metric: say which one is shown: {', '.join(known) or 'the results have none'}")
+        raise UsageError(f"--metric: choose one: {', '.join(known) or 'the results have none'}")
     return (primary or known)[0]
 
 

@@ -53,7 +53,7 @@ def table(scores: Scores, options: Options) -> pd.DataFrame:
     table.insert(4, "metric", scores.metric)
     if not traces:
         table.attrs["notes"] = [
-            "no result has a trace with this metric, so methods are points; iterative methods keep traces with "
+            "no result has a trace with this metric, so methods are points; iterative methods record traces with "
             "method.traces=8"
         ]
     return table

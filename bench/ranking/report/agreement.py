@@ -81,7 +81,7 @@ def _methods(one: Agreement, title: str, level: float) -> Grid:
         f"mean [{level:.0%} interval over shapes].",
     ]
     if one.left_out:
-        notes.append(f"{one.left_out} units that not all of these methods were to solve are left out.")
+        notes.append(f"{one.left_out} units that were not planned for all of these methods are left out.")
     return Grid(title, tuple(head), tuple(cells), tuple(notes))
 
 

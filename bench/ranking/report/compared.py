@@ -152,7 +152,7 @@ def _cases(found: Compared, full: bool) -> list[Grid]:
             for row in rows.to_dict("records")
         ]
         grids.append(_some(title, ("method", "case", "sensor", "seed", "message"), lines, full))
-    for title, rows in (("new: not there then", found.new), ("gone: not there now", found.gone)):
+    for title, rows in (("new: missing then", found.new), ("gone: missing now", found.gone)):
         lines = [
             (label(row["method"], row["variant"]), row["task"], row["dataset"], row["sensor"] or "-", str(row["cases"]))
             for row in rows.to_dict("records")

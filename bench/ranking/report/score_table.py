@@ -75,7 +75,7 @@ def score_table(
         lines += ["", f"Lengths are in the units of the files; thresholds in radii of the reference: 1 is {radius}."]
     else:
         lines += ["", f"Lengths are in radii of the reference: 1 is {radius} in the files' coordinates."]
-    lines += [f"Where a metric does not say how many, {samples:,} points are drawn from a surface; seed {case.seed}."]
+    lines += [f"Unless a metric sets another number, {samples:,} points are sampled from a surface; seed {case.seed}."]
     notes = [
         *(convention.notes(scores) if convention else ()),
         *(f"no score: {n} {why}" for n, why in left_out.items()),

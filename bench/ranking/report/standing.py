@@ -24,8 +24,8 @@ def rank_notes(metric: str, level: float) -> list[str]:
     """The meaning of a rank."""
     return [
         f"rank: by {metric}; 2-4 is the {level:.0%} confidence interval of a rank.",
-        "Each interval is for its own method, with Holm's correction over its comparisons; that all of a table are "
-        f"right is less likely: with eight equal methods, {RATE} of tables have a wrong interval (at 95 %).",
+        "Each interval is for its own method, with Holm's correction over its comparisons; the chance that all of "
+        f"a table are right is lower: with eight equal methods, {RATE} of tables have a wrong interval (at 95 %).",
     ]
 
 
@@ -121,7 +121,9 @@ def coverage(lines: Sequence[Line], shown: Sequence[str]) -> list[str]:
     if absent:
         some = ", ".join(f"{name} lacks {n}" for name, n in absent.items())
         some = some if len(absent) <= FEW else f"{len(absent)} methods lack some, up to {max(absent.values())}"
-        notes.append(f"Methods were run on different cases: {some}. Each two are compared on what both were run on.")
+        notes.append(
+            f"Methods were run on different cases: {some}. Each pair is compared on the cases that both were run on."
+        )
     missing = {
         name: max(line["undefined"] for line in lines if line["metric"] == name)
         for name in dict.fromkeys(line["metric"] for line in lines)
@@ -129,7 +131,7 @@ def coverage(lines: Sequence[Line], shown: Sequence[str]) -> list[str]:
     parts = [f"{name} (up to {counted(n, 'output')} of a method)" for name, n in missing.items() if n]
     if parts:
         notes.append(
-            f"Not defined for every output: {', '.join(parts)}. Each two are compared where both have a score."
+            f"Not defined for every output: {', '.join(parts)}. Each pair is compared where both have a score."
         )
     return notes
 

@@ -207,7 +207,7 @@ def standing_notes(tables: Sequence[Table], best: str, second: str = "") -> list
         return [*([f"{best}: the best."] if is_best else []), *tied]
     of_line = any(table.head == "case" for table in tables)
     what = "the best of a line" if of_line else "the best mean"
-    notes = [f"{best}: {what}; what failed anywhere is never the best."] if is_best else []
+    notes = [f"{best}: {what}; a method with failed cases is never the best."] if is_best else []
     if is_tied:
         notes.append(
             f"{TIED}: tied for first: by a paired test over the shapes not significantly worse than the best, however "

@@ -60,7 +60,7 @@ def test_profiles_leave_out_what_not_all_ran_and_report_it():
     rows = made_rows()
     table = profile.table(scores(rows[~((rows["method"] == "jet") & (rows["case"] == "case-0"))]), Options())
     assert table.attrs["notes"][1].startswith("2 left out")
-    with pytest.raises(UsageError, match="neither better"):
+    with pytest.raises(UsageError, match="has no direction"):
         profile.table(scores(metric="genus"), Options())
 
 
@@ -175,7 +175,7 @@ def test_a_noise_sweep_is_over_the_parameter_of_the_records(sweep):
             assert line["solved"] == 3
     with pytest.raises(UsageError, match=r"sensor\.noise"):
         noise.table(sweep, Options(x="sensor.nois"))
-    with pytest.raises(UsageError, match="one value only"):
+    with pytest.raises(UsageError, match="only one value"):
         noise.table(sweep, Options(x="sensor.count"))
 
 
@@ -216,7 +216,7 @@ def test_a_plot_is_of_one_task_one_metric_and_known_methods():
         scores(pd.concat([rows, rows.assign(split="train")]))
     with pytest.raises(UsageError, match="a plot shows one"):
         scores(metric="p2f_mean,genus")
-    with pytest.raises(UsageError, match="say which one"):
+    with pytest.raises(UsageError, match="choose one"):
         scores(rows.assign(task="strange"), metric=None)
     with pytest.raises(UsageError, match="--level"):
         scores(level=1.5)
