@@ -69,7 +69,7 @@ READ_CONFIGS = [
     "inputs",
 ]
 MOST_NAMES = 5  # that a warning about duplicate names lists
-MOST_NAME = 500  # letters of a file's name in a message
+MOST_NAME = 500  # characters of a file's name in a message
 
 
 class _Parser(argparse.ArgumentParser):

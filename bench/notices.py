@@ -16,11 +16,11 @@ _collector: ContextVar[list[str] | None] = ContextVar("notices", default=None)
 
 
 class InputWarning(UserWarning):
-    """What a :func:`notice` is where nobody collects them."""
+    """The category of a :func:`notice` that is not collected."""
 
 
 def show_as_lines() -> None:
-    """Let a notice that nobody collects be one plain line on stderr, without the line of code that it comes from."""
+    """Print a notice that is not collected as one plain line on stderr, without the line of code that it comes from."""
     warnings.formatwarning = _formatted
 
 
@@ -33,7 +33,7 @@ def _formatted(message: Any, category: type[Warning], *where: Any, **more: Any) 
 
 
 def notice(text: str) -> None:
-    """Say something about an input that its reader should know; said twice, it counts once."""
+    """Report a fact about an input that its reader should know; repeated, it counts once."""
     collected = _collector.get()
     if collected is None:
         warnings.warn(text, InputWarning, stacklevel=3)

@@ -1,7 +1,7 @@
-"""Folders and files that are this user's own: caches and locks must be nobody else's to prepare or to change.
+"""Folders and files that are this user's own: nobody else may prepare or change caches and locks.
 
-What is kept from one start to the next is believed when it is read, so whoever may write there decides what a run
-sees. A folder counts where it is a folder and no link, belongs to this user, and nobody else may write into it.
+Caches from one start to the next are trusted when they are read, so whoever may write there decides what a run
+sees. A folder is accepted if it is not a link, belongs to this user, and nobody else may write into it.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def read_regular(path: Path) -> bytes:
 
 @functools.cache
 def _key() -> bytes:
-    """A secret of this user's, the same in all processes; where it cannot be kept, another one in each process."""
+    """A secret of this user's, the same in all processes; if it cannot be stored, another one in each process."""
     folder = cache_folder()
     if folder is not None:
         path = folder / "key"

@@ -19,7 +19,7 @@ from importlib.machinery import ModuleSpec, PathFinder
 from typing import Any
 
 SAFE_PATH = "PYTHONSAFEPATH"  # Python's own variable: where it is not empty, the current directory stays out
-OURS = "detailbench"  # our value of it, which says that the user did not set it
+OURS = "detailbench"  # our value of it, which shows that the user did not set it
 
 
 class StandardFirst:

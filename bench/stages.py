@@ -1,6 +1,6 @@
-"""What is being done right now, for somebody who waits: ``reading``, ``normals``, ``solving``, ``writing``.
+"""The current stage of the work, for a waiting user: ``reading``, ``normals``, ``solving``, ``writing``.
 
-Functions that may take a while say so with :func:`stage`. Who runs them listens; where nobody does, it costs nothing.
+Functions that may take a while report it with :func:`stage`. Their caller may listen; otherwise it costs nothing.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ JSON_COLUMNS = ("trace", "artefacts", "directions")
 
 
 def cut(text: str, most: int) -> str:
-    """A text of at most so many characters, and of what was left out the length."""
+    """A text of at most this many characters, with the length of the omitted part."""
     if len(text) <= most:
         return text
     kept = most - 40  # with what is said of the rest it is not too long either
@@ -120,7 +120,7 @@ def bounded(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def duration(seconds: float) -> str:
-    """A time in words, no more exact than an estimate is: ``40 s``, ``3 min``, ``2 h``, ``4 days``."""
+    """A time in words, rounded like an estimate: ``40 s``, ``3 min``, ``2 h``, ``4 days``."""
     for unit, size, least in (("days", 86400, 2 * 86400), ("h", 3600, 5400), ("min", 60, 120)):
         if seconds >= least:
             return f"{seconds / size:.0f} {unit}"
@@ -128,7 +128,7 @@ def duration(seconds: float) -> str:
 
 
 def shortened(text: str, most: int) -> str:
-    """A text of at most so many letters: of a longer one the beginning and the end."""
+    """A text of at most this many characters: of a longer one the beginning and the end."""
     if len(text) <= most:
         return text
     end = (most - 1) // 3

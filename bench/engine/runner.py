@@ -29,7 +29,7 @@ from .watch import Death, Worker
 
 STAGES = ("start", "plan", "case", "prepare", "method", "score", "worst")  # of a worker, for each case in this order
 BEFORE_ANY_CASE = ("start", "plan")  # a failure there is not the method's: it is tried again each time
-TRIES = 3  # of a worker or a server that ends before any case: somebody short of memory may have killed it
+TRIES = 3  # of a worker or a server that ends before any case: a system short of memory may have killed it
 MAX_SERVERS = 6  # a fork server holds its libraries in memory; the least recently used one goes
 
 
@@ -180,7 +180,7 @@ def _without_output(results: Results, cell: Cell, mark: str, settings: Settings)
 
 
 def _references(stored: Record | None, rows: list[dict[str, Any]]) -> dict[str, str]:
-    """The files of the references of the kept outputs by case, relative to the results folder."""
+    """The files of the references of the stored outputs by case, relative to the results folder."""
     before = (stored.meta.get("references") or {}) if stored else {}
     now = {row["case"]: row.pop("reference", None) for row in rows}
     return before | {case: path for case, path in now.items() if path}
@@ -252,7 +252,7 @@ class _Job:
                 death = Death("crashed", str(error), -1, "start", 0.0, "")
             if death is None:
                 return
-            if death.with_server:  # somebody short of memory may have killed it: the case is tried again
+            if death.with_server:  # a system short of memory may have killed it: the case is tried again
                 forget_servers()
                 if death.index not in tried:
                     tried.add(death.index)

@@ -137,7 +137,7 @@ class Worker:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 kill(self.pid, signal.SIGKILL)
 
-    # -- what it says ----------------------------------------------------------------------------------------------
+    # -- its messages ----------------------------------------------------------------------------------------------
 
     def _drain(self, fd: int) -> bool:
         """Read what is available, of a flood a part; False at the end of the stream.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 SLIVER = 0.02  # of the shape of the thinnest faces that make up these shares of the mesh
 AREA_SHARE, FACE_SHARE = 0.01, 0.2
-FLAT = 1e-5  # height over longest edge that nobody means
+FLAT = 1e-5  # height over longest edge that is never intended
 
 
 def cotangent_laplacian(vertices: np.ndarray, faces: np.ndarray) -> csr_array:

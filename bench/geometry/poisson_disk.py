@@ -18,7 +18,7 @@ def sample_poisson_disk(shape: Shape, count: int, rng: np.random.Generator) -> t
     """Exactly ``count`` evenly spread points of the exact surface of a shape, and their unit normals.
 
     Sample elimination (Yuksel 2015): of five times as many independent uniform samples, one of the most crowded is
-    taken away again and again. The mesh's area says how far apart they can be; a surface that this is not true of, such
+    removed repeatedly. The mesh's area determines how far apart they can be; a surface for which it does not, such
     as curves on a thin ribbon, has a function ``sample_evenly(count, rng)`` and is asked for the points.
 
     Parameters

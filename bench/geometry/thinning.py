@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-FIRST, MOST = 4096, 500_000  # points that are looked at in one go: few at first, while little is kept
+FIRST, MOST = 4096, 500_000  # points handled at once: few at first, while few remain
 CHUNK = 2_000_000  # points of a grid that are made in one go
 
 

@@ -111,7 +111,7 @@ class Layout:
 
     @property
     def bottom(self) -> float:
-        """Of the colour bar and the words beside it."""
+        """Of the colour bar and the text beside it."""
         return 0.07 + BAR + 2.4 * self.line
 
     def row_height(self, aspect: float) -> float:

@@ -29,7 +29,7 @@ class Zoom(NamedTuple):
 
 
 def zoom_of(text: str) -> Zoom:
-    """From the words of the command line, ``X,Y,Z,R``.
+    """From a text of the command line, ``X,Y,Z,R``.
 
     Raises
     ------

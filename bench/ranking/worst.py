@@ -20,7 +20,7 @@ from .selection import CONTENDER, GROUP, UNIT, Names, completed, matching, metri
 from .statistics import holm_p
 
 RATIO, SCORE = ORDERS = ("ratio", "score")
-SHARE = 4  # one shape in so many is bad, for the tags
+SHARE = 4  # one shape in this many is bad, for the tags
 FEWEST = 8  # shapes: with fewer no tag can stand out
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 T = TypeVar("T")
-MOST_ROWS = 1_000_000  # of a record: a few bytes of a file can stand for any number of them
+MOST_ROWS = 1_000_000  # of a record: a few bytes of a file can encode any number of them
 MOST_BYTES = 1 << 30  # of a record in memory
 NAME = re.compile(r"[0-9a-f]{12}-[0-9a-f]{16}")
 DIRECTIONS = ("lower", "higher", "reference")

@@ -123,7 +123,7 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-# -- what the words name -----------------------------------------------------------------------------------------------
+# -- the values that overrides name ------------------------------------------------------------------------------------
 
 
 def split_words(overrides: Sequence[str]) -> tuple[list[str], dict[str, str]]:

@@ -73,7 +73,7 @@ def load_cloud(path: str | Path) -> PointCloud:
     finite are left out, with a notice (:mod:`bench.notices`).
 
     Normals are scaled to unit length. The few that have no direction (zero, NaN) become those of the nearest point that
-    has one; if more than half have none, all are left out. A notice says so.
+    has one; if more than half have none, all are left out. A notice reports it.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def save(geometry: Trimesh | PointCloud, path: str | Path) -> None:
     """Write a mesh (.ply .obj .off .stl .glb) or a point cloud (.ply .pcd .xyz .txt .asc .csv).
 
     All but two keep float64, and clouds their normals, colours and scalars; STL and GLB are float32 by their nature.
-    The file is written under a temporary name beside ``path`` and then renamed, so that nobody ever sees half of it.
+    The file is written under a temporary name beside ``path`` and then renamed, so that it is never seen half written.
 
     Raises
     ------
@@ -204,7 +204,7 @@ def _beside(path: Path) -> Iterator[Path]:
             f"{path}: cannot be written ({error.strerror or error}); the old file, if any, is intact"
         ) from error
     finally:
-        with contextlib.suppress(OSError):  # of a folder that is none, or that nobody may write to
+        with contextlib.suppress(OSError):  # of an invalid folder, or one that is not writable
             temporary.unlink()
 
 
@@ -238,7 +238,7 @@ def _read(path: str | Path, readers: dict[str, Callable[[bytes, str], RawGeometr
 
 
 def _suffix_of_content(data: bytes) -> str:
-    """What the first bytes say, where they say something."""
+    """The suffix that the first bytes imply, if any."""
     head = decoded(data[:1024]).lstrip()
     if head[:4] == b"glTF":
         return ".glb"

@@ -19,7 +19,7 @@ V, VN, F = 1, 2, 3  # kinds of lines
 
 
 class _Block(NamedTuple):
-    """The lines of one kind without their keywords, and how many words each has."""
+    """The lines of one kind without their keywords, and their numbers of words."""
 
     text: bytes
     words: np.ndarray
@@ -38,7 +38,7 @@ def read_obj(data: bytes, name: str) -> RawGeometry:
     Raises
     ------
     BadInput
-        With the number of the line that is no OBJ, or names a vertex that does not exist.
+        With the number of the line that is not OBJ, or names a vertex that does not exist.
     """
     text = without_comments(plain_text(data)).replace(b"\\\n", b"  ")
     if text.startswith(b" ") or b"\n " in text:
@@ -145,7 +145,7 @@ def _vertices(block: _Block, name: str) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def _corners(block: _Block) -> tuple[np.ndarray, np.ndarray | None]:
-    """The numbers of vertices and of normals (0: none) that the corners of all faces name, as they stand there."""
+    """The numbers of vertices and of normals (0: none) of the corners of all faces, as in the file."""
     text, count = block.text, int(block.words.sum())
     if b"/" not in text:
         return _numbers(text, np.int64, count), None
@@ -187,7 +187,7 @@ def _of_vertices(index: np.ndarray, of_normal: np.ndarray, normals: np.ndarray, 
 
 
 def _complaint(data: bytes, name: str) -> BadInput:
-    """What is wrong with the first line that is no OBJ."""
+    """The error about the first line that is not OBJ."""
     lines = plain_text(data).replace(b"\\\n", b"  ").split(b"\n")
     last = next(number for number in range(len(lines), 0, -1) if without_comments(lines[number - 1]).strip())
     for number, line in enumerate(lines, 1):

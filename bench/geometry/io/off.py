@@ -30,15 +30,15 @@ class _Tables(NamedTuple):
 
 
 def read_off(data: bytes, name: str) -> RawGeometry:
-    """Vertices, polygons, and normals and colours of vertices where the letters before ``OFF`` say so.
+    """Vertices, polygons, and normals and colours of vertices if the letters before ``OFF`` announce them.
 
     The letters are those of what follows the place of a vertex, the last one first: ``CNOFF`` has normals, then
-    colours. Colours of faces, and what stands behind a vertex without a letter for it, are not read.
+    colours. Colours of faces, and numbers behind a vertex without a letter for them, are not read.
 
     Raises
     ------
     BadInput
-        If it does not begin with OFF, or holds fewer vertices or faces than it promises.
+        If it does not begin with OFF, or holds fewer vertices or faces than it declares.
     """
     binary = BINARY.match(data)
     if binary:
@@ -122,7 +122,7 @@ def _of_text(text: bytes, letters: list[str], named: bool, name: str) -> _Tables
     if not (np.isfinite(counts).all() and (counts == np.rint(counts)).all() and (counts >= 0).all()):
         raise BadInput(f"{name}: promises {counts[0]:g} vertices and {counts[1]:g} faces; {EXPECTED}")
     vertices, faces = (int(min(count, 1e18)) for count in counts)
-    # The number of edges may be missing where the lines say so.
+    # The number of edges may be missing if the lines show it.
     without_edges = per_line[0] == 2 and (len(per_line) < 2 or per_line[1] >= 3)
     body = 2 if without_edges else 3
     ends = np.cumsum(per_line)
@@ -167,7 +167,7 @@ def _by_lines(values: np.ndarray, lines: np.ndarray, vertices: int, faces: int) 
 
 
 def _by_words(values: np.ndarray, vertices: int, faces: int, letters: list[str], name: str) -> tuple[_Tables, bool]:
-    """Whatever lines they stand in; and whether all words are read."""
+    """The tables regardless of lines; and whether all words are read."""
     width = 3 + sum(WIDTHS[letter] for letter in letters)
     if len(values) < vertices * width + faces:
         raise BadInput(

@@ -1,4 +1,4 @@
-"""PLY, read and written so that nothing is lost: float64 coordinates, and every count of the header is kept.
+"""PLY, read and written so that nothing is lost: float64 coordinates, and every count of the header is checked.
 
 Existing readers are not strict enough for a benchmark: an ASCII file that ends early silently loses faces, and
 writers round coordinates to float32, which at a distance of 1e6 from the origin is a sixteenth of a unit.
@@ -30,7 +30,7 @@ TYPES = {
 WHOLE = {word for word, kind in TYPES.items() if kind[0] in "iu"}
 EXPECTED = "expected a PLY file (ascii or binary, version 1.0)"
 
-# What writers call the parts of a vertex, in small letters: the first that is there whole is taken.
+# The names of the parts of a vertex, in small letters: the first complete one is taken.
 PLACES = [tuple(before + axis for axis in "xyz") for before in ("", "pos_", "position_", "p", "pos", "vertex_")]
 NORMALS = [
     *(tuple(before + axis for axis in "xyz") for before in ("n", "normal_", "normal", "n_", "norm_", "nrm_", "vn")),
@@ -50,7 +50,7 @@ INDICES = ("vertex_indices", "vertex_index", "vertex_indexes", "vertices", "indi
 def read_ply(data: bytes, name: str) -> RawGeometry:
     """The vertices, faces (also triangle strips), normals, colours and scalars in the content of a PLY file.
 
-    ``name`` stands in messages. Numbers of vertices that are neither place nor normal nor colour are scalars. A notice
+    ``name`` is for messages. Numbers of vertices that are neither place nor normal nor colour are scalars. A notice
     names what else there is.
 
     Raises
@@ -80,7 +80,7 @@ def read_ply(data: bytes, name: str) -> RawGeometry:
 def write_ply(raw: RawGeometry) -> bytes:
     """The content of a binary PLY file: coordinates and normals as double, colours as uchar.
 
-    Scalars are properties of their names: float where that keeps them, otherwise double.
+    Scalars are properties of their names: float if that preserves them, otherwise double.
     """
     columns = [("x", "f8"), ("y", "f8"), ("z", "f8")]
     blocks = [raw.vertices]
@@ -168,7 +168,7 @@ def _tables(data: bytes, at: int, form: str, elements: list[Element], name: str)
 def _of_text(body: bytes, elements: list[Element], name: str) -> tuple[dict[str, Columns], bool]:
     """The tables of an ASCII file, and whether they are all that is in it.
 
-    A number belongs where it stands among all numbers. Some writers give a row more numbers than their header says:
+    A number's meaning follows from its place among all numbers. Some writers give a row more numbers than declared:
     where that comes out wrong and there are as many lines as rows, each line is a row.
     """
     try:

@@ -80,7 +80,7 @@ class Source:
         return columns or self._unlike(element, self._sizes(element, element.count))
 
     def _sizes(self, element: Element, rows: int) -> np.ndarray:
-        """The sizes of the lists in the rows that come next, (lists, rows): each says where the next one begins."""
+        """The sizes of the lists in the rows that come next, (lists, rows): each locates the next one."""
         lists = [prop for prop in element.properties if prop.length]
         gaps, leading = [], 0  # cells from the size of a list to that of the next one, besides the list's values
         for prop in element.properties:
@@ -226,7 +226,7 @@ class BinarySource(Source):
 
 
 class NumberSource(Source):
-    """The numbers of an ASCII file, (n,) float64, whatever lines they stand in."""
+    """The numbers of an ASCII file, (n,) float64, regardless of lines."""
 
     def __init__(self, numbers: np.ndarray, name: str, at: int = 0):
         super().__init__(name, numbers, at)

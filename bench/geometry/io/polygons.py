@@ -66,7 +66,7 @@ def finite_triangles(vertices: np.ndarray, faces: np.ndarray, name: str) -> tupl
     Raises
     ------
     BadInput
-        If no triangle is left. A notice says how many are left out.
+        If no triangle is left. A notice reports how many are left out.
     """
     finite = np.isfinite(vertices).all(axis=1)
     if finite.all():

@@ -13,7 +13,7 @@ from .colors import color_scale
 from .raw import NO_FACES, RawGeometry
 
 INSTALL = {"laspy": 'pip install "laspy[lazrs]"', "pye57": "pip install pye57"}
-# Fields of LAS that every point has and that say nothing where they have one value.
+# Fields of LAS that every point has and that mean nothing if they have only one value.
 LAS_SCALARS = ("intensity", "classification", "return_number", "number_of_returns", "gps_time", "point_source_id")
 LAS_SCALARS += ("user_data", "scan_angle", "scan_angle_rank", "near_infrared", "nir")
 

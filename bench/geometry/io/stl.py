@@ -20,7 +20,7 @@ def read_stl(data: bytes, name: str) -> RawGeometry:
     """The merged triangles of a binary or ASCII STL file. The normals of facets are not read: the corners know them.
 
     A binary file has as many triangles as its length says, whatever number it names, and an ASCII file needs no
-    ``endsolid``, if all facets are whole. A notice says where these are not as they should be.
+    ``endsolid``, if all facets are whole. A notice reports if these are not as they should be.
 
     Raises
     ------

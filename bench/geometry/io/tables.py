@@ -98,7 +98,7 @@ class Fit(NamedTuple):
 
 
 class Head(NamedTuple):
-    """What stands above the numbers."""
+    """The lines above the numbers."""
 
     names: str  # the line of names, without its comment sign; "" where there is none
     count: int | None  # type: ignore[assignment]  # hides tuple.count; of points, where the file begins with it
@@ -173,7 +173,7 @@ def read_pwn(data: bytes, name: str) -> RawGeometry:
 
 
 def numbers(data: bytes, width: int, name: str, above: int = 0) -> np.ndarray:
-    """Lines of so many numbers with blanks between them, as an (n, width) float64 array.
+    """Lines of ``width`` numbers with blanks between them, as an (n, width) float64 array.
 
     Raises
     ------

@@ -77,7 +77,7 @@ def chart(
 
 
 def settle(axes: Axes) -> None:
-    """Move the left edge and the lower one of a diagram to where its numbers and words have just room."""
+    """Move the left edge and the lower one of a diagram so that its numbers and words just fit."""
     from matplotlib.figure import Figure
 
     figure = axes.figure

@@ -57,7 +57,7 @@ def render(
     width : int
         Columns of the terminal. Metrics that do not fit go into further blocks; nothing is cut off.
     color : bool
-        Whether to use the terminal's bold and dim letters.
+        Whether to use bold and dim text on the terminal.
     convention : Convention, optional
         Print a paper's columns, in its units and under its titles, instead of the scores.
     published : Published, optional

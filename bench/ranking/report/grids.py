@@ -58,7 +58,7 @@ def _markdown(grid: Grid) -> str:
 
 
 def _latex(grid: Grid) -> str:
-    """The grid as a table that fits a column, without the line that says what it needs."""
+    """The grid as a table that fits a column, without the line about the packages it needs."""
     columns = (
         Metric(title, "", 0, tuple(Cell(line[i]) for line in grid.lines), title=title)
         for i, title in enumerate(grid.head)

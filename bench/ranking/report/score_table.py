@@ -86,7 +86,7 @@ def score_table(
 
 
 def _number(value: float, digits: int | None) -> str:
-    """Four significant digits, or so many after the point."""
+    """Four significant digits, or ``digits`` after the point."""
     if not math.isfinite(value):
         return str(value)
     return f"{value:.4g}" if digits is None else f"{value:.{digits}f}"

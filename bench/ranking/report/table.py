@@ -21,11 +21,11 @@ class Cell:
     mark: str = ""  # what to read in the notes
     second: bool = False  # the second best mean
     tied: bool = False  # not significantly worse than the best
-    below: str = ""  # the interval, where it stands in a line below
+    below: str = ""  # the interval, if it has a line of its own below
 
     @property
     def signs(self) -> str:
-        """What stands behind the text."""
+        """The signs behind the text."""
         return (TIED if self.tied else "") + self.mark
 
 
