@@ -26,6 +26,7 @@ COMMAND = [str(Path(sys.prefix) / "bin" / "detailbench")]
 MARK = "DETAILBENCH_TEST_MARK"  # in the environment of a command: all that descends from it carries it
 TOYS = Path(__file__).parent / "faults" / "toys.py"
 FORKS = Path(__file__).with_name("forks.py")
+AT_START = dict(os.environ)  # before a test changes it
 WORDS = ("task=denoise", "dataset=ball", "sensor=dots", "metric=[spread]", "cases=2")
 # Where the suite is started in the background of a script, Ctrl-C is ignored by it and by all that it starts.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -196,7 +197,7 @@ class Shell:
 @functools.cache
 def _forks() -> subprocess.Popen[str]:
     """The process that answers commands in forks; it ends with this one, whose end of the pipe it reads."""
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # a fork leaves threads behind
+    environment = {**AT_START, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # a fork leaves threads behind
     return subprocess.Popen(
         [sys.executable, str(FORKS)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, text=True
     )
