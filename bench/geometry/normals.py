@@ -77,7 +77,9 @@ def completed(points: np.ndarray, normals: np.ndarray, name: str) -> np.ndarray 
 
         candidates = np.flatnonzero(good)
         index[~good] = candidates[cKDTree(points[candidates]).query(points[~good])[1]]
-        notice(f"{name}: {bad:,} of {len(good):,} normals have no direction; the nearest points' are taken instead")
+        notice(
+            f"{name}: {bad:,} of {len(good):,} normals have no direction; those of the nearest points are used instead"
+        )
     scaled = normals[index] / largest[index]
     return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
 
@@ -197,6 +199,6 @@ def _notice_of_lines(is_plane: np.ndarray) -> None:
     share = 1 - is_plane.mean()
     if share > 0.2:
         notice(
-            f"normals: the neighbourhoods of {share:.0%} of the points are lines, no planes, up to {SIZES[-1]} points; "
-            "thin the points along the scan lines, or give normals"
+            f"normals: the neighbourhoods of {share:.0%} of the points are lines, not planes, up to {SIZES[-1]} "
+            "points; thin the points along the scan lines, or give normals"
         )

@@ -56,7 +56,7 @@ BAD = {
 
 
 def spoiled(path, value):
-    """The ball with one vertex that is no number; our own writer is asked for bytes, not for an opinion."""
+    """The ball with one vertex that is not a number; our own writer is asked for bytes, not for an opinion."""
     vertices = BALL.vertices.copy()
     vertices[7, 1] = value
     return mesh(vertices, BALL.faces).export(file_type="ply")

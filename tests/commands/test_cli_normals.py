@@ -23,7 +23,7 @@ def test_apply_fills_a_bad_normal_and_reports_it(shell, sphere):
     write(shell, "scan.xyz", sphere, normals)
     done = shell.call(*IDENTITY, "scan.xyz", "out.xyz")
     assert done.returncode == 0, done.stderr
-    note = "identity: note: scan.xyz: 1 of 600 normals have no direction; the nearest points' are taken instead"
+    note = "identity: note: scan.xyz: 1 of 600 normals have no direction; those of the nearest points are used instead"
     assert done.stdout.splitlines()[-1] == note
     written = np.loadtxt(shell.work / "out.xyz")[:, 3:]
     assert np.allclose(np.delete(written, 5, axis=0), np.delete(sphere, 5, axis=0))

@@ -68,7 +68,9 @@ def geometry_of(table: np.ndarray, names: Sequence[str], name: str, *, lone: str
     if groups is None:
         if names:
             said = ", ".join(names)[:60]
-            notice(f"{name}: the names of its columns ({said}) do not say which are x, y and z; takes the first three")
+            notice(
+                f"{name}: the names of its columns ({said}) do not say which are x, y and z; the first three are used"
+            )
         return _by_values(table, name, lone)
     rest = [k for k in range(table.shape[1]) if not any(k in group for group in groups.values())]
     normals = table[:, groups["normals"]] if "normals" in groups else None
@@ -78,7 +80,7 @@ def geometry_of(table: np.ndarray, names: Sequence[str], name: str, *, lone: str
         if scale := color_scale(triple, named=True):
             colors = triple / scale
         else:
-            notice(f"{name}: its colours are neither from 0 to 1, 255 or 65535; they are kept as scalars")
+            notice(f"{name}: its colours are not from 0 to 1, 255 or 65535; they are kept as scalars")
             rest = sorted([*rest, *groups["colors"]])
     scalars = {}
     for k in rest:
@@ -173,7 +175,7 @@ def _by_values(table: np.ndarray, name: str, lone: str) -> RawGeometry:
         called = lone if list(labels.values()) == [lone] else "scalars"
         said.append(f"column{'s' * (len(labels) > 1)} {listed} for {called}")
     if normals is None or len(said) > 1:  # x y z nx ny nz is what such files are by custom
-        notice(f"{name}: its columns have no names; takes {'; '.join(said)}")
+        notice(f"{name}: its columns have no names; uses {'; '.join(said)}")
     return RawGeometry(table[:, :3], NO_FACES, normals, colors, {label: table[:, k] for k, label in labels.items()})
 
 

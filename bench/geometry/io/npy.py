@@ -15,7 +15,7 @@ from ...notices import notice
 from .columns import geometry_of, plain_name
 from .raw import NO_FACES, RawGeometry
 
-EXPECTED = "expected an array of numbers with a row for each point: x y z, and what else there is of it"
+EXPECTED = "expected an array of numbers with a row for each point: x y z, then its other values"
 POINTS = ("points", "xyz", "pos", "positions", "vertices", "coords", "pc", "cloud", "point_cloud", "data", "arr_0")
 NORMALS = ("normals", "normal", "normals_xyz")
 # What the header, a literal of Python, fails with where it is damaged.
@@ -62,7 +62,7 @@ def read_npz(data: bytes, name: str) -> RawGeometry:
         if array.shape in ((count,), (count, 1)) and count > 1:
             scalars[plain_name(key)] = arrays.pop(key).astype(np.float64).ravel()
     if arrays:
-        notice(f"{name}: takes {chosen} for the points, and leaves out {', '.join(arrays)[:100]}")
+        notice(f"{name}: takes {chosen} for the points, and ignores {', '.join(arrays)[:100]}")
     return RawGeometry(raw.vertices, NO_FACES, parts["normals"], parts["colors"], scalars)
 
 
@@ -75,7 +75,7 @@ def _arrays(data: bytes, name: str) -> dict[str, np.ndarray]:
                 raise BadInput(f"{name}: its arrays claim to have {total:,} bytes; expected less. It is damaged")
             return {entry.filename[:-4]: _array(archive.read(entry), name) for entry in entries}
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError, OSError, KeyError) as error:
-        raise BadInput(f"{name}: is no archive of numpy, or damaged ({error}); {EXPECTED}") from None
+        raise BadInput(f"{name}: is not a numpy archive, or damaged ({error}); {EXPECTED}") from None
 
 
 def _array(data: bytes, name: str) -> np.ndarray:
@@ -85,7 +85,7 @@ def _array(data: bytes, name: str) -> np.ndarray:
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, in_columns, kind = read(stream)
     except NO_HEADER as error:
-        raise BadInput(f"{name}: is no array of numpy ({str(error)[:100]}); {EXPECTED}") from None
+        raise BadInput(f"{name}: is not a numpy array ({str(error)[:100]}); {EXPECTED}") from None
     if kind.hasobject:
         raise BadInput(f"{name}: holds Python objects, which are not loaded; {EXPECTED}")
     size = 1
@@ -95,7 +95,7 @@ def _array(data: bytes, name: str) -> np.ndarray:
     if min(shape, default=0) < 0 or size * kind.itemsize > there or not kind.itemsize:
         raise BadInput(
             f"{name}: ends early: its header promises an array of {shape}, {size * kind.itemsize:,} bytes, and "
-            f"{there:,} are there. The file is cut off; copy or save it again"
+            f"{there:,} are in the file. The file is cut off; copy or save it again"
         )
     return np.frombuffer(data, kind, size, stream.tell()).reshape(shape, order="F" if in_columns else "C")
 
@@ -120,7 +120,7 @@ def _records(array: np.ndarray, name: str) -> RawGeometry:
     for title in array.dtype.names or ():
         values: Any = array[title]
         if values.dtype.kind not in "iufb" or values.ndim > 2:
-            notice(f"{name}: leaves out the field {title[:40]!r}, which is no number")
+            notice(f"{name}: leaves out the field {title[:40]!r}, which is not a number")
         elif values.ndim == 1:
             names.append(title)
             columns.append(values)

@@ -207,9 +207,9 @@ def _wrong(words: list[bytes]) -> str:
             try:
                 numbers(word)
             except ValueError:
-                return f"{word.decode('utf-8', errors='replace')!r} is no number"
+                return f"{word.decode('utf-8', errors='replace')!r} is not a number"
     if words and words[0] in (b"f", b"fo"):
         for word in words[1:]:
             if not CORNER.fullmatch(word):
-                return f"{word.decode('utf-8', errors='replace')!r} is no corner of a face ('f 1 2 3')"
+                return f"{word.decode('utf-8', errors='replace')!r} is not a corner of a face ('f 1 2 3')"
     return ""

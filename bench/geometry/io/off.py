@@ -113,11 +113,11 @@ def _of_text(text: bytes, letters: list[str], named: bool, name: str) -> _Tables
         values = numbers(text)
     except ValueError:
         wrong = first_word_that_is_no_number(text)
-        raise BadInput(f"{name}: holds {wrong!r} where a number belongs; {EXPECTED}") from None
+        raise BadInput(f"{name}: holds {wrong!r} instead of a number; {EXPECTED}") from None
     per_line = words_of(text).per_line
     per_line = per_line[per_line > 0]
     if len(values) != per_line.sum() or len(values) < 2:
-        raise BadInput(f"{name}: names no numbers of vertices and faces; {EXPECTED}")
+        raise BadInput(f"{name}: does not give the numbers of vertices and faces; {EXPECTED}")
     counts = values[:2]
     if not (np.isfinite(counts).all() and (counts == np.rint(counts)).all() and (counts >= 0).all()):
         raise BadInput(f"{name}: promises {counts[0]:g} vertices and {counts[1]:g} faces; {EXPECTED}")

@@ -173,7 +173,9 @@ def _compressed(body: bytes, kinds: np.dtype, count: int, name: str) -> np.ndarr
             f"{count * kinds.itemsize:,}. The file is damaged, export it again"
         )
     if len(body) < 8 + packed:
-        raise BadInput(f"{name}: ends early: {len(body) - 8:,} of {packed:,} bytes are there. The file is cut off")
+        raise BadInput(
+            f"{name}: ends early: {len(body) - 8:,} of {packed:,} bytes are in the file. The file is cut off"
+        )
     content = _expanded(body[8 : 8 + packed], size, name)
     table, at = np.empty(count, dtype=kinds), 0
     for title in _titles(kinds):
@@ -216,8 +218,8 @@ def _expanded(data: bytes, size: int, name: str) -> bytes:
 
 def _ends_early(promised: int, there: int, name: str) -> BadInput:
     return BadInput(
-        f"{name}: ends early: its header promises {promised:,} points, {there:,} are there. The file is cut off; copy "
-        "or export it again"
+        f"{name}: ends early: its header promises {promised:,} points, but the file holds {there:,}. The file is cut "
+        "off; copy or export it again"
     )
 
 

@@ -56,7 +56,7 @@ def numbers(text: bytes, kind: type = np.float64) -> np.ndarray:
     Raises
     ------
     ValueError
-        If a word is no number of this kind: that of Python, but for underscores. Whole numbers without an end become
+        If a word is not a number of this kind: that of Python, but for underscores. Whole numbers without an end become
         the largest.
     """
     if not re.search(rb"\S", text):
@@ -66,7 +66,7 @@ def numbers(text: bytes, kind: type = np.float64) -> np.ndarray:
         try:
             return np.fromstring(text, dtype=kind, sep=" ")
         except (ValueError, DeprecationWarning):
-            raise ValueError("holds a word that is no number") from None
+            raise ValueError("holds a word that is not a number") from None
 
 
 class Words(NamedTuple):

@@ -176,7 +176,7 @@ def _of_text(body: bytes, elements: list[Element], name: str) -> tuple[dict[str,
     except ValueError:
         wrong = first_word_that_is_no_number(body)
         raise BadInput(
-            f"{name}: holds {wrong!r} where a number belongs; expected the numbers of a PLY file. The file is cut off "
+            f"{name}: holds {wrong!r} instead of a number; expected the numbers of a PLY file. The file is cut off "
             "or damaged"
         ) from None
     tables: dict[str, Columns] = {}
@@ -248,7 +248,7 @@ def _indices(face: Columns, name: str) -> Ragged | None:
     lists = lists or [title for title, column in face.items() if isinstance(column, Ragged)]
     found = face.pop(lists[0]) if lists else None
     if found is not None and not isinstance(found, Ragged):
-        raise BadInput(f"{name}: the vertex indices of its faces are no list; {EXPECTED}")
+        raise BadInput(f"{name}: the vertex indices of its faces are not a list; {EXPECTED}")
     return found
 
 
@@ -258,7 +258,7 @@ def _name_the_rest(vertex: Columns, face: Columns, others: dict[str, Columns], n
     rest += [f"{title} of faces" for title in face if title.lower() not in OF_FACES]
     rest += [f"element {title}" for title, columns in others.items() if any(map(_length, columns.values()))]
     if rest:
-        notice(f"{name}: not read of it: {', '.join(rest)}")
+        notice(f"{name}: not read from it: {', '.join(rest)}")
 
 
 def _length(column: np.ndarray | Ragged) -> int:

@@ -126,8 +126,8 @@ class Source:
 
     def _ends_early(self, element: Element, there: int) -> BadInput:
         return BadInput(
-            f"{self.name}: ends early: its header promises {element.count} of {element.name!r}, {there} are there. "
-            "The file is cut off; copy or export it again"
+            f"{self.name}: ends early: its header promises {element.count} of {element.name!r}, but the file holds "
+            f"{there}. The file is cut off; copy or export it again"
         )
 
     def _alike(self, element: Element, sizes: list[int]) -> Columns | None:

@@ -38,8 +38,8 @@ def read_ptx(data: bytes, name: str) -> RawGeometry:
         first, line = line + HEAD, line + HEAD + count
         if line > len(ends):
             raise BadInput(
-                f"{name}: ends early: scan {len(scans) + 1} promises {count:,} cells, {len(ends) - first:,} are there. "
-                "The file is cut off; copy or export it again"
+                f"{name}: ends early: scan {len(scans) + 1} promises {count:,} cells, but the file holds "
+                f"{len(ends) - first:,}. The file is cut off; copy or export it again"
             )
         body = data[begins[first] : ends[line - 1]]
         width = len(body.split(b"\n", 1)[0].split())
@@ -59,10 +59,10 @@ def _head(text: bytes, above: int, name: str) -> tuple[int, np.ndarray]:
     rows = [line.split() for line in text.split(b"\n")]
     for k, (row, width) in enumerate(zip(rows, (1, 1, 3, 3, 3, 3, 4, 4, 4, 4), strict=True)):
         if len(row) != width or (k < 2 and not (row[0].isdigit() and 0 < int(row[0][:9]) < 10**6)):
-            raise BadInput(f"{name}: line {above + k + 1} is none of a PTX header; {EXPECTED}")
+            raise BadInput(f"{name}: line {above + k + 1} is not part of a PTX header; {EXPECTED}")
     matrix = numbers(b"\n".join(b" ".join(row) for row in rows[6:]), 4, name, above=above + 6)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise BadInput(f"{name}: lines {above + 7} to {above + HEAD} are no matrix; {EXPECTED}")
+        raise BadInput(f"{name}: lines {above + 7} to {above + HEAD} are not a matrix; {EXPECTED}")
     return int(rows[0][0]) * int(rows[1][0]), matrix
 
 

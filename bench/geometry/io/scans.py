@@ -41,8 +41,8 @@ def read_las(data: bytes, name: str) -> RawGeometry:
     points = np.stack([np.asarray(axis, dtype=np.float64) for axis in (las.x, las.y, las.z)], axis=1)
     if len(points) < las.header.point_count:
         raise BadInput(
-            f"{name}: ends early: its header promises {las.header.point_count:,} points, {len(points):,} are there. "
-            "The file is cut off; copy or export it again"
+            f"{name}: ends early: its header promises {las.header.point_count:,} points, but the file holds "
+            f"{len(points):,}. The file is cut off; copy or export it again"
         )
     present = set(las.point_format.dimension_names)
     colors = None

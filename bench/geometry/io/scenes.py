@@ -60,7 +60,7 @@ def read_3mf(data: bytes, name: str) -> RawGeometry:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             size = sum(part.file_size for part in archive.infolist())
     except (zipfile.BadZipFile, ValueError, NotImplementedError) as error:
-        raise BadInput(f"{name}: is no whole archive ({error}); expected a 3MF file") from None
+        raise BadInput(f"{name}: is not a complete archive ({error}); expected a 3MF file") from None
     if size > max(MOST_TIMES * len(data), MOST_BYTES):
         raise BadInput(f"{name}: promises {size:,} bytes in an archive of {len(data):,}; the file is damaged")
     return read_scene(data, name, "3mf")
@@ -112,7 +112,9 @@ def read_scene(data: bytes, name: str, kind: str) -> RawGeometry:
     merged = [merge_equal(part.vertices, part.faces) for part in meshes]
     fewer = sum(len(part.vertices) - len(raw.vertices) for part, raw in zip(meshes, merged, strict=True))
     if fewer:
-        notice(f"{name}: {fewer} vertices at the places of others (where texture or normals change) are one with these")
+        notice(
+            f"{name}: {fewer} vertices at the places of others (where texture or normals change) are merged with these"
+        )
     before = np.cumsum([0, *(len(raw.vertices) for raw in merged)])
     faces = np.concatenate([raw.faces + begin for raw, begin in zip(merged, before, strict=False)])
     return RawGeometry(np.concatenate([raw.vertices for raw in merged]), faces)

@@ -25,7 +25,7 @@ def read_stl(data: bytes, name: str) -> RawGeometry:
     Raises
     ------
     BadInput
-        If it is no STL file, or ends within a facet.
+        If it is not an STL file, or ends within a facet.
     """
     promised = int.from_bytes(data[80:HEADER], "little") if len(data) >= HEADER else -1
     # A binary file may begin with "solid" too, so its length is asked first.
@@ -34,10 +34,12 @@ def read_stl(data: bytes, name: str) -> RawGeometry:
         if text[:5] == b"solid" and b"\0" not in text[:1024]:
             return merge_equal(_ascii(text, name))
         if promised < 0 or _is_text(data):
-            raise BadInput(f"{name}: is no STL file; expected 'solid' and facets, or a binary header of {HEADER} bytes")
+            raise BadInput(
+                f"{name}: is not an STL file; expected 'solid' and facets, or a binary header of {HEADER} bytes"
+            )
     there, rest = divmod(len(data) - HEADER, FACET)
     if rest and (promised > there or not promised):
-        raise BadInput(f"{name}: ends early: it promises {promised} triangles, {there} are there. {CUT_OFF}")
+        raise BadInput(f"{name}: ends early: it promises {promised} triangles, but the file holds {there}. {CUT_OFF}")
     if not rest and promised != there:
         notice(
             f"{name}: its header says {promised} triangles, but it holds {there}, all whole, which are read. Export it "

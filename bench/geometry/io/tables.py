@@ -28,7 +28,7 @@ NUMBER = re.compile(r"[-+]?(?:(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|inf|infin
 COMMENT = re.compile(r"\s*(?:#|//|;|%|!)+")
 OTHER_COMMENTS = re.compile(rb"^[ \t]*(?:;|%|!)[^\n]*|//[^\n]*", re.MULTILINE)  # besides "#", which the parser knows
 EXPONENT_OF_FORTRAN = re.compile(rb"(\d)[dD]([-+]?\d)")
-EXPECTED = "expected a point a line: x y z, and what else there is of it"
+EXPECTED = "expected a point a line: x y z, then its other values"
 SAMPLE, HEAD = 50, 1000  # lines of numbers that are looked at first, and lines before them
 PIECE = 250_000  # rows that are parsed at once
 BLANKS = bytes.maketrans(b",;|", b"   ")
@@ -123,7 +123,7 @@ def read_table(data: bytes, name: str, *, lone: str = "") -> RawGeometry:
         With the number of the first line that is no row of the table, or if there are fewer points than it promises.
     """
     data = as_utf8(data, name)
-    if b"1.#" in data:  # as some compilers write what is no number
+    if b"1.#" in data:  # as some compilers write what is not a number
         data = re.sub(rb"1\.#(?:QNAN|SNAN|IND)\w*", b"nan", data.replace(b"1.#INF", b"inf"))
     if EXPONENT_OF_FORTRAN.search(data[:65536]):
         data = EXPONENT_OF_FORTRAN.sub(rb"\1e\2", data)
@@ -135,9 +135,9 @@ def read_table(data: bytes, name: str, *, lone: str = "") -> RawGeometry:
         if table is not None:
             _check_count(len(table), head.count, name)
             if fit.texts:
-                notice(f"{name}: leaves out columns of words: {', '.join(fit.texts)[:80]}")
+                notice(f"{name}: ignores columns of text: {', '.join(fit.texts)[:80]}")
             if not fit.names and _has_axes(head.names) and len(fit.numbers) > 3:
-                notice(f"{name}: has {fit.width} columns, and other names of columns than that; they are left out")
+                notice(f"{name}: has {fit.width} columns, but another number of names; the names are ignored")
             return geometry_of(table, fit.names, name, lone=lone)
     raise _refusal(data, head, sample, fitting, name)
 
@@ -147,8 +147,8 @@ def _check_count(there: int, promised: int | None, name: str) -> None:
         return
     if there < promised:
         raise BadInput(
-            f"{name}: ends early: it promises {promised:,} points, {there:,} are there. The file is cut off; copy or "
-            "export it again"
+            f"{name}: ends early: it promises {promised:,} points, but the file holds {there:,}. The file is cut off; "
+            "copy or export it again"
         )
     notice(f"{name}: promises {promised:,} points, and has {there:,}; all are read")
 
@@ -197,7 +197,7 @@ def as_utf8(data: bytes, name: str) -> bytes:
     """
     data = decoded(data)
     if b"\0" in data[:4096]:
-        raise BadInput(f"{name}: is no text; {EXPECTED}")
+        raise BadInput(f"{name}: is not text; {EXPECTED}")
     if b"\xc2\xa0" in data:  # blanks that do not break
         data = data.replace(b"\xc2\xa0", b" ")
     if b"\r" in data:
@@ -360,7 +360,7 @@ def _refusal(data: bytes, head: Head, sample: list[str], fitting: list[Fit], nam
         cells = next((row for row in rows if len(row) > 2), rows[-1])
         wrong = [cell for cell in cells if cell and not _is_number(cell)]
         if wrong and len(cells) > 2:
-            return BadInput(f"{name}: line {head.lines + 1}: {_quoted(wrong[0])} is no number; {EXPECTED}")
+            return BadInput(f"{name}: line {head.lines + 1}: {_quoted(wrong[0])} is not a number; {EXPECTED}")
         return BadInput(f"{name}: has {len(cells)} column{'s' * (len(cells) != 1)}; expected 3 or more: x y z, ...")
     found = _first_wrong(data, head.begin, fits[0])
     if not found:
@@ -373,7 +373,7 @@ def _refusal(data: bytes, head: Head, sample: list[str], fitting: list[Fit], nam
             f"{fits[0].form}). The file is cut off or damaged; export it again"
         )
     wrong = next(cells[k] for k in fits[0].numbers if cells[k] and not _is_number(cells[k]))
-    return BadInput(f"{where}: {_quoted(wrong)} is no number; {EXPECTED}")
+    return BadInput(f"{where}: {_quoted(wrong)} is not a number; {EXPECTED}")
 
 
 def _first_wrong(data: bytes, begin: int, fit: Fit) -> tuple[int, list[str]] | None:

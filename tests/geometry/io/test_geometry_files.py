@@ -146,7 +146,9 @@ def test_a_file_that_ends_early(write, name, whole, keep, load):
 
 def test_the_message_of_a_truncated_ply_counts(write):
     data = contents(".ply")
-    refused(write("cut.ply", data[: -10 * 13]), "promises 320 of 'face', 310 are there", "copy or export it again")
+    refused(
+        write("cut.ply", data[: -10 * 13]), "promises 320 of 'face', but the file holds 310", "copy or export it again"
+    )
 
 
 def test_an_obj_that_ends_within_a_line(write):
@@ -241,7 +243,7 @@ def test_a_list_of_absurd_length(write):
     [
         ("1 2 3\n4 5\n", "line 2 has 2 columns"),
         ("1 2\n3 4\n5 6\n", "has 2 columns; expected 3"),
-        ("1 2 3\n4 5 six\n", "line 2: 'six' is no number"),
+        ("1 2 3\n4 5 six\n", "line 2: 'six' is not a number"),
         ("x y z\n", "holds no numbers"),
     ],
 )
@@ -273,7 +275,7 @@ def test_a_big_endian_ply_with_other_elements(write):
     body = struct.pack(">f", 7) + b"".join(
         struct.pack(">fBff", x, 1, y, z) for x, y, z in [(0, 0, 5), (1, 0, 5), (0, 1, 5)]
     )
-    with pytest.warns(UserWarning, match="big.ply: not read of it: flag of faces, element camera$"):
+    with pytest.warns(UserWarning, match="big.ply: not read from it: flag of faces, element camera$"):
         mesh = load_mesh(write("big.ply", head + body + struct.pack(">BB3I", 9, 3, 0, 1, 2)))
     assert mesh.vertices.tolist() == [[0, 0, 5], [1, 0, 5], [0, 1, 5]] and mesh.faces.tolist() == [[0, 1, 2]]
 
@@ -384,7 +386,7 @@ def test_normals_and_colours_of_a_ply(write):
 def test_a_normal_without_a_direction_becomes_that_of_the_nearest_point(write, bad):
     rows = f"0 0 0 0 0 1\n1 0 0 {bad}\n0 1.5 0 1 0 0\n"
     for path in (write("z.ply", ply(rows, columns="x y z nx ny nz")), write("z.xyz", rows)):
-        with pytest.warns(UserWarning, match="1 of 3 normals have no direction; the nearest"):
+        with pytest.warns(UserWarning, match="1 of 3 normals have no direction; those of the nearest"):
             cloud = load_cloud(path)
         assert cloud.normals.tolist() == [[0, 0, 1], [0, 0, 1], [1, 0, 0]]
 

@@ -98,20 +98,20 @@ def test_binary(colors):
     data = b"OFF BINARY\n" + struct.pack(">3i", 8, 6, 0) + struct.pack(">24f", *np.ravel(V))
     data += b"".join(struct.pack(f">6i{len(colors)}f", 4, *q, len(colors), *colors) for q in QUADS)
     check_cube(read(data))
-    with pytest.raises(BadInput, match="promises 6 of 'face', 5 are there"):
+    with pytest.raises(BadInput, match="promises 6 of 'face', but the file holds 5"):
         read(data[:-3])
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("OFF\n8 6 0\n" + (VERTICES + QUAD_LINES)[:-10], "promises 6 of 'face', 5 are there"),
+        ("OFF\n8 6 0\n" + (VERTICES + QUAD_LINES)[:-10], "promises 6 of 'face', but the file holds 5"),
         ("OFF\n8 6 0\n" + VERTICES[:-8], "ends early: it promises 8 vertices"),
-        ("OFF\n8 6 0\n" + VERTICES.replace("1", "l") + QUAD_LINES, "holds 'l' where a number belongs"),
+        ("OFF\n8 6 0\n" + VERTICES.replace("1", "l") + QUAD_LINES, "holds 'l' instead of a number"),
         ("OFF\n-8 6 0\n", "promises -8 vertices"),
         ("OFF\n8.5 6 0\n" + BODY, "promises 8.5 vertices"),
-        ("OFF\n8\n", "names no numbers"),
-        ("OFF\n", "names no numbers"),
+        ("OFF\n8\n", "does not give the numbers"),
+        ("OFF\n", "does not give the numbers"),
         ("nOFF\n4\n8 6 0\n", "another dimension"),
         ("CCOFF\n8 6 0\n", "letters of 'CCOFF'"),
         ("8 6 0\n" + BODY, "more numbers than"),

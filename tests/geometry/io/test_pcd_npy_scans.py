@@ -116,9 +116,9 @@ def test_lzf_copies_literals_and_repeats():
     ("content", "says"),
     [
         (b"x y z\n", "has no line 'DATA"),
-        (header("x y z", "4 4 4", "F F F", "binary") + b"\0" * 2399, "promises 200 points, 199 are there"),
-        (header("x y z", "4 4 4", "F F F", "ascii") + b"1 2 3\n", "promises 200 points, 1 are there"),
-        (header("x y z", "4 4 4", "F F F", "ascii") + b"1 2 3\n1 b 3\n", "'b' is no number"),
+        (header("x y z", "4 4 4", "F F F", "binary") + b"\0" * 2399, "promises 200 points, but the file holds 199"),
+        (header("x y z", "4 4 4", "F F F", "ascii") + b"1 2 3\n", "promises 200 points, but the file holds 1"),
+        (header("x y z", "4 4 4", "F F F", "ascii") + b"1 2 3\n1 b 3\n", "'b' is not a number"),
         (header("x y", "4 4", "F F", "binary") + b"\0" * 1600, "expected x, y and z"),
         (header("x y z", "4 4 3", "F F F", "binary"), "the field 'z' has the type"),
         (header("x y z", "4 4", "F F F", "binary"), "for each of its fields"),
@@ -172,10 +172,10 @@ def test_records_and_archives(read):
         (npy(P.T), "a.npy", "shape (3, 200)"),
         (npy(P[:, :2]), "a.npy", "shape (200, 2)"),
         (npy(P.astype(complex)), "a.npy", "complex128"),
-        (b"1 2 3\n", "a.npy", "is no array of numpy"),
+        (b"1 2 3\n", "a.npy", "is not a numpy array"),
         (npz(a=P, b=P), "a.npz", "one called points"),
         (npz(points=np.array([{}], dtype=object)), "a.npz", "Python objects"),
-        (npz(points=P)[:-100], "a.npz", "is no archive"),
+        (npz(points=P)[:-100], "a.npz", "is not a numpy archive"),
     ],
 )
 def test_a_damaged_file_of_numpy(read, content, name, says):
@@ -211,7 +211,7 @@ def test_las_by_a_stand_in(read, monkeypatch, scale):
     assert np.array_equal(cloud.points, P + 5e6) and np.abs(cloud.colors - C / 255).max() < 1e-15
     assert list(cloud.scalars) == ["intensity", "deviation"]  # what is the same for all says nothing
     monkeypatch.setitem(sys.modules, "laspy", types.SimpleNamespace(read=lambda stream: Las(scale, 300)))
-    refused(read, b"LASF", "a.las", "promises 300 points, 200 are there")
+    refused(read, b"LASF", "a.las", "promises 300 points, but the file holds 200")
 
 
 def test_e57_by_a_stand_in(read, monkeypatch):

@@ -115,7 +115,7 @@ def test_one_notice_names_what_is_not_read():
     text = text.replace("end_header", "\n".join([*more, "property int vertex1", "end_header"]))
     head = text[: text.index("end_header")] + "end_header\n"
     body = lines(with_parts(1, 7)) + lines(sized(QUADS, 2, 0.5, 0.5, 255, 3)) + "0\n"
-    check_cube(read(head + body, "name: not read of it: seen of vertices, region of faces, element edge"))
+    check_cube(read(head + body, "name: not read from it: seen of vertices, region of faces, element edge"))
 
 
 # -- strips and rows ---------------------------------------------------------------------------------------------------
@@ -165,5 +165,5 @@ def test_rows_of_more_numbers_than_the_header_declares():
     check_cube(read(text, "has rows of more numbers than its header says"))
     with pytest.raises(BadInput, match="ends early"):
         read(text.replace("face 6", "face 7"))
-    with pytest.raises(BadInput, match="holds '2x' where a number belongs"):
+    with pytest.raises(BadInput, match="holds '2x' instead of a number"):
         read(ply().replace("4 0 3 2 1", "4 0 3 2x 1"))

@@ -162,7 +162,7 @@ def test_3mf(tmp_path, monkeypatch):
     zipfile.ZipFile(empty, "w").close()
     sound = three_cubes().export(file_type="3mf")
     files = [(bomb.getvalue(), "promises 1,000,001 bytes"), (empty.getvalue(), "cannot be read as 3MF")]
-    for data, says in [*files, (b"solid", "no whole archive"), (sound[:-30], "no whole archive")]:
+    for data, says in [*files, (b"solid", "not a complete archive"), (sound[:-30], "not a complete archive")]:
         (tmp_path / "a.3mf").write_bytes(data)
         with pytest.raises(BadInput, match=says):
             load_mesh(tmp_path / "a.3mf")
