@@ -24,7 +24,7 @@ WRONG = {
     "key": ((*FINE, "sed=1"), ("there is no key 'sed'", "'seed'")),
     "key of the limits": ((*FINE, "limit.second=1"), ("there is no key 'limit.second'", "'limit.seconds'")),
     "parameter": ((*FINE, "method.tak=1"), ("fine has no parameter 'tak'", "'method.take'")),
-    "key of the run": ((*FINE, "dataset.split=train"), ("ball has no parameter 'split'", "say split=...")),
+    "key of the run": ((*FINE, "dataset.split=train"), ("ball has no parameter 'split'", "use split=...")),
     "parameter of a dataset": ((*FINE, "dataset.strech=1"), ("ball has no parameter 'strech'", "'dataset.stretch'")),
     "parameter of a metric": ((*FINE, "metric.spread.bins=1"), ("spread has no parameter 'bins'",)),
     "type of a key": ((*FINE, "seed=x"), ("seed", "'x'", "Integer")),
