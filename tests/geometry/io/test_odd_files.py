@@ -205,7 +205,7 @@ def test_a_cut_table_tells_how_many_rows_are_there(form, there):
     points = VERTICES.encode() if form == "ascii" else struct.pack(">12f", *map(float, VERTICES.split()))
     sound = header("element face 10", FACE[1], form=form) + points
     for part in (b"", pieces[there][:1], pieces[there][:-2]):
-        with pytest.raises(BadInput, match=f"promises 10 of 'face', {there} are there"):
+        with pytest.raises(BadInput, match=f"promises 10 of 'face', but the file holds {there}"):
             read_ply(sound + b"".join(pieces[:there]) + part, "name")
     assert len(read_ply(sound + b"".join(pieces), "name").faces) == 15
 
