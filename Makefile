@@ -35,8 +35,8 @@ test_setup:
 	@scripts/setup.sh --tests
 
 test: test_setup ## all tests; a skipped test counts as a failure
-	@# four at a time on two cores: a third of the tests' time is waiting for limits to pass; the slowest files come first
-	$(PYTEST) -n 4 --dist loadfile --no-loadscope-reorder tests/faults tests/commands tests/sweep tests/engine tests --ignore=tests/benchmarks
+	@# four at a time on two cores, because some tests wait for limits to pass
+	$(PYTEST) -n 4 --dist loadfile --no-loadscope-reorder tests --ignore=tests/benchmarks
 	@# alone, because they compare times; `make bench` has them in full
 	DETAILBENCH_SHORT=1 $(PYTEST) tests/benchmarks -m "not study" --benchmark-disable-gc --benchmark-min-rounds=1 --benchmark-max-time=0.1
 
