@@ -48,6 +48,24 @@ def test_what_is_no_event_is_refused(text):
         read_event(text)
 
 
+def test_an_index_is_a_whole_number_from_minus_one():
+    for index in (-1, 0, 2**63 - 1):
+        assert read_event(line("begin", stage="plan", index=index))["index"] == index
+    for index in (-2, 2**63, 0.0, True, None, "0"):
+        with pytest.raises(NoEvent, match="index"):
+            read_event(line("begin", stage="plan", index=index))
+
+
+def test_a_channel_knows_the_stage_that_it_has_reported():
+    reads, writes = os.pipe()
+    channel = Channel(writes)
+    assert channel.stage == "start"
+    channel.enter("method", 3)
+    assert channel.stage == "method"
+    assert json.loads(os.read(reads, 1000)) == {"event": "begin", "index": 3, "stage": "method"}
+    os.close(reads)
+
+
 @pytest.mark.parametrize(
     "changed",
     [{"case_index": "0"}, {"case_index": 2**63}, {"case_index": None}, {"status": "fine"}, {"case": 1}]
