@@ -159,6 +159,16 @@ def test_two_cells_never_hold_one_gpu(torch):
             assert other == "cuda"
 
 
+@pytest.mark.parametrize("device", ["cpu", "cuda", "cuda:1"])
+@pytest.mark.parametrize("is_installed", [True, False])
+def test_nobody_waits_for_a_gpu_that_is_not_there(torch, monkeypatch, tmp_path, device, is_installed):
+    """Nothing is held: the worker reports what is missing."""
+    torch(0) if is_installed else monkeypatch.setitem(sys.modules, "torch", None)
+    with devices.claim_device(device) as first, devices.claim_device(device, pytest.fail) as second:
+        assert first == second == device
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_who_waits_gets_the_gpu_when_it_is_free(torch):
     torch(1)
     got = []
