@@ -63,8 +63,7 @@ def without_isolated(cloud: PointCloud, method: str, run: Run) -> tuple[PointClo
         return cloud, kept
     count = int((~kept).sum())
     run.note(f"{method}: {count} isolated point{'s' * (count > 1)}, far from all others, left out")
-    normals, colors = (None if part is None else part[kept] for part in (cloud.normals, cloud.colors))
-    return PointCloud(cloud.points[kept], normals, colors), kept
+    return cloud.subset(kept), kept
 
 
 def put_back(cloud: PointCloud, kept: np.ndarray, points: np.ndarray, normals: np.ndarray | None = None) -> PointCloud:

@@ -9,7 +9,7 @@ import numpy as np
 from bench import PointCloud, Run, register
 
 from .inputs import distinct_points
-from .statistical_outlier import refuse_none, select
+from .statistical_outlier import refuse_none
 
 
 @register("method", cite="Rusu and Cousins 2011", requires=("open3d", "scipy"))
@@ -38,4 +38,4 @@ class RadiusOutlier:
         _, inliers = distinct.remove_radius_outlier(self.least, self.radius * mean_spacing(points))
         kept = np.isin(inverse, np.asarray(inliers))
         refuse_none(kept, "radius_outlier", "raise radius, or lower least")
-        return select(cloud, kept)
+        return cloud.subset(kept)

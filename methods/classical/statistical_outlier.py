@@ -40,13 +40,7 @@ class StatisticalOutlier:
             _, inliers = remaining.remove_statistical_outlier(min(self.k + 1, len(kept)), self.threshold)
             if len(inliers):
                 kept = kept[np.asarray(inliers)]
-        return select(cloud, np.isin(inverse, kept))
-
-
-def select(cloud: PointCloud, kept: np.ndarray) -> PointCloud:
-    """The points of ``cloud`` where the (n,) bool array ``kept`` holds, with what belongs to them."""
-    normals, colors = (None if part is None else part[kept] for part in (cloud.normals, cloud.colors))
-    return PointCloud(cloud.points[kept], normals, colors)
+        return cloud.subset(np.isin(inverse, kept))
 
 
 def refuse_none(kept: np.ndarray, method: str, advice: str) -> None:

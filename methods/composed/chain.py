@@ -164,7 +164,7 @@ class Chain:
             validate_cloud(output, self._promise(len(self._parts)))
             if len(output) <= wanted:  # as promised, or too few: the task says so
                 return output
-            return _chosen(output, farthest_points(output.points, wanted))
+            return output.subset(farthest_points(output.points, wanted))
 
         return thinned(self._last("upsample", run, thinned, cloud=denoised, ratio=asked))
 
@@ -253,12 +253,6 @@ def _add_parameters(run: Run, own: Run) -> None:
         run.active_parameters = sum(count or 0 for count in counts)
     if own.parameters is not None:
         run.parameters = (run.parameters or 0) + own.parameters
-
-
-def _chosen(cloud: PointCloud, chosen: Any) -> PointCloud:
-    """The points ``chosen`` (k,) of a cloud, with what belongs to them."""
-    normals, colors = (part if part is None else part[chosen] for part in (cloud.normals, cloud.colors))
-    return PointCloud(cloud.points[chosen], normals, colors)
 
 
 def _files(value: Any) -> Iterator[Path]:
