@@ -130,7 +130,7 @@ def _projected(p: Point, centre: Triple, radii: Triple) -> tuple[Point, Point]:
     r = length(x, y, z) + 1e-9
     d = (x / r, y / r, z / r)
     smooth = 1 / length(*(a * (1 / radius) for a, radius in zip(d, radii, strict=True)))
-    return d, shifted((d[0] * smooth, d[1] * smooth, d[2] * smooth), centre)
+    return d, shifted(scaled(d, smooth), centre)
 
 
 def _whiskers(p: Point, carver: Carver, detail: float) -> Dual:

@@ -89,8 +89,8 @@ def taken(at: At, rows: np.ndarray) -> At:
     return cast(At, tuple(part[rows] for part in at))
 
 
-def scaled(at: Point, factor: float) -> Point:
-    """Coordinates times a factor."""
+def scaled(at: Point, factor: Dual | float) -> Point:
+    """Coordinates times a factor, a number or a function."""
     x, y, z = at
     return x * factor, y * factor, z * factor
 
