@@ -67,12 +67,12 @@ def with_views(tmp_path, monkeypatch):
     """Results whose input is images, and points to begin with."""
     load_plugins(())
     monkeypatch.setattr(shapes, "FEWEST", 400)
-    results, _ = stored(tmp_path, ("poisson",), cases=2)
+    results, _ = stored(tmp_path, ("poisson",), cases=2, dataset="cad")
 
     def made(folders, place, rows):
         found = case_shapes(folders, place, rows)
         (cloud,) = found.inputs
-        images = Item("views", "input", views_of(7 if place.case.endswith("0") else 3), "")
+        images = Item("views", "input", views_of(7 if "-000" in place.case else 3), "")
         return replace(found, inputs=(images, replace(cloud, name="cloud")))
 
     monkeypatch.setattr(shapes, "case_shapes", made)
