@@ -17,7 +17,9 @@ ARGUMENTS = (
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",  # without a GPU it takes twice the time; WebGL is drawn all the same
 )
+WINDOW = {"width": 1280, "height": 800}
 
 
 @pytest.fixture(scope="session")
@@ -33,27 +35,73 @@ def browser():
         opened.close()
 
 
-@pytest.fixture
-def visit(browser):
-    """Opens a file as ``visit(path, hash="", allowed=path)``; it asks for nothing else, and reports no error."""
-    contexts, problems = [], []
+@pytest.fixture(scope="session")
+def windows(browser):
+    """The pages that are open by (number, options): a new one takes ten times as long as to open another file in it."""
+    opened = {}
 
-    def open_page(path, hash="", allowed=None, **options):
-        context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}} | options)
-        contexts.append(context)
-        page = context.new_page()
-        page.set_default_timeout(15_000)
-        page.on("console", lambda message: problems.append(f"{message.type}: {message.text}"))
-        page.on("pageerror", lambda error: problems.append(f"error: {error}"))
-        page.on("request", lambda request: _note_request(request.url, allowed or path, problems))
+    def window(number, **options):
+        key = (number, *sorted(options.items()))
+        if key not in opened:
+            opened[key] = browser.new_context(**options).new_page()
+            opened[key].set_default_timeout(15_000)
+        return opened[key]
+
+    return window
+
+
+@pytest.fixture
+def window(windows):
+    """Gives an empty page as ``window()``, with each call another one, in which nothing of other tests is left."""
+    given = []
+
+    def another(viewport=WINDOW, color_scheme="light", **options):
+        page = windows(len(given), **options)
+        given.append(page)
+        page.set_viewport_size(viewport)
+        page.emulate_media(color_scheme=color_scheme)
+        page.mouse.move(0, 0)
+        return page
+
+    yield another
+    for page in given:
+        page.evaluate("localStorage.clear(), sessionStorage.clear()")
+        page.goto("about:blank")
+
+
+@pytest.fixture
+def visit(window):
+    """Opens a file as ``visit(path, hash="", allowed=path)``; it asks for nothing else, and reports no error.
+
+    It is there as soon as it has what is asked for by ``shows``.
+    """
+    listening, problems = [], []
+
+    def open_page(path, hash="", allowed=None, shows="main *", **options):
+        page = window(**options)
+        listeners = {
+            "console": lambda message: _note_message(message, problems),
+            "pageerror": lambda error: problems.append(f"error: {error}"),
+            "request": lambda request: _note_request(request.url, allowed or path, problems),
+        }
+        for event, listener in listeners.items():
+            page.on(event, listener)
+            listening.append((page, event, listener))
         page.goto(f"file://{path}{hash}")
-        page.wait_for_selector("main *", state="attached")
+        page.wait_for_selector(shows, state="attached")
         return page
 
     yield open_page
-    for context in contexts:
-        context.close()
-    assert problems == []
+    for page, event, listener in listening:
+        page.evaluate("0")  # all that was reported before has arrived
+        page.remove_listener(event, listener)
+    assert not problems, problems
+
+
+def _note_message(message, problems):
+    """The browser itself reads the pixels of WebGL, without a GPU, and warns of that."""
+    if "GPU stall due to ReadPixels" not in message.text:
+        problems.append(f"{message.type}: {message.text}")
 
 
 def _note_request(url, allowed, problems):

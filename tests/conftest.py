@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 # Fixtures of the tests of pages. A conftest.py of their own would be what the others find as `conftest`.
-from browsing import browser, small, small_data, small_page, visit  # noqa: F401
+from browsing import browser, small, small_data, small_page, visit, window, windows  # noqa: F401
 
 from bench.datasets.real import Real
 from bench.errors import MissingData

@@ -137,17 +137,15 @@ def test_foreign_text_stays_text(visit, small_page, small_data):
     assert texts(page, ".command code")[0] == small_data["failures"][0]["command"]
 
 
-def test_the_browser_runs_no_other_script(browser, small_page, tmp_path):
+def test_the_browser_runs_no_other_script(window, small_page, tmp_path):
     """Even where markup got into the page, its own rule would not let it run."""
     spoiled = tmp_path / "spoiled.html"
     text = small_page.read_text(encoding="utf-8")
     spoiled.write_text(text.replace("<body>", "<body><script>window.hacked = 1</script>", 1), encoding="utf-8")
-    context = browser.new_context()
-    page = context.new_page()
+    page = window()
     page.goto(f"file://{spoiled}")
     page.wait_for_selector("main h2")
     assert page.evaluate("window.hacked") is None
-    context.close()
 
 
 def test_tables_are_saved_as_csv(visit, small_page, small_data):
@@ -170,7 +168,7 @@ def test_charts_are_saved_as_pictures_that_stand_alone(visit, small_page, view, 
     assert "var(" not in text
     alone = tmp_path / "chart.svg"
     alone.write_text(text, encoding="utf-8")
-    shown = visit_alone(page, alone)
+    shown = seen_alone(visit(alone, shows="svg text"))
     assert shown["text"] >= 4 and shown["colors"] >= 2
 
 
@@ -188,8 +186,7 @@ def test_the_matrix_of_wins_is_saved_as_a_picture_of_its_table(visit, small_page
     colors = page.locator("table.matrix td.win").evaluate_all(
         "tds => tds.map(td => getComputedStyle(td).backgroundColor)"
     )
-    other = page.context.new_page()
-    other.goto(f"file://{alone}")
+    other = visit(alone, shows="svg text")
     found = other.locator("text").evaluate_all("all => all.map((e) => e.textContent)")
     assert found[0].endswith("row better than column")
     assert sorted(found[1:]) == sorted([*names, *names, *(part for row in rows for part in row)])
@@ -199,7 +196,6 @@ def test_the_matrix_of_wins_is_saved_as_a_picture_of_its_table(visit, small_page
     assert max(boxes) <= other.evaluate("document.documentElement.getBoundingClientRect().right")
     fills = other.locator("rect").evaluate_all("all => all.map((e) => e.style.fill + e.style.fillOpacity)")
     assert len(fills) == len(names) ** 2 and len(set(fills)) == len(set(colors)) + 1  # and the diagonal
-    other.close()
 
 
 def test_curves_are_called_as_in_the_tables_and_begin_with_what_ranks(visit, small_data, tmp_path):
@@ -228,11 +224,9 @@ def test_curves_are_called_as_in_the_tables_and_begin_with_what_ranks(visit, sma
     assert all(label.bounding_box()["x"] + label.bounding_box()["width"] <= right for label in labels.all())
 
 
-def visit_alone(page, path):
+def seen_alone(page):
     """What a browser makes of a picture: how many texts, and how many colours of lines and marks."""
-    other = page.context.new_page()
-    other.goto(f"file://{path}")
-    found = other.evaluate(
+    return page.evaluate(
         """() => ({
             text: document.querySelectorAll('text').length,
             colors: new Set(
@@ -240,8 +234,6 @@ def visit_alone(page, path):
             ).size,
         })"""
     )
-    other.close()
-    return found
 
 
 def luminance(color):

@@ -13,6 +13,7 @@ from bench.pages.assemble import one_file
 from bench.pages.packing import pack, quantised
 from bench.pages.site import site, write_site
 
+SMALL = {"width": 700, "height": 600}  # of windows: a processor draws what is in them
 PLACE = {"task": "reconstruct", "dataset": "cad", "sensor": "noisy", "split": "test", "seed": 0}
 
 
@@ -52,7 +53,7 @@ def colors(page):
 
 
 def test_a_page_of_one_file_draws_its_shapes(visit, page_file):
-    page = visit(page_file, "#view=shapes")
+    page = visit(page_file, "#view=shapes", viewport=SMALL)
     assert colors(page) > 10
     assert page.locator("#choose-scene option").all_inner_texts() == ["cad-000 · noisy", "cad-001 · noisy"]
 
@@ -62,7 +63,7 @@ def test_a_case_leads_to_its_shapes(visit, page_file, with_scenes):
     names, sensors = ([c["values"][k] for k in c["codes"]] for c in (columns["case"], columns["sensor"]))
     row = list(zip(names, sensors, strict=True)).index(("cad-001", "noisy"))
     other = list(zip(names, sensors, strict=True)).index(("cad-001", "scanned"))
-    page = visit(page_file, f"#view=cases&case={row}")
+    page = visit(page_file, f"#view=cases&case={row}", viewport=SMALL)
     page.get_by_role("link", name="Show the shapes").click()
     page.wait_for_selector(".viewer canvas")
     assert page.locator("#choose-scene").input_value() == "s1"
@@ -70,19 +71,19 @@ def test_a_case_leads_to_its_shapes(visit, page_file, with_scenes):
 
 
 def test_the_link_restores_the_scene_and_the_camera(visit, page_file):
-    page = visit(page_file, "#view=shapes")
+    page = visit(page_file, "#view=shapes", viewport=SMALL)
     page.locator("#choose-scene").select_option("s1")
     page.get_by_role("button", name="Plain").click()
     page.wait_for_timeout(500)  # the view says its state at most some times a second
     there = page.evaluate("location.hash")
     assert "scene=s1" in there and "viewer=" in there
-    again = visit(page_file, there)
+    again = visit(page_file, there, viewport=SMALL)
     assert again.locator("#choose-scene").input_value() == "s1"
     assert again.get_by_role("button", name="Plain").get_attribute("aria-pressed") == "true"
 
 
 def test_leaving_the_view_and_coming_back(visit, page_file):
-    page = visit(page_file, "#view=shapes")
+    page = visit(page_file, "#view=shapes", viewport=SMALL)
     for _ in range(3):
         page.locator("#tab-board").click()
         page.locator("#tab-shapes").click()
@@ -91,7 +92,7 @@ def test_leaving_the_view_and_coming_back(visit, page_file):
 
 def test_a_site_loads_its_shapes_when_they_are_looked_at(visit, with_scenes, tmp_path):
     write_site(tmp_path / "site", site(*with_scenes))
-    page = visit(tmp_path / "site/dataset/cad.html", allowed=tmp_path / "site")
+    page = visit(tmp_path / "site/dataset/cad.html", allowed=tmp_path / "site", viewport=SMALL)
     loaded = "performance.getEntriesByType('resource').filter((e) => e.name.includes('/geometry/')).length"
     assert page.evaluate(loaded) == 0
     page.locator("#tab-shapes").click()

@@ -74,21 +74,22 @@ def test_pages_open_from_the_disk_and_lead_to_each_other(visit, folder):
 
 @pytest.mark.parametrize("foreign", ["<script>evil = 1</script>", "<script src='evil.js'></script>",
                                      "<img src='x' onerror='evil = 1'>", "<base href='elsewhere/'>"])  # fmt: skip
-def test_the_rule_of_a_page_lets_no_foreign_script_run(browser, files, folder, foreign):
+def test_the_rule_of_a_page_lets_no_foreign_script_run(window, files, folder, foreign):
     """Foreign text in the page itself, which the program never writes there: nothing of it is obeyed."""
     (folder / "evil.js").write_text("evil = 1")
     path = folder / "foreign.html"
     path.write_text(files["index.html"].replace("<body>", f"<body>{foreign}"))
-    context = browser.new_context()
-    try:
-        page, refused = context.new_page(), []
-        page.on("console", lambda message: refused.append(message.text))
-        page.goto(f"file://{path}")
-        page.wait_for_selector("main tbody tr")
-        assert page.evaluate("typeof evil") == "undefined"
-        assert any("Content Security Policy" in text for text in refused)
-    finally:
-        context.close()
+    page, refused = window(), []
+
+    def listen(message):
+        refused.append(message.text)
+
+    page.on("console", listen)
+    page.goto(f"file://{path}")
+    page.wait_for_selector("main tbody tr")
+    assert page.evaluate("typeof evil") == "undefined"
+    assert any("Content Security Policy" in text for text in refused)
+    page.remove_listener("console", listen)
 
 
 def test_each_page_has_the_digest_of_its_script_in_its_rule(files):
