@@ -64,10 +64,9 @@ def comparisons(
 
 def _of_experiment(rows: pd.DataFrame, name: str) -> pd.DataFrame:
     """The rows over the dataset of an experiment."""
-    from ..plugins.presets import content_of, files
+    from ..ranking.published import content_of_experiment
 
-    file = files("experiment")[name]
-    entries = content_of(file.path, file.text()).get("defaults") or []
+    entries = content_of_experiment(name).get("defaults") or []
     chosen = {str(entry["override /dataset"]) for entry in entries if "override /dataset" in entry}
     return rows[rows["dataset"].str.partition("[")[0].isin(chosen).to_numpy()]
 

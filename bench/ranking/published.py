@@ -22,7 +22,7 @@ from functools import cache
 from typing import Any
 
 from ..errors import UsageError, did_you_mean
-from ..plugins.config_files import ConfigFile
+from ..plugins.config_files import OURS, ConfigFile
 from ..plugins.presets import content_of, files, names
 
 GROUP = "experiment"
@@ -134,7 +134,16 @@ def has_published(experiment: str) -> bool:
 
 def _described(experiment: str) -> dict[str, Any] | None:
     """The entry ``published`` of an experiment's file."""
-    return _content(files(GROUP)[experiment]).get("published")
+    file = files(GROUP)[experiment]
+    # A file of ours that does not mention it need not be parsed, which is slow.
+    if file.folder.origin == OURS and "published" not in file.text():
+        return None
+    return _content(file).get("published")
+
+
+def content_of_experiment(experiment: str) -> Mapping[str, Any]:
+    """All that an experiment's file holds, which is read once."""
+    return _content(files(GROUP)[experiment])
 
 
 @cache
