@@ -36,6 +36,7 @@ def test_every_table_computes_the_scores_that_it_prints(name):
     from omegaconf import OmegaConf
 
     from bench.authoring.conformance import toy_case
+    from bench.geometry.comparison import set_samples
     from bench.plan.cell import Choice
     from bench.plugins.registry import registry
     from bench.ranking.conventions import load_convention
@@ -45,6 +46,7 @@ def test_every_table_computes_the_scores_that_it_prints(name):
     config = OmegaConf.to_container(compose([f"experiment={name}"]), resolve=True)
     task = registry().find("task", config["task"]["_name_"]).cls()
     case, scores = toy_case(task, "cloud"), {}
+    set_samples(case, 500)
     output = case.input["source"] if task.output == "mesh" and "source" in case.input else case.reference.mesh
     if task.output == "cloud":
         output = PointCloud(case.reference.mesh.vertices, case.reference.mesh.vertex_normals)
