@@ -46,11 +46,13 @@ IMPORTS = (
     "bench.engine.runner",
     "bench.results.index",
 )
+OF_COMMANDS = {"figure": ("pyvista.plotting", "bench.pictures.figure", "bench.pictures.printing")}  # what few import
 SERVERS = 2  # that a command may need: one for each set of libraries
 
 
 def answer(request: dict[str, Any]) -> tuple[int | None, str, str]:
     """What ``detailbench WORDS`` says in a session of its own."""
+    prepare(" ".join(request["words"][:1]))
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # of threads: those of the libraries wait for work
@@ -61,6 +63,14 @@ def answer(request: dict[str, Any]) -> tuple[int | None, str, str]:
         for file in (out, err):
             file.seek(0)
         return status, out.read(), err.read()
+
+
+def prepare(command: str) -> None:
+    """Import what a command needs besides, before the first one of its name."""
+    if names := OF_COMMANDS.pop(command, None):
+        for name in names:
+            importlib.import_module(name)
+        gc.freeze()
 
 
 def become_command(request: dict[str, Any], out: int, err: int) -> None:

@@ -48,15 +48,6 @@ def test_a_figure_of_results_without_outputs_is_that_of_results_with_them(shell)
     assert not shell.left_over()
 
 
-def test_without_the_option_the_tile_says_how_to_get_a_picture(shell):
-    shell.run("method=fine", "outputs=none", sweep=False)
-    done = draw(shell, shell.results, "empty.svg")
-    assert done.returncode == 0, done.stderr
-    assert "no output is saved; run it again with outputs=all, or draw it with `detailbench figure --recompute`" in (
-        done.stdout
-    )
-
-
 def test_what_differs_today_is_reported(shell, plugin):
     shell.run("method=fickle", "outputs=none", sweep=False, plugins=(TOYS, plugin))
     (shell.folder / "told").write_text("move")
