@@ -31,6 +31,8 @@ window.again = (state) => { window.viewer?.dispose();
   window.viewer = detailbenchViewer.mount(element, scene, state, (now) => states.push(now)); return viewer.ready; };
 again(JSON.parse(decodeURIComponent(location.hash.slice(1)) || "null"));
 </script>"""
+BOXES = """[...document.querySelectorAll(".dbv-panel:not([hidden]) .dbv-view")].map((view) => {
+const box = view.getBoundingClientRect(); return [box.x, box.y, box.right, box.bottom]; })"""
 HOSTILE = "<img src=x onerror='window.hacked = 1'></script>"
 
 
@@ -73,13 +75,17 @@ def packed():
     return shapes()
 
 
+@pytest.fixture(scope="module")
+def stored(packed):
+    return "".join(
+        f'<script type="text/plain" id="geometry-{name}">{base64.b64encode(pack(shape)).decode()}</script>'
+        for name, shape in packed.items()
+    )
+
+
 @pytest.fixture
-def opened(visit, tmp_path, packed):
+def opened(visit, tmp_path, stored):
     def open_view(state=None, scene=SCENE, **options):
-        stored = "".join(
-            f'<script type="text/plain" id="geometry-{name}">{base64.b64encode(pack(shape)).decode()}</script>'
-            for name, shape in packed.items()
-        )
         script = built("page.js")
         path = tmp_path / "view.html"
         path.write_text(PAGE % (stored, script, json.dumps(scene).replace("<", "\\u003c")), encoding="utf-8")
@@ -102,11 +108,8 @@ def seen(page, which=None):
     settle(page)
     image = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
     found = []
-    for view in page.locator(".dbv-panel:not([hidden]) .dbv-view").all():
-        box = view.bounding_box()
-        x, y, right, bottom = (
-            round(v) for v in (box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"])
-        )
+    for box in page.evaluate(BOXES):
+        x, y, right, bottom = map(round, box)
         assert bottom <= len(image)
         found.append(image[y + 4 : bottom - 4, x + 4 : right - 4])
     return found if which is None else found[which]
