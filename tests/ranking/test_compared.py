@@ -94,10 +94,10 @@ def test_the_same_rows_are_the_same():
 
 def test_noise_of_a_method_that_is_not_repeatable_raises_no_alarm():
     alarms = 0
-    for seed in range(20):
-        found = compared(side(factor=0.02, seed=2 * seed), side(factor=0.02, seed=2 * seed + 1))
+    for seed in range(8):
+        found = compared(side(factor=0.1, seed=2 * seed), side(factor=0.1, seed=2 * seed + 1))
         alarms += (found.quality["verdict"] == "worse").any()
-    assert alarms <= 1
+    assert alarms <= 1  # while half of them have a mean that is worse by the threshold
 
 
 def test_identical_lines_do_not_dilute_the_others():

@@ -121,8 +121,7 @@ def test_the_sensors_of_a_shape_are_one_cluster(rng):
     assert "Only 3 shapes: too few to rank" in render(leaderboard(few, by="task"))
 
 
-@pytest.mark.parametrize("equal", [0.005, 0.02, 0.1])
-@pytest.mark.parametrize("level", [0.9, 0.95])
+@pytest.mark.parametrize(("equal", "level"), [(0.005, 0.95), (0.02, 0.9), (0.1, 0.95)])
 def test_equal_is_two_one_sided_tests(equal, level, rng):
     seen = set()
     for sigma in np.geomspace(0.0003, 0.3, 8):
