@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import io
 import re
 from html.parser import HTMLParser
@@ -73,6 +74,7 @@ def test_a_method_is_one_line(frame):
     assert len(texts[0].splitlines()) == len(texts[1].splitlines())
 
 
+@functools.cache
 def plain():
     made = frame_of("plain")
     return made, leaderboard(made)
@@ -103,19 +105,21 @@ def test_latex_has_no_command_of_a_name(frame):
     assert len({len(re.findall(r"(?<!\\)&", line)) for line in cells}) <= 2  # of one tabular each
 
 
-@pytest.mark.parametrize("format", ["terminal", "markdown", "latex"])
-@pytest.mark.parametrize("kind", ["cases", "worst", "best"])
-def test_the_other_tables_show_names_as_text(frame, format, kind):
+@pytest.fixture(scope="module", params=["cases", "worst", "best"])
+def other_tables(frame, request):
     name, made, _ = frame
-    if kind == "cases":
-        texts = case_tables(*map(plain_texts, by_case(made, by="case")))
-    elif kind == "worst":
+    if request.param == "cases":
+        return case_tables(*map(plain_texts, by_case(made, by="case")))
+    if request.param == "worst":
         (found,) = worst(made, f"{name}2".replace("*", "?"))
-        texts = worst_tables(found, 4)
-    else:
-        variants = [made.assign(variant=f"{name}={v}", split="train", method=f"{name}m", worst=0.0) for v in "xy"]
-        texts = best_tables(best(plain_texts(pd.concat(variants, ignore_index=True))))
-    text = in_format(texts, format, Look())
+        return worst_tables(found, 4)
+    variants = [made.assign(variant=f"{name}={v}", split="train", method=f"{name}m", worst=0.0) for v in "xy"]
+    return best_tables(best(plain_texts(pd.concat(variants, ignore_index=True))))
+
+
+@pytest.mark.parametrize("format", ["terminal", "markdown", "latex"])
+def test_the_other_tables_show_names_as_text(other_tables, format):
+    text = in_format(other_tables, format, Look())
     assert not re.search(rf"(?!\n)[{OBEYED}]", text)
     if format == "latex":
         assert r"\input" not in text and not re.search(r"(?<!\\)%", re.sub("^% .*", "", text, flags=re.MULTILINE))
