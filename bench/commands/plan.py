@@ -94,11 +94,11 @@ def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
 
     Method and task that do not fit are noted in ``refused``.
     """
-    from ..sweep.planned import planned_jobs
+    from ..sweep.planned import planned_job, planned_jobs
 
     seen: set[str] = set()
     reasons = dict.fromkeys(refused)
-    for one in planned_jobs(jobs) or map(_composed, jobs):
+    for one in planned_jobs(jobs) or map(planned_job, jobs):
         if one.cell is None:
             if one.reason not in reasons:
                 reasons[one.reason] = None
@@ -106,20 +106,6 @@ def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
         elif one.cell.id not in seen:
             seen.add(one.cell.id)
             yield one.cell, one.settings, one.mark
-
-
-def _composed(job: list[str]) -> Any:
-    """One job, composed by itself."""
-    from ..plan.cell import Cell, NotSolved, check_root, settings_of
-    from ..sweep.composition import resolved
-    from ..sweep.planned import Planned
-
-    values = resolved(job)
-    check_root(values)
-    try:
-        return Planned(Cell.from_config(values), settings_of(values))
-    except NotSolved as error:
-        return Planned(None, None, reason=str(error))
 
 
 def line_of_training(results: Any, training: Any) -> str:

@@ -140,7 +140,8 @@ def _launch(session: sweep.Session, request: Request, private: list[str], ahead:
             return 0
         stack.enter_context(Follow(session, shown, places))
         sweep.PROGRESS = shown
-        return sweep.launch_all(session, request, [[*request.jobs[place], *private] for place in places])
+        configs = ahead.configs.at(places) if ahead and ahead.configs else None
+        return sweep.launch_all(session, request, [[*request.jobs[place], *private] for place in places], configs)
 
 
 def _report(

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from hydra.plugins.launcher import Launcher
     from omegaconf import DictConfig
 
+    from .parts import Configs
     from .progress import Progress
 
 
@@ -223,17 +224,20 @@ class WorkerDied(DetailbenchError):
     """A process of the launcher was killed, by a system short of memory for instance, and the sweep ended early."""
 
 
+# Overrides about Hydra that the configs of jobs do not depend on.
+AS_EVER = ("hydra/launcher=", "hydra.launcher.", "hydra.mode=", "hydra.sweeper.")
 # The exceptions of launchers for it: joblib (BrokenExecutor is Python's), submitit, ray.
 WORKER_DIED = ("BrokenExecutor", "UncompletedJobError", "RayError")
 
 
-def launch(request: Request, jobs: Sequence[Sequence[str]]) -> int:
+def launch(request: Request, jobs: Sequence[Sequence[str]], configs: Configs | None = None) -> int:
     """Let a launcher of Hydra run jobs; 0, or the exit code that a job ended them with.
 
     Parameters
     ----------
     request : with the launcher and its parameters
     jobs : the overrides of each job
+    configs : the configs of the jobs, if they are known
 
     Raises
     ------
@@ -245,7 +249,7 @@ def launch(request: Request, jobs: Sequence[Sequence[str]]) -> int:
         If a process of the launcher was killed.
     """
     try:
-        with safe_children(), _deaf_to_interrupts(request), _launcher(request, jobs) as (launcher, batches):
+        with safe_children(), _deaf_to_interrupts(request), _launcher(request, jobs, configs) as (launcher, batches):
             first = 0
             for batch in batches:
                 for ended in launcher.launch(batch, initial_job_idx=first):
@@ -275,11 +279,13 @@ def launch(request: Request, jobs: Sequence[Sequence[str]]) -> int:
 
 
 @contextlib.contextmanager
-def _launcher(request: Request, jobs: Sequence[Sequence[str]]) -> Iterator[tuple[Launcher, list[list[list[str]]]]]:
+def _launcher(
+    request: Request, jobs: Sequence[Sequence[str]], configs: Configs | None
+) -> Iterator[tuple[Launcher, list[list[list[str]]]]]:
     """Hydra's launcher, and the batches of jobs for it.
 
     Hydra's own sweeper would compose every job once before the first starts, which takes minutes for thousands; here
-    representatives are composed. A single job reports its own errors.
+    representatives are composed, unless their parts have been. A single job reports its own errors.
     """
     from hydra._internal.callbacks import Callbacks
     from hydra.core.plugins import Plugins
@@ -288,15 +294,20 @@ def _launcher(request: Request, jobs: Sequence[Sequence[str]]) -> Iterator[tuple
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
+    from .known import KnownConfigs
+
     own = [text_of(override) for override in request.overrides if is_hydras(override)]
+    if not all(word.startswith(AS_EVER) for word in own):
+        configs = None
     with hydra_ready() as loader:
         with in_words([*own, *jobs[0]]):
             config = loader.load_configuration(CONFIG_NAME, [*own, *jobs[0]], run_mode=RunMode.MULTIRUN)
-            for words in representatives(jobs)[1:]:  # the first is the one above
+            for words in representatives(jobs)[1:] if configs is None else ():  # the first is the one above
                 loader.load_sweep_config(config, list(words))
             callbacks = Callbacks(config)
+            known: Any = KnownConfigs(loader, jobs[0], {tuple(words): at for at, words in enumerate(jobs)}, configs)
             launcher = Plugins.instance().instantiate_launcher(
-                hydra_context=HydraContext(config_loader=loader, callbacks=callbacks), task_function=job, config=config
+                hydra_context=HydraContext(config_loader=known, callbacks=callbacks), task_function=job, config=config
             )
         callbacks.on_multirun_start(config=config, config_name=CONFIG_NAME)
         most = OmegaConf.select(config, "hydra.sweeper.max_batch_size")
@@ -308,7 +319,9 @@ def _launcher(request: Request, jobs: Sequence[Sequence[str]]) -> Iterator[tuple
         callbacks.on_multirun_end(config=config, config_name=CONFIG_NAME)
 
 
-def launch_all(session: Session, request: Request, jobs: Sequence[Sequence[str]]) -> int:
+def launch_all(
+    session: Session, request: Request, jobs: Sequence[Sequence[str]], configs: Configs | None = None
+) -> int:
     """:func:`launch`, and once more for jobs left undone by a killed process of a launcher: finished jobs end at once.
 
     Returns
@@ -318,7 +331,7 @@ def launch_all(session: Session, request: Request, jobs: Sequence[Sequence[str]]
     """
     for again in (False, True):
         try:
-            code, what = launch(request, jobs), "the launcher ended early"
+            code, what = launch(request, jobs, configs), "the launcher ended early"
         except WorkerDied as error:
             code, what = 0, str(error)
         undone = len(jobs) - sum("job" in entry for _, entry in session.entries())

@@ -13,21 +13,28 @@ of a group is enough:
 
 Everything is verified: a head that changes anything outside of its own node, and a config file that could, leave
 the sweep to Hydra, as does a sample of jobs if one of them is composed differently.
+
+Jobs in the front door's process are given these configs, instead of one that Hydra composes for each.
 """
 
 from __future__ import annotations
 
+import contextlib
+import copy
 import functools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 from ..errors import UsageError
 from ..plan.keys import GROUPS, Base
 from ..plugins import config_files, presets
 from ..plugins.registry import KINDS
 from .composition import CONFIG_NAME, hydra_ready, in_words
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
 
 Words = tuple[str, ...]
 Values = dict[str, Any]
@@ -38,7 +45,9 @@ PLAIN_KEY = re.compile(r"\+?(\w+)(\.\w+)*")
 # Numbers in Hydra's grammar.
 WHOLE = re.compile(r"[+-]?(0|[1-9][0-9]*)")
 DECIMAL = re.compile(r"[+-]?[0-9]+\.[0-9]+([eE][+-]?[0-9]+)?")
-SAMPLE = 4  # jobs that Hydra composes as well
+SAMPLE = 4  # jobs that Hydra composes as well, besides the last one
+KEPT = 100  # composed configs that are kept for when they are needed again: they are large
+FEW = 12  # jobs of which the last one is the sample: composing more takes as long as composing all
 RESOLVER = re.compile(r"\$\{\s*([\w.]+)\s*:")
 REFERENCE = re.compile(r"\w+")
 USUAL_CASES = "usual_cases"  # depends on the dataset
@@ -67,10 +76,8 @@ def _number(word: str) -> tuple[str, int | float] | None:
     return (f"{key}=<float>", float(value)) if DECIMAL.fullmatch(value) else None
 
 
-def values_of(jobs: Sequence[Sequence[str]]) -> Iterator[Values] | None:
+def values_of(jobs: Sequence[Sequence[str]]) -> Configs | None:
     """The resolved config of each job, as by :func:`bench.sweep.composition.resolved`; None if not possible.
-
-    Configs share their nodes: treat them as read-only.
 
     Parameters
     ----------
@@ -80,18 +87,18 @@ def values_of(jobs: Sequence[Sequence[str]]) -> Iterator[Values] | None:
         return None
     try:
         with hydra_ready():
-            assembly = _Assembly(jobs)
-            for place in _sample(len(jobs)):
-                if assembly.values(place) != _composed(tuple(jobs[place]), resolve=True):
-                    return None
+            configs = Configs(jobs)
+            if any(configs[place] != configs.composed(jobs[place], resolve=True) for place in _sample(len(jobs))):
+                return None
     except (Apart, UsageError):
         return None  # an invalid job reports its own error
-    return (assembly.values(place) for place in range(len(jobs)))
+    return configs
 
 
 def _sample(count: int) -> list[int]:
     """Some of the jobs, evenly spread, including the last one."""
-    return sorted({place * (count - 1) // min(SAMPLE, count - 1) for place in range(min(SAMPLE, count - 1) + 1)})
+    parts = SAMPLE if count > FEW else 1
+    return sorted({count - 1 - part * (count - 1) // parts for part in range(parts)})
 
 
 def _configs_are_plain() -> bool:
@@ -119,36 +126,33 @@ def may_depend(text: str) -> bool:
     return False
 
 
-def _composed(job: Words, *, resolve: bool = False) -> Values:
-    """One job's config by Hydra, within :func:`hydra_ready`."""
-    from hydra import compose
-    from omegaconf import OmegaConf
+class Configs(Sequence[Values]):
+    """The resolved configs of jobs, from parts that are composed within :func:`hydra_ready`.
 
-    with in_words(job):
-        config = compose(CONFIG_NAME, overrides=list(job))
-        if resolve and "cases" in config:
-            config.cases = config.cases
-        values: Any = OmegaConf.to_container(config, resolve=resolve)
-        return values
-
-
-class _Assembly:
-    """Parts of the configs of jobs, composed on first use.
+    Configs share their nodes: treat them as read-only.
 
     Parameters
     ----------
     jobs : the overrides of each job
+
+    Raises
+    ------
+    Apart
+        If they cannot be assembled.
+    UsageError
+        If a part cannot be composed.
     """
 
     def __init__(self, jobs: Sequence[Sequence[str]]):
+        self._composed: dict[Words, DictConfig] = {}
         self._jobs = [self._split(job) for job in jobs]
-        self._outer: dict[Words, _Family] = {}
+        self._families: dict[Words, _Family] = {}
         for outer, inner in self._jobs:
-            if outer not in self._outer:
-                self._outer[outer] = _Family(outer, inner)
+            if outer not in self._families:
+                self._families[outer] = _Family(outer, inner, self.composed)
         for outer, inner in self._jobs:
-            self._outer[outer].add(inner)
-        for family in self._outer.values():
+            self._families[outer].add(inner)
+        for family in self._families.values():
             family.find_interpolations()
 
     @staticmethod
@@ -162,18 +166,50 @@ class _Assembly:
                 outer.append(word)
         return tuple(outer), inner
 
-    def values(self, place: int) -> Values:
-        """The resolved config of one job."""
+    def composed(self, job: Sequence[str], *, resolve: bool = False) -> Values:
+        """The config that Hydra composes for one job."""
+        from omegaconf import OmegaConf
+
+        key = tuple(sorted(job))  # a job and its parts may name the same overrides in another order
+        config = self._composed.get(key) or _composed(job)
+        if len(self._composed) < KEPT:
+            self._composed[key] = config
+        with in_words(job):
+            if resolve:
+                self._composed.pop(key, None)
+                if "cases" in config:
+                    config.cases = config.cases
+            values: Any = OmegaConf.to_container(config, resolve=resolve)
+            return values
+
+    def at(self, places: Sequence[int]) -> Configs:
+        """Those of some of the jobs."""
+        some = copy.copy(self)
+        some._jobs = [self._jobs[place] for place in places]
+        return some
+
+    def __len__(self) -> int:
+        return len(self._jobs)
+
+    @overload
+    def __getitem__(self, place: int) -> Values: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> list[Values]: ...
+
+    def __getitem__(self, place: int | slice) -> Values | list[Values]:
+        if isinstance(place, slice):
+            return [self[at] for at in range(*place.indices(len(self)))]
         outer, inner = self._jobs[place]
-        return self._outer[outer].values(inner)
+        return self._families[outer].values(inner)
 
 
 class _Family:
     """Jobs with the same outer overrides: their base, and the node of each head."""
 
-    def __init__(self, outer: Words, inner: Mapping[str, Words]):
-        self.outer, self.first = outer, dict(inner)
-        self.base = _composed(self._job({}))
+    def __init__(self, outer: Words, inner: Mapping[str, Words], composed: Callable[..., Values]):
+        self.outer, self.first, self._composed = outer, dict(inner), composed
+        self.base = composed(self._job({}))
         self.nodes: dict[tuple[str, Words], Any] = {}  # unresolved, by head and overrides
         self._templates: dict[tuple[str, Words], tuple[str, Any]] = {}
         self.context: tuple[str, ...] = ()  # heads that interpolations refer to, and those with interpolations
@@ -197,7 +233,7 @@ class _Family:
         key, number = _template(words)
         if number is not None and (known := self._templates.get((head, key))):
             return _with_number(known[1], known[0], number)
-        values = _composed(self._job({head: words}))
+        values = self._composed(self._job({head: words}))
         if values.keys() != self.base.keys() or any(
             values[other] != node for other, node in self.base.items() if other != head
         ):
@@ -234,20 +270,20 @@ class _Family:
         if self.resolved:
             key = tuple(inner[head] for head in self.context)
             if key not in self._contexts:
-                full = _resolved(self._job({head: inner[head] for head in self.context}))
+                full = self._composed(self._job({head: inner[head] for head in self.context}), resolve=True)
                 self._contexts[key] = {head: full[head] for head in self.resolved}
             values |= self._contexts[key]
         return values
 
 
-def _resolved(job: Words) -> Values:
-    """As :func:`_composed`, whether or not Hydra is ready: configs are requested one by one."""
+def _composed(job: Sequence[str]) -> DictConfig:
+    """One job's config by Hydra, whether or not it is ready: configs are requested one by one, too."""
+    from hydra import compose
     from hydra.core.global_hydra import GlobalHydra
 
-    if GlobalHydra.instance().is_initialized():
-        return _composed(job, resolve=True)
-    with hydra_ready():
-        return _composed(job, resolve=True)
+    ready = contextlib.nullcontext() if GlobalHydra.instance().is_initialized() else hydra_ready()
+    with ready, in_words(job):
+        return compose(CONFIG_NAME, overrides=list(job))
 
 
 def _template(words: Words) -> tuple[Words, int | float | None]:
@@ -268,6 +304,11 @@ def _with_number(node: Any, path: str, number: int | float) -> Any:
         return number
     name, _, rest = path.partition(".")
     return node | {name: _with_number(node[name], rest, number)}
+
+
+def has_interpolations(values: Values) -> bool:
+    """Whether a text in a config has an interpolation."""
+    return bool(_interpolations(values))
 
 
 def _interpolations(node: Any) -> set[str]:

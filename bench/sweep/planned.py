@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,9 +14,9 @@ from ..results.earlier import standing
 from ..results.index import states
 from ..results.provenance import fingerprint, ingredients
 from ..results.store import Results
-from .parts import values_of
+from .composition import resolved
+from .parts import Values, values_of
 
-FEW = 12  # jobs that are composed one by one: parts take as long
 # Cells that differ only in these depend on the same sources, packages and files.
 OWN = ("seed", "cases", "threads")
 
@@ -74,11 +74,12 @@ def planned_jobs(jobs: Sequence[Sequence[str]]) -> Iterator[Planned] | None:
     UsageError
         During iteration, for a job without a cell for any reason except parts that do not fit.
     """
-    configs = values_of(jobs) if len(jobs) > FEW else None
-    return None if configs is None else _planned(configs)
+    configs = values_of(jobs)
+    return None if configs is None else planned_of(configs)
 
 
-def _planned(configs: Iterator[dict[str, Any]]) -> Iterator[Planned]:
+def planned_of(configs: Iterable[Values]) -> Iterator[Planned]:
+    """The jobs with these configs, as :func:`planned_jobs`."""
     drawings: dict[tuple[Any, ...], _Drawing | Planned] = {}
     kept = []  # nodes that keys identify by address
     for values in configs:
@@ -95,6 +96,22 @@ def _planned(configs: Iterator[dict[str, Any]]) -> Iterator[Planned]:
                 drawings[key] = Planned(None, None, reason=str(error))
         drawing = drawings[key]
         yield drawing if isinstance(drawing, Planned) else drawing.planned(values)
+
+
+def planned_job(job: Sequence[str]) -> Planned:
+    """One job, composed by itself.
+
+    Raises
+    ------
+    UsageError
+        If it cannot be composed, or has no cell for any reason except parts that do not fit.
+    """
+    values = resolved(job)
+    check_root(values)
+    try:
+        return Planned(Cell.from_config(values), settings_of(values))
+    except NotSolved as error:
+        return Planned(None, None, reason=str(error))
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,8 @@ from toy_cells import config, node
 from bench import register
 from bench.plan.cell import Cell
 from bench.results.store import Results
-from bench.sweep.composition import compose
 from bench.sweep.forecast import Forecast, Pace, seconds_to_do, summary, workers_of
-from bench.sweep.outlook import likely_cells, look_ahead
+from bench.sweep.outlook import look_ahead
 from bench.sweep.progress import Follow, Lines
 from bench.sweep.request import Request
 from bench.sweep.session import Session
@@ -116,48 +115,30 @@ def test_times_and_summaries_in_words():
     assert rest == "8 cases, 2 finished, 6 to do, about 90 s and 4 cases never timed"
 
 
-# -- cells without composing each config ------------------------------------------------------------------------------
+# -- before the start -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["task=denoise", "method=jet,wlop,poisson", "seed=0,1", "sensor=clean,noisy", "cases=2"],
-        ["method=idf,idf_30", "method.seconds=5", "dataset=bumps,cad", "threads=2"],
-        ["experiment=table_4_3"],
-        ["experiment=demo", "seed=0,1"],
-    ],
-    ids=lambda words: words[0],
-)
-def test_the_cells_are_those_that_composing_each_job_gives(words):
-    from omegaconf import OmegaConf
-
-    from bench.plan.cell import NotSolved
-
-    jobs = Request.of(words, multirun=True).jobs[:8]
-    for job, found in zip(jobs, likely_cells(jobs), strict=True):
-        values = OmegaConf.to_container(compose(job), resolve=True)
-        if found is None:
-            with pytest.raises(NotSolved):
-                Cell.from_config(values)
-        else:
-            assert found[0] == Cell.from_config(values)
-
-
-def test_sweeps_that_cannot_be_looked_up_are_not(tmp_path):
-    jobs = [["profile=quick"], ["profile=study"]]
-    assert look_ahead(jobs, Request(()), Results(tmp_path)) is None
+def test_a_sweep_with_a_wrong_job_is_not_looked_up(tmp_path):
     assert look_ahead([["method=nobody"]], Request(()), Results(tmp_path)) is None
+    assert look_ahead([["method=jet"], ["method=nobody"]], Request(()), Results(tmp_path)) is None
 
 
-def test_some_jobs_of_a_large_sweep_stand_for_all(tmp_path):
+def test_every_job_of_a_large_sweep_is_looked_up(tmp_path):
     jobs = [["task=denoise", "method=identity", f"seed={seed}", "cases=2"] for seed in range(350)]
-    begin = time.perf_counter()
     ahead = look_ahead(jobs, Request(()), Results(tmp_path))
-    assert time.perf_counter() - begin < 20
     assert ahead is not None and ahead.text == ""  # nothing was timed
+    assert [values["seed"] for values in ahead.configs] == [*range(350)]
     ahead.forecast.ended(0, 2.0)
     assert ahead.forecast.left() == 349 * 2.0
+
+
+def test_some_jobs_stand_for_all_where_each_is_composed_by_itself(tmp_path, monkeypatch):
+    monkeypatch.setenv("CASES", "2")
+    jobs = [["task=denoise", "method=identity", f"seed={seed}", "cases=${oc.env:CASES}"] for seed in range(30)]
+    ahead = look_ahead(jobs, Request(()), Results(tmp_path))
+    assert ahead is not None and ahead.configs is None and ahead.ended == {}
+    ahead.forecast.ended(0, 2.0)
+    assert ahead.forecast.left() == 29 * 2.0
 
 
 # -- progress ---------------------------------------------------------------------------------------------------------

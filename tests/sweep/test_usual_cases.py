@@ -9,7 +9,7 @@ from bench.geometry.io.files import save
 from bench.plan.cell import Cell
 from bench.plan.numbers import ALL_CASES
 from bench.sweep.composition import resolved
-from bench.sweep.outlook import likely_cells
+from bench.sweep.planned import planned_jobs
 
 
 @pytest.fixture
@@ -46,9 +46,9 @@ def test_one_more_file_is_no_other_cell(six, tmp_path):
     assert (after.id, after.planned) == (before.id, 7) and after.cases == ALL_CASES
 
 
-def test_the_outlook_of_a_sweep_counts_each_dataset_by_itself(six):
-    jobs = [["dataset=files", six], ["dataset=bumps"], ["dataset=files", six, "seed=1"]]
-    assert [entry[0].planned for entry in likely_cells(jobs)] == [6, 4, 6]
+def test_each_job_of_a_sweep_has_the_number_of_its_dataset(six):
+    jobs = [[f"dataset={name}", *(() if name == "bumps" else (six,))] for name in ("files", "bumps", "files")]
+    assert [one.cell.planned for one in planned_jobs(jobs)] == [6, 4, 6]
 
 
 def test_what_is_left_out_is_reported(six):
