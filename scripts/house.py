@@ -67,7 +67,7 @@ def _imports(text: str, package: str) -> tuple[str, ...]:
     for_types = {
         inner
         for node in ast.walk(tree)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        if isinstance(node, ast.If) and any(getattr(part, "id", "") == "TYPE_CHECKING" for part in ast.walk(node.test))
         for statement in node.body
         for inner in ast.walk(statement)
     }
