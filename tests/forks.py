@@ -35,19 +35,31 @@ IMPORTS = (
     "hydra._internal.core_plugins.basic_launcher",
     "hydra._internal.core_plugins.basic_sweeper",
     "hydra_plugins.hydra_joblib_launcher.joblib_launcher",
+    "hydra.compose",
+    "omegaconf._impl",
     "pandas",
+    "pandas.core.methods.to_dict",
+    "pyarrow.pandas_compat",
     "pyarrow.parquet",
+    "rich.table",
     "bench.cli",
+    "bench.commands.apply",
     "bench.commands.leaderboard",
+    "bench.commands.plan",
     "bench.commands.run",
+    "bench.contract.views",
+    "bench.ranking.conventions",
     "bench.ranking.leaderboard",
     "bench.ranking.report.tables",
     "bench.ranking.report.terminal",
     "bench.engine.runner",
     "bench.results.index",
+    "bench.sweep.callbacks",
 )
 OF_COMMANDS = {"figure": ("pyvista.plotting", "bench.pictures.figure", "bench.pictures.printing")}  # what few import
 SERVERS = 2  # that a command may need: one for each set of libraries
+CALL_NO_METHOD = ("compare", "leaderboard", "list", "new", "plan", "why")
+TYPICAL = ("task=denoise", "method=a,b", "metric=[a,b]", "cases=2", "sensor.noise=0.01", "results=/a/b.c-d")
 
 
 def answer(request: dict[str, Any]) -> tuple[int | None, str, str]:
@@ -80,13 +92,14 @@ def become_command(request: dict[str, Any], out: int, err: int) -> None:
         os.dup2(file, name)
     os.chdir(request["folder"])
     same_path = os.environ.get("PYTHONPATH") == request["environment"].get("PYTHONPATH")  # of libraries, too
+    servers = SERVERS if same_path and request["words"][:1] not in [[name] for name in CALL_NO_METHOD] else 0
     os.environ.clear()
     os.environ.update(request["environment"])
     Path("/proc/self/comm").write_text(request["mark"])
     from bench import cli
     from bench.engine import forkserver
 
-    ready, start = [WarmServer() for _ in range(SERVERS if same_path else 0)], forkserver.start_process
+    ready, start = [WarmServer() for _ in range(servers)], forkserver.start_process
 
     def start_process(channel: int, threads: int, printed: int) -> Any:
         if threads > 1 or not ready:  # the libraries are there already, for one thread
@@ -186,18 +199,28 @@ def ended(child: int, deadline: float) -> int | None:
 
 
 def warm_up() -> None:
-    """Import what commands and fork servers import, and take the sources apart that most plugins import."""
+    """Import what commands and fork servers import, and take the sources apart that most plugins import.
+
+    And find the installed plugins: their names are read from their texts, none is imported.
+    """
     from bench.engine.forkserver import ALWAYS
 
     for name in (*IMPORTS, *ALWAYS):
         importlib.import_module(name)
     import bench
+    from bench.plugins.registry import registry
     from bench.results.sources import source_digest
+    from bench.sweep.composition import register_base
+    from bench.sweep.request import parse
 
     for folder in ("geometry", "tasks", "metrics"):
         for file in sorted(Path(bench.__path__[0], folder).glob("**/*.py")):
             source_digest(file)
     source_digest(Path(__file__).parent / "faults" / "toys.py")
+    registry()
+    register_base()
+    for word in TYPICAL:  # a parser learns its grammar from what it reads
+        parse(word)
     gc.collect()
     gc.freeze()  # or the first full collection in a fork copies the memory that it shares
 
