@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from ..errors import MissingLibrary, UsageError
+from ..plan.devices import check_name
 from ..plugins.registry import install_line
 from .affinity import hold
 
@@ -20,6 +21,7 @@ LOOK = 0.2  # seconds between looks at a GPU that another cell holds
 
 def check_device(device: str) -> None:
     """Raise :class:`UsageError` unless this machine has the device: a result comes from the device that it names."""
+    check_name(device)
     if device == "cpu":
         return
     try:
