@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import functools
 import json
 import os
 import shlex
@@ -93,5 +95,16 @@ def test_every_line_does_what_it_says(folder):
     assert len(found) >= 300 and len(set(found.values())) > 150  # a test that sees no difference would be none
 
 
+def take_each_file_apart_once() -> None:
+    """Hydra reads its own files and ours anew for each config."""
+    from hydra._internal.core_plugins.importlib_resources_config_source import ImportlibResourcesConfigSource
+
+    load = functools.cache(ImportlibResourcesConfigSource.load_config)
+    ImportlibResourcesConfigSource.__hash__ = lambda source: hash(source.full_path())
+    ImportlibResourcesConfigSource.__eq__ = lambda source, other: source.full_path() == other.full_path()
+    ImportlibResourcesConfigSource.load_config = lambda source, config_path: copy.deepcopy(load(source, config_path))
+
+
 if __name__ == "__main__":
+    take_each_file_apart_once()
     print(json.dumps({line: outcome(line) for line in read()}))
