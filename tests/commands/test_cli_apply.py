@@ -185,10 +185,10 @@ def files(here):
     ball = trimesh.creation.icosphere(2)
     (here / "scans").mkdir()
     for name in ("SCAN", "scan", "scans/one"):
-        save(PointCloud(sphere()), here / f"{name}.ply")
+        save(PointCloud(sphere(100)), here / f"{name}.ply")
     shutil.copy(ROOT / "methods" / "upsampling" / "weights" / "mpu.safetensors", here / "mine.safetensors")
-    np.savetxt(here / "scan.xyz", sphere())
-    np.savetxt(here / "clean.xyz", sphere(seed=1))
+    np.savetxt(here / "scan.xyz", sphere(100))
+    np.savetxt(here / "clean.xyz", sphere(100, seed=1))
     for name in ("output", "reference", "source", "source_base", "target_base", "OUTPUT", "REFERENCE"):
         save(ball, here / f"{name}.ply")
     for name in ("deformed", "target", "rest"):
