@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from .config_source import PRIVATE
 from .parts import Configs, has_interpolations
+from .request import parse
 
 if TYPE_CHECKING:
     from hydra.core.config_loader import ConfigLoader
@@ -22,7 +23,7 @@ class KnownConfigs:
     Parameters
     ----------
     loader : Hydra's own
-    first : the overrides of the job that the launcher's config is composed with
+    first : the overrides of the job that the launcher's config is composed with: this one gets a copy of it
     places : the place among the configs, by the overrides of a job
     configs : the configs, without the keys that the front door sets
     """
@@ -44,7 +45,7 @@ class KnownConfigs:
         from omegaconf import OmegaConf, open_dict
 
         words = tuple(sweep_overrides)
-        if words == self._first:
+        if words == self._first and _is_whole(master_config, words):
             return copy.deepcopy(master_config)
         if self._configs is None or words not in self._places:
             return self._loader.load_sweep_config(master_config, sweep_overrides)
@@ -57,3 +58,13 @@ class KnownConfigs:
         config: Any = OmegaConf.unsafe_merge({k: v for k, v in values.items() if k not in PRIVATE}, master)
         OmegaConf.copy_cache(master_config, config)
         return config
+
+
+def _is_whole(config: DictConfig, words: Sequence[str]) -> bool:
+    """Whether a sweep's config is what Hydra composes for one job, where it refuses several values and missing ones."""
+    from omegaconf import OmegaConf
+
+    choices = config.hydra.runtime.choices
+    return not any(OmegaConf.is_missing(choices, group) for group in choices) and not any(
+        parse(word).is_sweep_override() for word in words
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 
 import pytest
+from hydra.errors import ConfigCompositionException
 from hydra.types import RunMode
 from joblib.externals import cloudpickle
 from omegaconf import OmegaConf
@@ -78,3 +79,23 @@ def test_text_that_looks_like_an_interpolation_is_left_to_hydra(loaders):
     hydras, ours, master, jobs = loaders("method=jet,poisson", r"results='\${here}'")
     found, expected = (loader.load_sweep_config(master, jobs[1]).results for loader in (ours, hydras))
     assert found == expected == "${here}"
+
+
+@pytest.mark.parametrize("words", [["method=apss", "seed=3"], ["experiment=demo", "method=jet"]], ids=" ".join)
+def test_the_first_job_gets_a_copy_of_the_config_of_the_sweep(words):
+    with hydra_ready() as hydras:
+        master = hydras.load_configuration(CONFIG_NAME, words, run_mode=RunMode.MULTIRUN)
+        ours = KnownConfigs(hydras, words, {}, None)
+        expected = hydras.load_sweep_config(master, words)
+        first, again = (ours.load_sweep_config(master, words) for _ in range(2))
+    for found in (first, again):
+        assert repr(OmegaConf.to_container(found)) == repr(OmegaConf.to_container(expected))
+        assert found._metadata == expected._metadata
+    assert first is not master and first.hydra is not master.hydra and again is not first
+
+
+def test_several_values_are_left_to_hydra_which_refuses_them():
+    with hydra_ready() as hydras:
+        master = hydras.load_configuration(CONFIG_NAME, ["seed=1,2"], run_mode=RunMode.MULTIRUN)
+        with pytest.raises(ConfigCompositionException, match="seed=1,2"):
+            KnownConfigs(hydras, ["seed=1,2"], {}, None).load_sweep_config(master, ["seed=1,2"])
