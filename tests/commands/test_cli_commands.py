@@ -96,7 +96,7 @@ def test_plan_knows_what_is_finished_and_runs_nothing(finished):
 
 
 def test_an_experiment_that_is_a_sweep_takes_several_values(shell):
-    words = ("experiment=demo", "task=denoise", "method=noise,identity", "dataset=bumps", "cases=1")
+    words = ("experiment=demo", "task=denoise", "method=noise,identity", "dataset=cad", "metric=[p2f_mean]", "cases=1")
     done = shell.call("plan", *words)
     assert done.returncode == 0, done.stderr
     assert "2 cells, 2 cases" in done.stdout

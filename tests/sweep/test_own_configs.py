@@ -220,7 +220,7 @@ def test_what_is_beside_our_groups_is_not_looked_at(own):
 
 
 def test_a_cell_of_a_preset_is_explained_and_repeated_where_the_preset_is_not(own, tmp_path, monkeypatch, capsys):
-    words = ["task=denoise", "method=kept", "sensor=rough", "metric=few", "cases=1", "profile=tiny"]
+    words = ["task=denoise", "method=kept", "dataset=cad", "sensor=rough", "metric=few", "cases=1", "profile=tiny"]
     write(own, {"method/kept": "# As it is.\ndefaults: [identity]\n"})
     config_files._found.cache_clear()
     assert cli.main(["run", *words, "results=r", "--no-leaderboard"]) == 0

@@ -26,9 +26,9 @@ from bench.sweep.request import Request
 CONF = Path(__file__).parents[2] / "conf"
 NOTHING = str(Path(__file__).parents[1] / "benchmarks" / "nothing.py")
 CORPUS = [
-    ["task=denoise", "method=jet,poisson", "sensor=clean,noisy", "seed=0,7"],
+    ["task=denoise", "method=jet,poisson", "sensor=clean,noisy", "seed=7"],
     ["method=poisson", "method.depth=7,8", "sensor.noise=0.01,0.02", "cases=${seed}", "seed=3"],
-    ["method=jet", "metric=p2f_mean,[p2f_mean,hausdorff]", "limit.seconds=60,30", "limit.memory_gb=1.5,2.5"],
+    ["method=jet", "metric=p2f_mean,[p2f_mean,hausdorff]", "limit.seconds=60,30", "limit.memory_gb=2.5"],
     ["profile=quick,study", "method=identity", "seed=1,1_0", "training.cases=3"],
     ["experiment=figure_4_11", "profile=quick", "seed=0,1"],
     ["method=mpu", "training=quick,auto", "task=upsample", "task.ratio=4,16"],
