@@ -164,7 +164,7 @@ def files(results: Results) -> dict:
 def test_any_mutation_of_a_record_is_read_or_left_out_with_one_warning(results):
     rng, made, outcomes = random.Random(0), whole(), []
     path = results.path(made.cell, made.fingerprint)
-    for _ in range(200):
+    for _ in range(120):
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(odd_file(rng, made))
         fresh = Results(results.folder)
@@ -179,7 +179,7 @@ def test_any_mutation_of_a_record_is_read_or_left_out_with_one_warning(results):
         if shown and rng.random() < 0.15:
             of_it = rows[rows["cell"] == made.cell]
             render(leaderboard(of_it), "terminal", rows=of_it)
-    assert 50 < sum(outcomes) < 150  # both happen
+    assert 30 < sum(outcomes) < 90  # both happen
 
 
 def test_an_index_of_any_kind_is_made_again(results):
@@ -195,7 +195,7 @@ def test_an_index_of_any_kind_is_made_again(results):
         pq.write_table(one.replace_schema_metadata(table.schema.metadata), index)
         found = Results(results.folder).rows()
         assert set(found["cell"]) <= set(expected["cell"]) and set(found["task"]) == {"denoise"}
-        if number % 4 == 0:
+        if number % 8 == 0:
             render(leaderboard(found), "terminal", rows=found)
     pq.write_table(ghost.replace_schema_metadata(table.schema.metadata), index)
     pd.testing.assert_frame_equal(
