@@ -1,5 +1,7 @@
 """Reconstruction without normals: what is found is outward, also where a tree of neighbours is wrong."""
 
+import functools
+
 import numpy as np
 import pytest
 import trimesh
@@ -44,6 +46,7 @@ SHAPES = {
 }
 
 
+@functools.cache
 def cloud_of(shape, sigma, count=2500):
     """Noisy points, and the outward normals of the shape where they came from."""
     mesh = SHAPES[shape]()
@@ -65,14 +68,16 @@ def wrong_share(normals, truth):
     return (np.einsum("ni,ni->n", normals, truth) < 0).mean()
 
 
-@pytest.mark.parametrize("shape, sigma", [("torus", 0.0), *((shape, 0.005) for shape in SHAPES)])
+@pytest.mark.parametrize(
+    "shape, sigma", [("torus", 0.0), *((shape, 0.005) for shape in ("comb", "hollow", "two balls"))]
+)
 def test_normals_are_outward_and_the_surface_is_near(shape, sigma):
     truth, points, normals = cloud_of(shape, sigma)
     mesh, found, rounds = reconstructed(points)
     assert rounds <= 12
     assert wrong_share(found, normals) < 0.01
     assert np.allclose(np.linalg.norm(found, axis=1), 1)
-    samples = MeshSurface(mesh).sample(5000, np.random.default_rng(0))[0]
+    samples = MeshSurface(mesh).sample(1500, np.random.default_rng(0))[0]
     # Cells of depth 6 are 1/29 of the radius wide; edges are rounded by a part of one.
     assert np.linalg.norm(MeshSurface(truth).closest(samples)[0] - samples, axis=1).mean() < 0.01
     assert mesh.volume == pytest.approx(truth.volume, rel=0.05)
@@ -82,21 +87,21 @@ def test_random_normals_settle_too_and_depend_on_the_seed_alone():
     _, points, normals = cloud_of("torus", 0.0, 1500)
     _, found, _ = reconstructed(points, start="random", rounds=25, depth=5)
     assert wrong_share(found, normals) < 0.01
-    _, again, _ = reconstructed(points, start="random", rounds=25, depth=5)
-    assert np.array_equal(found, again)
+    short, again = (reconstructed(points, start="random", rounds=2, depth=5)[1] for _ in range(2))
+    assert np.array_equal(short, again) and not np.array_equal(short, found)
 
 
 def test_given_normals_are_ignored():
     _, points, normals = cloud_of("box", 0.0, 1000)
-    meshes = [Ipsr(depth=5).reconstruct(PointCloud(points, n), Run()) for n in (None, normals, -normals)]
-    assert all(np.array_equal(mesh.vertices, meshes[0].vertices) for mesh in meshes)
+    without, wrong = (Ipsr(depth=5, rounds=2).reconstruct(PointCloud(points, n), Run()) for n in (None, -normals))
+    assert np.array_equal(without.vertices, wrong.vertices) and np.array_equal(without.faces, wrong.faces)
 
 
 def test_an_open_surface_has_normals_of_one_side():
-    points = np.random.default_rng(0).standard_normal((2000, 3))
+    points = np.random.default_rng(0).standard_normal((1200, 3))
     points = points / np.linalg.norm(points, axis=1, keepdims=True)
     points = points[points[:, 2] > 0.2]
-    _, found, _ = reconstructed(points)
+    _, found, _ = reconstructed(points, depth=5)
     assert wrong_share(found, points) < 0.01
 
 

