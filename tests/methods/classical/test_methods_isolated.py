@@ -14,8 +14,8 @@ from bench.plugins.registry import registry
 
 CGAL = importlib.util.find_spec("CGAL") is not None
 DISTANCES = [3.0, 10.0, 100.0, 1e4, 1e6]  # in radii
-QUICK = {"poisson": {"depth": 6}, "ipsr": {"depth": 6, "rounds": 2}, "apss": {"resolution": 40}}
-QUICK["rimls"] = {"resolution": 40}
+QUICK = {"poisson": {"depth": 5}, "ipsr": {"depth": 5, "rounds": 2}, "apss": {"resolution": 30}}
+QUICK["rimls"] = {"resolution": 30}
 RECONSTRUCT = ["poisson", "ipsr", "apss", "rimls", "ball_pivoting", "alpha_shape"]
 RECONSTRUCT += ["alpha_wrap", "advancing_front"] if CGAL else []
 DENOISE = ["apss", "rimls", *(["jet", "bilateral"] if CGAL else [])]
@@ -113,7 +113,7 @@ def without_strays(name):
 @functools.cache
 def denoised_without_strays(name, normals):
     """A noisy sphere, and the points that become of it."""
-    points = on_sphere(1500) + 0.01 * np.random.default_rng(8).standard_normal((1500, 3))
+    points = on_sphere(800) + 0.01 * np.random.default_rng(8).standard_normal((800, 3))
     truth = points / np.linalg.norm(points, axis=1, keepdims=True)
     return points, built(name).denoise(PointCloud(points, truth if normals else None), Run()).points
 

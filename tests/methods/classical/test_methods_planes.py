@@ -10,8 +10,8 @@ from bench.geometry.mesh_surface import MeshSurface
 from bench.plugins.registry import registry
 
 CGAL = importlib.util.find_spec("CGAL") is not None
-PARAMETERS = {"poisson": {"depth": 6}, "ipsr": {"depth": 6, "rounds": 2}, "alpha_shape": {"alpha": 4.0}}
-PARAMETERS |= {"apss": {"resolution": 50}, "rimls": {"resolution": 50}}
+PARAMETERS = {"poisson": {"depth": 5}, "ipsr": {"depth": 5, "rounds": 2}, "alpha_shape": {"alpha": 4.0}}
+PARAMETERS |= {"apss": {"resolution": 30}, "rimls": {"resolution": 30}}
 OPEN = ["apss", "rimls", "ball_pivoting", "alpha_shape", *(["advancing_front"] if CGAL else [])]
 CLOSED = ["poisson", "ipsr", *(["alpha_wrap"] if CGAL else [])]
 ROTATIONS = {
@@ -40,8 +40,18 @@ def missed(mesh, points):
     return np.linalg.norm(MeshSurface(mesh).closest(points)[0] - points, axis=1).max()
 
 
-@pytest.mark.parametrize("turn", ROTATIONS)
-@pytest.mark.parametrize("kind", ["grid", "grid in single precision", "random", "noisy"])
+# Ties of a grid, and boxes without a thickness, are of every rotation; of random points two are enough.
+@pytest.mark.parametrize(
+    "kind, turn",
+    [
+        *(("grid", turn) for turn in ROTATIONS),
+        ("grid in single precision", "tilted"),
+        ("random", "level"),
+        ("random", "hardly tilted"),
+        ("noisy", "upright"),
+        ("noisy", "tilted"),
+    ],
+)
 @pytest.mark.parametrize("name", OPEN)
 def test_a_square_is_a_square(name, kind, turn):
     rotation = ROTATIONS[turn]
@@ -68,8 +78,7 @@ def test_a_square_without_normals_is_one_sheet(name):
     assert abs(np.average(up, weights=mesh.area_faces)) > 0.99
 
 
-@pytest.mark.parametrize("turn", ["level", "tilted"])
-@pytest.mark.parametrize("kind", ["grid", "noisy"])
+@pytest.mark.parametrize("kind, turn", [("grid", "level"), ("grid", "tilted"), ("noisy", "tilted")])
 @pytest.mark.parametrize("name", CLOSED)
 def test_what_makes_closed_surfaces_says_that_a_plane_has_no_volume(name, kind, turn):
     points = square(kind) @ ROTATIONS[turn].T
