@@ -43,9 +43,8 @@ def test_spacing_needs_two_points(points):
         mean_spacing(np.asarray(points))
 
 
-@pytest.mark.parametrize("sigma, wrong", [(0.0, 0.0), (0.01, 0.002)])
 @pytest.mark.parametrize("shape", ["sphere", "torus", "box", "two spheres", "thin plate"])
-def test_normals_point_outward(shape, sigma, wrong):
+def test_normals_point_outward(shape):
     ball = trimesh.creation.icosphere(4)
     mesh = {
         "sphere": ball,
@@ -55,10 +54,11 @@ def test_normals_point_outward(shape, sigma, wrong):
         "two spheres": trimesh.util.concatenate([ball, ball.copy().apply_translation([2.4, 0, 0])]),
         "thin plate": trimesh.creation.box((2, 2, 0.2)),
     }[shape]
-    points, truth = cloud_of(mesh, 6000, sigma)
-    normals = oriented_normals(points)
-    assert np.allclose(np.linalg.norm(normals, axis=1), 1)
-    assert (np.einsum("ni,ni->n", normals, truth) < 0).mean() <= wrong
+    for sigma, count, wrong in ((0.0, 6000, 0.0), (0.01, 3000, 0.002)):
+        points, truth = cloud_of(mesh, count, sigma)
+        normals = oriented_normals(points)
+        assert np.allclose(np.linalg.norm(normals, axis=1), 1)
+        assert (np.einsum("ni,ni->n", normals, truth) < 0).mean() <= wrong
 
 
 def test_normals_of_a_sphere_are_accurate_and_do_not_depend_on_the_unit_or_place():
@@ -116,7 +116,7 @@ def test_nothing_is_far_from_all_points(name):
     cloud = PointCloud(np.concatenate([one, one + [2.3, 0, 0]]), np.concatenate([normals, normals]))
     method, away = registry().find("method", name).cls, []
     for reach in (0.5, 2.0, 0.0):
-        mesh = method(filterscale=5.0, resolution=60, reach=reach).reconstruct(cloud, Run())
+        mesh = method(filterscale=5.0, resolution=40, reach=reach).reconstruct(cloud, Run())
         away.append(cKDTree(cloud.points).query(mesh.vertices)[0].max())
     spacing = np.sqrt(4 * np.pi / len(one))
     assert away[0] < 0.7 * spacing and away[0] < away[1] <= away[2]

@@ -1,5 +1,6 @@
 """Upsampling: the exact count, on the surface, evenly, with edges where the method keeps them."""
 
+import functools
 import importlib.util
 
 import numpy as np
@@ -24,13 +25,14 @@ CGAL = importlib.util.find_spec("CGAL") is not None
 UPSAMPLE = [MidpointJet(), Apss(), Rimls(), Poisson(depth=6), *([Ear()] if CGAL else [])]
 PLANAR = (Rimls, Ear)  # they fit planes, and keep edges
 BOX = trimesh.creation.box((1, 1, 1))
-BALL = trimesh.creation.icosphere(5)
+BALL = trimesh.creation.icosphere(4)
 
 
 def name(method):
     return type(method).__name__
 
 
+@functools.cache
 def even_cloud(mesh, count, sigma=0.0, normals=True):
     """Evenly spread points with exact normals."""
     rng = np.random.default_rng(2)
@@ -134,12 +136,11 @@ def test_refinement_keeps_the_points_and_makes_any_count():
 # -- the methods -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ratio", [1, 2, 5, 16])
-@pytest.mark.parametrize("method", UPSAMPLE, ids=name)
-def test_the_count_is_exact_whatever_is_repeated(method, ratio):
-    cloud = even_cloud(trimesh.creation.icosphere(3), 150, normals=False)
+@pytest.mark.parametrize("method", [*UPSAMPLE[:3], Poisson(depth=5), *UPSAMPLE[4:]], ids=name)
+def test_the_count_is_exact_whatever_is_repeated(method):
+    cloud = even_cloud(BALL, 150, normals=False)
     twice = PointCloud(np.repeat(cloud.points, 2, axis=0))
-    for given in (cloud, twice):
+    for given, ratio in ((cloud, 1), (cloud, 5), (cloud, 16), (twice, 2)):
         output = method.upsample(given, ratio, Run())
         Upsample(ratio).validate(output, {"cloud": given})
 
@@ -161,9 +162,9 @@ def test_new_points_lie_on_the_surface_evenly(method):
 # The default of midpoint_jet keeps the points of the input, and their noise.
 @pytest.mark.parametrize("method", [MidpointJet(k=24, keep=False), *UPSAMPLE[1:]], ids=name)
 def test_noise_is_smoothed_away(method):
-    exact = even_cloud(BOX, 2500, sigma=0.01)
+    exact = even_cloud(BOX, 1500, sigma=0.013)
     for given in (exact, PointCloud(exact.points)):
-        points = method.upsample(given, 4, Run()).points
+        points = method.upsample(given, 2, Run()).points
         assert distances(BOX, points).mean() < 0.7 * distances(BOX, given.points).mean()
 
 
