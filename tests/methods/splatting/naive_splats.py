@@ -337,8 +337,8 @@ def rbf_slope(splat, pixel):
     return math.exp(-beta_at(splat, pixel)) * (splat.M @ (pixel - splat.x))
 
 
-def screen_gradient(k, splat, pixel, entries, attributes, g, look, how, kind):
-    """Gradient (3,) of one splat from one pixel: two components in the image, one in depth.
+def screen_gradients(k, splat, pixel, entries, attributes, g, look, how):
+    """Gradients (3,) of one splat from one pixel, "dss" and "rbf": two components in the image, one in depth.
 
     g (C,) is the gradient of the loss with respect to the value of the pixel. A change that does not lower the loss
     gives 0, Eq. 3.13.
@@ -346,10 +346,8 @@ def screen_gradient(k, splat, pixel, entries, attributes, g, look, how, kind):
     change = case_of(k, splat, entries, how)(k, splat, pixel, entries, attributes, look, how)
     dL = float(g @ (change.new - blend(front_of(entries, how), attributes)))
     if not dL < 0:
-        return np.zeros(3)
-    if kind == "dss":
-        return dL * np.array([*change.xy, change.z])
-    return dL * change.sign * np.array([*rbf_slope(splat, pixel), 0.0])
+        return np.zeros((2, 3))
+    return dL * np.array([[*change.xy, change.z], [*(change.sign * rbf_slope(splat, pixel)), 0.0]])
 
 
 def to_camera(splat, screen, look):
@@ -360,24 +358,23 @@ def to_camera(splat, screen, look):
     return np.array([gx * fx / Z, (gx * s + gy * fy) / Z, gz])
 
 
-def position_gradient(splats, lists, attributes, grad_image, look, how, kind="dss"):
-    """Gradient (N, 3) of the loss with respect to the positions, in world coordinates: the last term of Eq. 3.11.
+def position_gradients(splats, lists, attributes, grad_image, look, how):
+    """Gradients (N, 3) of the loss with respect to the positions, in world coordinates: the last term of Eq. 3.11.
 
     attributes (N, C); grad_image (H, W, C) is the gradient of the loss with respect to the image. The kind "dss" is
     the visibility gradient of Eq. 3.12 and Eq. 3.13; "rbf" takes the slope of the Gaussian of Eq. 3.6 in its place.
     """
-    if kind not in ("dss", "rbf"):
-        raise ValueError(f"kind is 'dss' or 'rbf', not {kind!r}")
     attributes = np.asarray(attributes, dtype=np.float64)
     R = look.extrinsics[:, :3]
-    gradient = np.zeros((len(splats), 3))
+    gradients = np.zeros((2, len(splats), 3))
     for k, splat in enumerate(splats):
         if splat is None:
             continue
-        screen = np.zeros(3)
+        screen = np.zeros((2, 3))
         for (i, j), entries in lists.items():
             g = grad_image[i, j]
             if np.any(g != 0):
-                screen += screen_gradient(k, splat, centre_of(i, j), entries, attributes, g, look, how, kind)
-        gradient[k] = R.T @ to_camera(splat, screen, look)
-    return gradient
+                screen += screen_gradients(k, splat, centre_of(i, j), entries, attributes, g, look, how)
+        for kind in range(2):
+            gradients[kind, k] = R.T @ to_camera(splat, screen[kind], look)
+    return dict(zip(("dss", "rbf"), gradients, strict=True))

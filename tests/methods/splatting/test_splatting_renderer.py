@@ -70,15 +70,14 @@ def test_lists_and_images_are_those_of_the_plain_renderer(settings):
 
 
 @pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
-@pytest.mark.parametrize("kind", ["dss", "rbf"])
-def test_gradients_of_positions_are_those_of_the_plain_renderer(settings, kind):
-    drawn, splats, lists, colors, look, how = both(settings)
+def test_gradients_of_positions_are_those_of_the_plain_renderer(settings):
+    drawn, splats, lists, colors, look, how = both(settings, count=40)
     gradient = some_gradient(drawn)
-    drawn = replace(drawn, how=replace(drawn.how, gradient=kind))
-    expected = naive.position_gradient(splats, lists, colors, gradient, look, how, kind)
-    found = drawn.position_gradient(gradient)
-    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
-    assert (found[drawn.ellipses.shown] != 0).any(axis=1).mean() > 0.8
+    wanted = naive.position_gradients(splats, lists, colors, gradient, look, how)
+    for kind, expected in wanted.items():
+        found = replace(drawn, how=replace(drawn.how, gradient=kind)).position_gradient(gradient)
+        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
+        assert (found[drawn.ellipses.shown] != 0).any(axis=1).mean() > 0.8
 
 
 def test_gradients_of_attributes_are_those_of_the_plain_renderer():
@@ -89,14 +88,14 @@ def test_gradients_of_attributes_are_those_of_the_plain_renderer():
 
 
 def test_the_scene_has_all_cases():
-    drawn, splats, lists, _, _, how = both({})
+    drawn, splats, lists, _, _, how = both({}, count=40)
     kinds = set()
     for entries in lists.values():
         for k, splat in enumerate(splats):
             if splat is not None:
                 kinds.add(naive.case_of(k, splat, entries, how).__name__)
     assert kinds == {"case_a", "case_b", "case_c", "case_d"}
-    assert drawn.occlusions().sum() > 50
+    assert drawn.occlusions().sum() > 30
 
 
 # -- closed forms ------------------------------------------------------------------------------------------------------
