@@ -13,6 +13,7 @@ from splat_scenes import crooked_camera
 from bench import BadInput, PointCloud, Run, Views
 from bench.contract.ball_views import views_of_a_ball
 from bench.geometry.topology import count_topology
+from bench.methods.splatting.gaussian_surfels import meshing
 from bench.methods.splatting.gaussian_surfels.fitting import Scene, Schedule, Tally, relocate
 from bench.methods.splatting.gaussian_surfels.footprints import Surfels
 from bench.methods.splatting.gaussian_surfels.losses import Weighting, consistency, loss_of
@@ -315,8 +316,9 @@ def test_points_on_the_hull_are_even_and_face_outward(views):
     assert apart.min() > 0.5 * np.sqrt(4 * np.pi / 300)
 
 
-def test_images_of_a_ball_become_its_mesh(views):
+def test_images_of_a_ball_become_its_mesh(views, monkeypatch):
     """Within a pixel, which is 0.024 wide at the middle of the ball."""
+    monkeypatch.setattr(meshing, "DEPTH", 6)  # cells of 0.035
     method = replace(Method(), steps=60, points=600)
     mesh = method.multiview(views_of_a_ball(12, 96), Run(seed=1))
     assert count_topology(mesh.vertices, mesh.faces).boundary_edges == 0 and mesh.volume > 0

@@ -338,8 +338,8 @@ def test_translated_images_are_nearer_to_the_clean_ones(neighbours, smoothing, s
 
 
 def test_a_noisy_cube_gets_flatter_and_its_normals_better():
-    cloud, normals = noisy(CUBE, 3000, sigma=0.04)
-    method = DssPix2pix(cycles=2, views=8, pixels=128, span=1.2, depth_limit=0.1)
+    cloud, normals = noisy(CUBE, 2000, sigma=0.04)
+    method = DssPix2pix(cycles=2, views=6, pixels=112, span=1.2, depth_limit=0.1)
     run = Run(seed=1, weights=weights_of())
     found = method.denoise(cloud, run)
     assert len(found) == len(cloud) and run.parameters == 714_339
