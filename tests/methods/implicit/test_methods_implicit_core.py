@@ -518,14 +518,14 @@ def test_a_torus_is_fitted_by_both():
 
 def test_a_sphere_anywhere_of_any_size():
     """The result is in the coordinates of the input."""
-    mesh = Siren(steps=150, **SMALL).reconstruct(ball(radius=20.0), Run(seed=1))
+    mesh = Siren(steps=80, **SMALL).reconstruct(ball(radius=20.0), Run(seed=1))
     distance = np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) - 20
     assert np.abs(distance).mean() < 0.5 and mesh.is_watertight
 
 
 def test_the_same_seed_gives_the_same_mesh_and_another_seed_another():
     """To the bit."""
-    method = Siren(steps=20, **SMALL)
+    method = Siren(steps=5, **SMALL)
     first, again, other = (method.reconstruct(ball(), Run(seed=s)) for s in (1, 1, 2))
     np.testing.assert_array_equal(first.vertices, again.vertices)
     assert first.vertices.shape != other.vertices.shape or not np.array_equal(first.vertices, other.vertices)
@@ -533,9 +533,10 @@ def test_the_same_seed_gives_the_same_mesh_and_another_seed_another():
 
 def test_a_saved_field_is_the_same_field(tmp_path):
     """Through a safetensors file, to the bit."""
-    method = Idf(steps=20, save=str(tmp_path / "ball.safetensors"), **SMALL)
+    form = SMALL | {"omega_detail": 15.0, "resolution": 16}
+    method = Idf(steps=5, save=str(tmp_path / "ball.safetensors"), **form)
     mesh = method.reconstruct(ball(), Run(seed=1))
-    again = Idf(steps=0, load=method.save, **SMALL).reconstruct(ball(), Run(seed=3))
+    again = Idf(steps=0, load=method.save, **form).reconstruct(ball(), Run(seed=3))
     np.testing.assert_array_equal(mesh.vertices, again.vertices)
 
 
@@ -646,12 +647,12 @@ def test_a_field_among_other_points_than_its_own_says_so(tmp_path):
 
 def test_a_training_that_the_limit_cuts_short_says_so():
     """Of steps, and of seconds; and where there was time for next to nothing."""
-    run = Run(seed=1, seconds=5.0)
+    run = Run(seed=1, seconds=2.0)
     Siren(steps=10**6, **SMALL).reconstruct(ball(), run)
-    assert re.fullmatch(r"trained for [\d,]+ of 1,000,000 steps: limit.seconds=5 is too short", run.notes[0])
-    run = Run(seed=1, seconds=5.0)
+    assert re.fullmatch(r"trained for [\d,]+ of 1,000,000 steps: limit.seconds=2 is too short", run.notes[0])
+    run = Run(seed=1, seconds=2.0)
     Siren(seconds=60.0, **SMALL).reconstruct(ball(), run)
-    assert re.fullmatch(r"trained for [\d.]+ of 60 s: limit.seconds=5 is too short", run.notes[0])
+    assert re.fullmatch(r"trained for [\d.]+ of 60 s: limit.seconds=2 is too short", run.notes[0])
     run = Run(seed=1)
     Siren(seconds=0.01, **SMALL).reconstruct(ball(), run)
     assert re.fullmatch(r"trained for \d steps alone, in 0.01 s", run.notes[0])
@@ -721,7 +722,7 @@ def test_intermediate_results_come_as_meshes_that_improve():
     """Traces are scored in order; the mean distance falls."""
     traced = []
     run = Run(seed=1, on_trace=lambda output, seconds: traced.append((seconds, output())))
-    Siren(steps=100, traces=3, **SMALL).reconstruct(ball(), run)
+    Siren(steps=60, traces=3, **SMALL | {"resolution": 16}).reconstruct(ball(), run)
     errors = [np.abs(np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) - 1).mean() for _, mesh in traced]
     assert len(errors) == 3 and errors[-1] < errors[0]
 

@@ -320,11 +320,14 @@ def test_stages_share_time_and_progress():
 
 
 # A narrow nu: the displacement, which takes the most time, is asked for near the base alone.
-TINY = {"steps": 2, "base_steps": 40, "batch": 64, "resolution": 16, "cells": 8, "points": 300, "nu": 0.02}
+TINY = {"steps": 2, "base_steps": 15, "batch": 64, "resolution": 16, "cells": 8, "points": 300, "nu": 0.02}
 
 
-@pytest.fixture(scope="module")
-def toy() -> dict:
+@pytest.fixture
+def toy(monkeypatch) -> dict:
+    """Its input; of fewer samples than else, and with a coarser first look at the field of the result."""
+    monkeypatch.setattr("bench.methods.implicit.fitting.oriented_samples.CLOUD", 2000)
+    monkeypatch.setattr("bench.methods.learned.meshing.marching.COARSE", 32)
     return dict(DetailTransfer().toy().input)
 
 
@@ -364,7 +367,7 @@ def test_switches_make_other_networks_and_a_base_is_not_needed(toy, changes, par
 
 
 def test_alpha_next_to_nothing_gives_the_base(toy):
-    settings = TINY | {"alpha": 1e-6, "context": "normal", "base_steps": 100}
+    settings = TINY | {"alpha": 1e-6, "context": "normal", "base_steps": 80}
     mesh = IdfTransfer(**settings).detail_transfer(**toy, run=Run())
     sizes = np.ptp(mesh.vertices, axis=0) / np.ptp(toy["target_base"].vertices, axis=0)
     assert sizes == pytest.approx(np.ones(3), abs=0.1)  # a base of 100 steps
