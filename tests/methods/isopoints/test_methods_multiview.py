@@ -13,8 +13,8 @@ from bench.methods.isopoints.iso_points import IsoPoints
 from bench.methods.isopoints.iso_uniform import IsoUniform
 from bench.methods.isopoints.neus import Neus
 
-SMALL = {"omega": 5.0, "width": 96, "views": 3, "samples": 200, "space": 50, "resolution": 32, "learning_rate": 5e-4}
-POINTS = SMALL | {"points": 500, "most_points": 600, "refresh": 20}
+SMALL = {"omega": 5.0, "width": 96, "views": 3, "samples": 100, "space": 50, "resolution": 24, "learning_rate": 1e-3}
+POINTS = SMALL | {"points": 300, "most_points": 400, "refresh": 10}
 
 
 def radii(mesh):
@@ -33,11 +33,11 @@ def run():
 @pytest.mark.parametrize(
     "method",
     [
-        Idr(steps=25, **SMALL),
-        IsoUniform(steps=40, **POINTS),
-        IsoCurvature(steps=40, **POINTS),
-        IsoLoss(steps=40, **POINTS),
-        Neus(steps=40, **SMALL | {"samples": 60, "coarse": 12, "fine": 12}),
+        Idr(steps=20, **SMALL),
+        IsoUniform(steps=20, **POINTS),
+        IsoCurvature(steps=20, **POINTS),
+        IsoLoss(steps=20, **POINTS),
+        Neus(steps=30, **SMALL | {"samples": 60, "coarse": 12, "fine": 12}),
     ],
     ids=lambda method: method.name,
 )
@@ -52,14 +52,14 @@ def test_a_sphere_grows_to_the_ball(method, views):
 
 
 def test_the_same_seed_gives_the_same_mesh(views):
-    method = IsoLoss(steps=5, **POINTS)
+    method = IsoLoss(steps=4, **POINTS | {"refresh": 2})
     one, two = (method.multiview(views, run()) for _ in range(2))
     assert np.array_equal(one.vertices, two.vertices)
 
 
 def test_without_lights_colours_are_learned(views):
     dark = Views(views.images, views.masks, views.extrinsics, views.intrinsics)
-    method, told = IsoUniform(steps=20, **POINTS), run()
+    method, told = IsoUniform(steps=10, **POINTS), run()
     mesh = method.multiview(dark, told)
     assert radii(mesh).mean() > 0.52
     assert told.parameters > 28_417 + 3 * 128  # the network, and what colours it
@@ -77,8 +77,8 @@ def test_a_field_is_saved_trained_further_and_sampled(views, tmp_path):
     from bench.geometry.cloud import PointCloud
 
     path = str(tmp_path / "field.safetensors")
-    slow = POINTS | {"learning_rate": 1e-4}
-    first = IsoUniform(steps=10, save=path, **slow).multiview(views, run())
+    slow = POINTS | {"learning_rate": 1e-4, "refresh": 5}
+    first = IsoUniform(steps=5, save=path, **slow).multiview(views, run())
     again = IsoUniform(steps=0, load=path, **slow).multiview(views, run())
     assert np.array_equal(first.vertices, again.vertices)
     cloud = IsoUniform(steps=0, load=path, **slow).fit_shape(views, PointCloud(np.zeros((300, 3))), run())
