@@ -236,7 +236,7 @@ def weights_of(name):
 @pytest.mark.parametrize("name", LEARNED)
 @pytest.mark.parametrize("truth", [ball, square], ids=["sphere", "plane"])
 def test_the_weights_that_come_with_it_halve_the_noise(name, truth):
-    exact = truth(2500 if truth is ball else 2000)
+    exact = truth(1500 if truth is ball else 1200)
     noisy = exact + np.random.default_rng(1).normal(scale=0.04, size=exact.shape)
     run = Run(weights=weights_of(name), threads=1, seed=0)
     fewer = {"iterations": 8, "step": 0.45} if name == "score_denoise" else {"passes": 2}

@@ -163,7 +163,7 @@ def test_equal_to_the_dense_lattice_on_networks():
     field = Idf(omega=60.0, omega_detail=60.0, alpha=0.1).field(torch.Generator().manual_seed(5))
     with torch.no_grad():
         field.displacement.weights[-1].mul_(20.0)  # as it is, a displacement begins as next to nothing
-    lattice = lattice_over(65)
+    lattice = lattice_over(49)
     sampler = Sampler(field.values, (-2, 2))
     found = march(sampler, lattice)
     assert np.ptp(np.linalg.norm(found[0], axis=1)) > 0.05  # no ball any more
