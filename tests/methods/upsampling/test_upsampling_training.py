@@ -217,9 +217,9 @@ def test_a_training_that_was_killed_ends_with_the_same_weights():
 )
 def test_a_training_lowers_the_validation(changes):
     run = Recorded()
-    Mpu(**SMALL, steps=60, learning_rate=5e-3, **changes).fit(examples(), run)
+    Mpu(**SMALL, steps=40, learning_rate=5e-3, **changes).fit(examples(), run)
     scores = [numbers["validation"] for _, numbers in run.lines if "validation" in numbers]
-    start = training(Mpu(**SMALL, steps=60, **changes)).validate()
+    start = training(Mpu(**SMALL, steps=40, **changes)).validate()
     assert min(scores) < 0.95 * start
     assert run.parameters == (1 if changes.get("single") else 2) * sum(
         p.numel() for p in Mpu(**SMALL)._network()[0].parameters()
