@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from ...learned.compiled.pool import in_parts
+from ...learned.compiled.threads import in_use
 from .footprints import CENTRE, DEPTH, LIMIT, LOW_PASS, NORMAL, OPACITY, PLANE, TILE, U_AT, V_AT, U, V
 
 FEATURES = 6  # colour and normal of a surfel
@@ -49,19 +51,18 @@ def composite(
     width, height = size
     maps, light = np.zeros((height, width, MAPS)), np.ones((height, width))
     last = np.zeros((height, width), np.int64)
-    _composite(table, features, starts, members, lens, maps, light, last)
+    in_parts(_composite, len(starts) - 1, in_use(), table, features, starts, members, lens, maps, light, last)
     return maps, light, last
 
 
-@njit(parallel=True, cache=True)
-def _composite(table, features, starts, members, lens, maps, light, last):
-    for tile in prange(len(starts) - 1):
-        _tile(np.int64(tile), table, features, starts, members, lens, maps, light, last)
+@njit(nogil=True, cache=True)
+def _composite(begin, end, table, features, starts, members, lens, maps, light, last):
+    for tile in range(begin, end):
+        _tile(tile, table, features, starts, members, lens, maps, light, last)
 
 
 @njit(cache=True)
 def _tile(tile, table, features, starts, members, lens, maps, light, last):
-    """A function of its own, for the loops of a parallel one take many times as long to compile."""
     height, width = light.shape
     fx, fy, skew, cx, cy = lens
     across = (width + TILE - 1) // TILE
@@ -103,14 +104,15 @@ def composite_back(
 ) -> np.ndarray:
     """The gradients (members, GRADIENTS) of a loss, from its slopes (h, w, MAPS) by the maps."""
     back = np.zeros((len(members), GRADIENTS))
-    _composite_back(table, features, starts, members, lens, light, last, slopes, back)
+    arguments = (table, features, starts, members, lens, light, last, slopes, back)
+    in_parts(_composite_back, len(starts) - 1, in_use(), *arguments)
     return back
 
 
-@njit(parallel=True, cache=True)
-def _composite_back(table, features, starts, members, lens, light, last, slopes, back):
-    for tile in prange(len(starts) - 1):
-        _tile_back(np.int64(tile), table, features, starts, members, lens, light, last, slopes, back)
+@njit(nogil=True, cache=True)
+def _composite_back(begin, end, table, features, starts, members, lens, light, last, slopes, back):
+    for tile in range(begin, end):
+        _tile_back(tile, table, features, starts, members, lens, light, last, slopes, back)
 
 
 @njit(cache=True)

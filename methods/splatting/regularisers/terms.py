@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
-from ...learned.compiled.threads import use
+from ...learned.compiled.pool import in_parts
+from ...learned.compiled.threads import in_use, use
 from .planes import least_direction
 from .settings import Regularity
 
@@ -57,7 +58,7 @@ class Neighbours:
         settings = (how.repulsion_distance, _opening(how.angle), how.form == "released")
         each, gradient = np.zeros(len(points)), np.zeros((len(points), 3))
         places, planes, weights = _float(points, normals, 1 / (1 + np.asarray(hidden)))
-        _repulsion(places, planes, weights, self.index, *settings, each, gradient)
+        in_parts(_repulsion, len(points), in_use(), places, planes, weights, self.index, *settings, each, gradient)
         return how.repulsion * float(each.mean()), how.repulsion * gradient / len(points)
 
     def projected(self, points: np.ndarray, normals: np.ndarray, hidden: np.ndarray) -> np.ndarray:
@@ -76,7 +77,7 @@ class Neighbours:
         settings = (how.projection_distance, _opening(how.angle), released)
         move = np.zeros((len(points), 3))
         places, planes, weights = _float(points, normals, visible)
-        _projection(places, planes, weights, self.index, *settings, move)
+        in_parts(_projection, len(points), in_use(), places, planes, weights, self.index, *settings, move)
         return points - how.projection * np.clip(move, -how.largest, how.largest)
 
 
@@ -127,11 +128,10 @@ def _plane(i, points, normals, index, weights, distance):
     return least_direction(covariance), mean
 
 
-@njit(parallel=True, cache=True)
-def _repulsion(points, normals, visible, index, distance, opening, released, loss, gradient):
-    for i in prange(len(points)):
-        # As a signed number, or all that it is handed to would be compiled twice.
-        _repel(np.int64(i), points, normals, visible, index, distance, opening, released, loss, gradient)
+@njit(nogil=True, cache=True)
+def _repulsion(begin, end, points, normals, visible, index, distance, opening, released, loss, gradient):
+    for i in range(begin, end):
+        _repel(i, points, normals, visible, index, distance, opening, released, loss, gradient)
 
 
 @njit(cache=True)
@@ -170,10 +170,10 @@ def _repel(i, points, normals, visible, index, distance, opening, released, loss
     gradient[i, 0], gradient[i, 1], gradient[i, 2] = gx / of_all, gy / of_all, gz / of_all
 
 
-@njit(parallel=True, cache=True)
-def _projection(points, normals, visible, index, distance, opening, released, move):
-    for i in prange(len(points)):
-        _project(np.int64(i), points, normals, visible, index, distance, opening, released, move)
+@njit(nogil=True, cache=True)
+def _projection(begin, end, points, normals, visible, index, distance, opening, released, move):
+    for i in range(begin, end):
+        _project(i, points, normals, visible, index, distance, opening, released, move)
 
 
 @njit(cache=True)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from ...learned.compiled.pool import in_parts
+from ...learned.compiled.threads import in_use
 from .raster import Lists
 
 
@@ -23,13 +25,13 @@ def blend(lists: Lists, attributes: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """
     height, width, _ = lists.index.shape
     image, total = np.zeros((height, width, attributes.shape[1])), np.zeros((height, width))
-    _blend(lists.index, lists.rho, lists.front, attributes, image, total)
+    in_parts(_blend, len(image), in_use(), lists.index, lists.rho, lists.front, attributes, image, total)
     return image, total
 
 
-@njit(parallel=True, cache=True)
-def _blend(index, rho, front, attributes, image, total):
-    for i in prange(len(image)):
+@njit(nogil=True, cache=True)
+def _blend(begin, end, index, rho, front, attributes, image, total):
+    for i in range(begin, end):
         _blend_row(index[i], rho[i], front[i], attributes, image[i], total[i])
 
 

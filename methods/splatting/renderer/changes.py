@@ -9,7 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from ...learned.compiled.pool import in_parts
+from ...learned.compiled.threads import in_use
 
 
 def per_pixel(
@@ -17,13 +20,13 @@ def per_pixel(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The gradient times the attributes of the entries, and times the image; and whether it is not 0."""
     of_entries, of_image, active = np.zeros(index.shape), np.zeros(index.shape[:2]), np.zeros(index.shape[:2], np.bool_)
-    _per_row(index, attributes, image, gradient, of_entries, of_image, active)
+    in_parts(_per_row, len(index), in_use(), index, attributes, image, gradient, of_entries, of_image, active)
     return of_entries, of_image, active
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def _per_row(index, attributes, image, gradient, of_entries, of_image, active):
-    for i in prange(len(index)):
+@njit(nogil=True, cache=True, error_model="numpy")
+def _per_row(begin, end, index, attributes, image, gradient, of_entries, of_image, active):
+    for i in range(begin, end):
         _of_row(index[i], attributes, image[i], gradient[i], of_entries[i], of_image[i], active[i])
 
 

@@ -6,8 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from ...learned.compiled.pool import in_parts
+from ...learned.compiled.threads import in_use
 from .camera import Camera
 from .settings import Drawing
 
@@ -54,14 +56,14 @@ def project(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, camera: 
     shown, place, form = np.zeros(n, np.bool_), np.zeros((n, 2)), np.zeros((n, 3))
     rest = np.zeros((n, 2)), np.zeros(n), np.zeros(n)
     ellipses = Ellipses(shown, place, position, np.ascontiguousarray(normal), form, *rest)
-    _project(tuple(ellipses), np.asarray(sigma, np.float64), frame, settings)
+    in_parts(_project, len(sigma), in_use(), tuple(ellipses), np.asarray(sigma, np.float64), frame, settings)
     return ellipses
 
 
-@njit(parallel=True, cache=True)
-def _project(ellipses, sigma, frame, settings):
-    for k in prange(len(sigma)):
-        _project_one(np.int64(k), ellipses, sigma, frame, settings)
+@njit(nogil=True, cache=True)
+def _project(begin, end, ellipses, sigma, frame, settings):
+    for k in range(begin, end):
+        _project_one(k, ellipses, sigma, frame, settings)
 
 
 @njit(cache=True)

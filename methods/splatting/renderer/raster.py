@@ -6,8 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from ...learned.compiled.pool import in_parts
+from ...learned.compiled.threads import in_use
 from .camera import Camera
 from .ellipses import Ellipses
 from .settings import Drawing
@@ -35,7 +37,8 @@ def rasterise(ellipses: Ellipses, camera: Camera, how: Drawing) -> Lists:
     starts, members = binned(order, ellipses.shown, ellipses.place, ellipses.half, (width, height), TILE)
     settings, size = (how.cutoff, how.depth_limit, how.layers), (height, width, how.layers)
     lists = Lists(np.full(size, -1, np.int32), np.full(size, np.inf), np.zeros(size), np.zeros(size[:2], np.int64))
-    _rasterise(tuple(ellipses), starts, members, camera.lens(), (width, height), settings, tuple(lists))
+    arguments = (tuple(ellipses), starts, members, camera.lens(), (width, height), settings, tuple(lists))
+    in_parts(_rasterise, len(starts) - 1, in_use(), *arguments)
     return lists
 
 
@@ -92,16 +95,15 @@ def depth_at(position, normal, reach, column, row, lens):
     return min(max(plane / slope, position[2] - reach), position[2] + reach)
 
 
-@njit(parallel=True, cache=True)
-def _rasterise(ellipses, starts, members, lens, size, settings, lists):
+@njit(nogil=True, cache=True)
+def _rasterise(begin, end, ellipses, starts, members, lens, size, settings, lists):
     """Fill the lists."""
-    for tile in prange(len(starts) - 1):
-        _of_tile(np.int64(tile), ellipses, starts, members, lens, size, settings, lists)
+    for tile in range(begin, end):
+        _of_tile(tile, ellipses, starts, members, lens, size, settings, lists)
 
 
 @njit(cache=True)
 def _of_tile(tile, ellipses, starts, members, lens, size, settings, lists):
-    """A function of its own, for the loops of a parallel one take many times as long to compile."""
     _, place, position, normal, form, half, peak, reach = ellipses
     index, depth, rho, front = lists
     width, height = size

@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from ...learned.compiled.pool import in_parts
+from ...learned.compiled.threads import in_use
 from .blocks import LEAF, of_block, pyramid
 from .camera import Camera
 from .changes import change_with, change_without, entry_of, of_hidden, per_pixel
@@ -28,15 +30,14 @@ def _guarded(value, by):
     return value + by if value >= 0 else value - by
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def _gradient(ellipses, lists, pixels, active, blocks, attributes, lens, how, opening, back):
-    for k in prange(len(back)):  # a signed number, or all that it is handed to would be compiled twice
-        _of_splat(np.int64(k), ellipses, lists, pixels, active, blocks, attributes, lens, how, opening, back)
+@njit(nogil=True, cache=True, error_model="numpy")
+def _gradient(begin, end, ellipses, lists, pixels, active, blocks, attributes, lens, how, opening, back):
+    for k in range(begin, end):
+        _of_splat(k, ellipses, lists, pixels, active, blocks, attributes, lens, how, opening, back)
 
 
 @njit(cache=True, error_model="numpy")
 def _of_splat(k, ellipses, lists, pixels, active, blocks, attributes, lens, how, opening, back):
-    """A function of its own, for the loops of a parallel one take many times as long to compile."""
     shown, place, position, _, form, half, peak, _ = ellipses
     index, depth, rho, front = lists
     pull, of_entries, of_image, total = pixels
@@ -136,11 +137,11 @@ def _of_splat(k, ellipses, lists, pixels, active, blocks, attributes, lens, how,
     back[k, 0], back[k, 1], back[k, 2] = gx * fx / z, (gx * skew + gy * fy) / z, gz
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def _gaussian_gradient(ellipses, lists, pixels, active, attributes, lens, how, back):
+@njit(nogil=True, cache=True, error_model="numpy")
+def _gaussian_gradient(begin, end, ellipses, lists, pixels, active, attributes, lens, how, back):
     """By the Gaussians, which end soon: pixels beyond FAINT are nothing."""
-    for k in prange(len(back)):
-        _of_gaussian(np.int64(k), ellipses, lists, pixels, active, attributes, lens, how, back)
+    for k in range(begin, end):
+        _of_gaussian(k, ellipses, lists, pixels, active, attributes, lens, how, back)
 
 
 @njit(cache=True, error_model="numpy")
@@ -217,11 +218,12 @@ def visibility_gradient(
     arguments, back = (tuple(ellipses), tuple(lists), pixels, active), np.zeros((len(ellipses.shown), 3))
     if how.gradient == "rbf":
         settings = (how.depth_limit, how.cutoff)
-        _gaussian_gradient(*arguments, attributes, camera.lens(), settings, back)
+        in_parts(_gaussian_gradient, len(back), in_use(), *arguments, attributes, camera.lens(), settings, back)
     else:
         peaks = ellipses.peak[ellipses.shown]
         typical = float(np.median(peaks)) if len(peaks) else 1.0
         blocks = pyramid(gradient, of_image, total, lists.depth, lists.front, active, typical)
-        settings = (how.epsilon, how.depth_limit, how.occlusion, typical, how.window or math.inf)
-        _gradient(*arguments, blocks, attributes, camera.lens(), settings, float(how.opening), back)
+        numbers = (how.epsilon, how.depth_limit, how.occlusion, typical, how.window or math.inf)
+        settings = (camera.lens(), numbers, float(how.opening))
+        in_parts(_gradient, len(back), in_use(), *arguments, blocks, attributes, *settings, back)
     return back @ camera.rotation
