@@ -14,7 +14,7 @@ from bench.plugins.schema import build
 
 CGAL = importlib.util.find_spec("CGAL") is not None
 BY_CGAL = {"advancing_front", "alpha_wrap", "jet", "bilateral", "wlop", "ear"}
-POINTS = 1000
+POINTS = 600
 COARSE = {"resolution": 40}  # of 200 cells, for both calls: marching cubes take half a minute there
 # Open3D's solver computes in single precision. MeshLab stops the projection of APSS early, at an accuracy that depends
 # on what is in memory (see mls.py), and that the method does not ask for: half of the points agree to 1e-3, all to a

@@ -232,6 +232,8 @@ inputs = {
     "two clusters": np.vstack([0.01 * sphere(200) - 0.5, 0.01 * sphere(200) + 0.5]),
 }
 degenerate = len(sys.argv) > 2
+# Lattices of a plane are seen in the tests of planes, and in those of splines.
+ELSEWHERE = [("poisson", "grid"), ("ipsr", "grid"), ("neural_splines", "grid")]
 # A surface is sampled whatever it was made of: that it is made is seen by reconstruct already.
 SAMPLED = {"poisson": ["0", "4", "equal", "nan", "tripled", "two clusters"]}
 for name, parameters in json.loads(sys.argv[1]).items():
@@ -240,7 +242,7 @@ for name, parameters in json.loads(sys.argv[1]).items():
         what = type(task).__name__.lower()
         if not hasattr(method, what):
             continue
-        labels = SAMPLED.get(name, inputs) if what == "upsample" else inputs
+        labels = SAMPLED.get(name, inputs) if what == "upsample" else [x for x in inputs if (name, x) not in ELSEWHERE]
         for label, points in [(label, inputs[label]) for label in labels] if degenerate else ():
             print("BEGIN", name, what, label, flush=True)
             given = task.input(PointCloud(points))
