@@ -160,7 +160,7 @@ def test_a_training_that_was_killed_ends_with_the_same_weights():
 @pytest.mark.parametrize("more", [{}, {"cage": "invariant", "laplacian": 1.0}, {"cage": "identity"}])
 def test_a_training_lowers_its_loss(more):
     still = {"partners": False, "stretch": 0.0, "warm_up": 0.0}
-    method = NeuralCages(points=64, code=16, batch=2, steps=60, neighbours=6, **still, **more)
+    method = NeuralCages(points=64, code=16, batch=2, steps=40, neighbours=6, **still, **more)
     run = Logged(seed=0)
     weights = method.fit(examples(corresponding=method.cage == "identity"), run)
     losses = run.losses()

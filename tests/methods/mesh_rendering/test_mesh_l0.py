@@ -62,7 +62,7 @@ def test_images_of_a_cube_are_already_piecewise_constant():
 
 def test_a_little_noise_on_a_cube_is_smoothed():
     points, exact = cube(noise=0.004)
-    method = PaparazziL0(cycles=2, steps=25, views=8, pixels=96, rate=0.01)
+    method = PaparazziL0(cycles=2, steps=20, views=6, pixels=80, rate=0.01)
     out = method.denoise(PointCloud(points, exact), Run(seed=1))
     assert len(out) == len(points)
     before = method.__class__(cycles=1, steps=1, rate=1e-9).denoise(PointCloud(points, exact), Run(seed=1))
