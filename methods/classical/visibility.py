@@ -34,8 +34,9 @@ def facing(points: np.ndarray, normals: np.ndarray) -> np.ndarray | None:
 
     spacing = mean_spacing(points)
     best, least = None, OPEN
-    for wall in WALLS:
-        signs, leak = _signs(points, normals, wall * spacing)
+    # Walls thinner than the smallest cells are one and the same.
+    for cell, wall in dict.fromkeys(_cell_and_wall(points, wall * spacing) for wall in WALLS):
+        signs, leak = _signs(points, normals, cell, wall)
         if leak < least and signs.any():
             best, least = signs, leak
         if leak < LEAKY:
@@ -43,9 +44,15 @@ def facing(points: np.ndarray, normals: np.ndarray) -> np.ndarray | None:
     return best
 
 
-def _signs(points: np.ndarray, normals: np.ndarray, wall: float) -> tuple[np.ndarray, float]:
+def _cell_and_wall(points: np.ndarray, wall: float) -> tuple[float, float]:
+    """The side of the cells of a grid for a wall, and the wall that is as thick at least as these can tell."""
+    cell = max(wall / 3, float(np.ptp(points, axis=0).max()) / CELLS)
+    return cell, max(wall, 1.5 * cell)
+
+
+def _signs(points: np.ndarray, normals: np.ndarray, cell: float, wall: float) -> tuple[np.ndarray, float]:
     """The signs with one thickness of the wall, and the share of the points through which it leaks."""
-    regions, origin, cell, wall = _regions(points, wall)
+    regions, origin = _regions(points, cell, wall)
     beyond = wall + cell * np.arange(0.5, FAR)
     (front, near_front), (back, near_back) = (
         _first_region(regions, (points + side * beyond[:, None, None] * normals - origin) / cell) for side in (1, -1)
@@ -59,18 +66,16 @@ def _signs(points: np.ndarray, normals: np.ndarray, wall: float) -> tuple[np.nda
     return np.where(np.minimum(near_front, near_back) <= NEAR, signs, 0), leak
 
 
-def _regions(points: np.ndarray, wall: float) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Regions of empty space numbered from 1 on a grid, 0 for the wall; its origin, cell, and the wall that it has."""
+def _regions(points: np.ndarray, cell: float, wall: float) -> tuple[np.ndarray, np.ndarray]:
+    """Regions of empty space numbered from 1 on a grid, 0 for the wall; and its origin."""
     from scipy import ndimage
 
     extent = np.ptp(points, axis=0)
-    cell = max(wall / 3, extent.max() / CELLS)
-    wall = max(wall, 1.5 * cell)
     margin = wall + (FAR + 1) * cell
     origin = points.min(axis=0) - margin
     empty = np.ones(np.ceil((extent + 2 * margin) / cell).astype(int) + 1, dtype=bool)
     empty[tuple(((points - origin) / cell).astype(int).T)] = False
-    return ndimage.label(ndimage.distance_transform_edt(empty, sampling=cell) > wall)[0], origin, cell, wall
+    return ndimage.label(ndimage.distance_transform_edt(empty, sampling=cell) > wall)[0], origin
 
 
 def _first_region(regions: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
