@@ -235,18 +235,20 @@ def connected(terrain: Terrain, centre: np.ndarray, radius: float, one: int, oth
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    low, high = terrain.corners.min(axis=1), terrain.corners.max(axis=1)
-    inside = np.flatnonzero(((low < centre + radius) & (high > centre - radius)).all(axis=1))
+    low, high = terrain.boxes
+    within = [(low[k] < centre[k] + radius) & (high[k] > centre[k] - radius) for k in range(3)]
+    inside = np.flatnonzero(within[0] & within[1] & within[2])
     half = (3 * inside[:, None] + np.arange(3)).ravel()
     across = terrain.opposite[half]
-    start = terrain.corners.reshape(-1, 3)[half]
-    along = np.roll(terrain.corners, -1, axis=1).reshape(-1, 3)[half] - start
+    corners = terrain.corners.take(inside, axis=0)
+    start = corners.reshape(-1, 3)
+    along = corners.take([1, 2, 0], axis=1).reshape(-1, 3) - start
     share = np.clip(np.einsum("ni,ni->n", centre - start, along) / np.einsum("ni,ni->n", along, along), 0, 1)
     near = ((start + share[:, None] * along - centre) ** 2).sum(axis=1) < radius**2
     half, across = half[near & (across >= 0)] // 3, across[near & (across >= 0)] // 3
     label = np.full(len(terrain.faces), -1)
     faces = np.unique(np.concatenate([half, across, [one, other]]))
     label[faces] = np.arange(len(faces))
-    graph = coo_array((np.ones(len(half), dtype=bool), (label[half], label[across])), shape=(len(faces),) * 2)
+    graph = coo_array((np.ones(len(half)), (label[half], label[across])), shape=(len(faces),) * 2)
     parts = connected_components(graph, directed=False)[1]
     return bool(parts[label[one]] == parts[label[other]])
