@@ -42,14 +42,13 @@ FAMILIES = {"blobs": Blobs, "tpms": Tpms, "knots": Knots, "smooth_csg": SmoothCs
 ALL = [(family, index) for family in FAMILIES for index in range(4 if family == "knots" else 2)]
 ONE = [("blobs", 1), ("tpms", 1), ("tpms", 2), ("knots", 0), ("knots", 1), ("smooth_csg", 1), ("branches", 1)]
 IMPLICIT = [(family, index) for family, index in ONE if family != "knots"]
-REFINED = [("blobs", 0), ("branches", 0)]  # tpms and smooth_csg are refined in the tests of refining
 
 
 @cache  # meshes are made once
 def shape(family: str, index: int = 0, split: str = "test"):
-    """A shape of a family; few have their fine triangles, which take seconds."""
+    """A shape of a family without its fine triangles, which take seconds and are in the tests of refining."""
     made = next(islice(FAMILIES[family]().shapes(split), index, None))
-    return made if family == "knots" or (family, index) in REFINED else even(made)
+    return made if family == "knots" else even(made)
 
 
 def rotation(seed: int = 0) -> np.ndarray:

@@ -107,5 +107,10 @@ def test_exact_samples_are_near_the_mesh(family, index, mean, largest):
     points = shape.surface.sample(20_000, generator(0))[0]
     distance = TriangleTree(shape.mesh.vertices, shape.mesh.faces).closest(points).distance
     assert distance.mean() < mean and distance.max() < largest
-    assert len(shape.mesh.faces) <= 200_000
+    assert len(shape.mesh.faces) <= 200_000 and 10_000 <= len(shape.mesh.vertices) <= 105_000
+    counts = count_topology(shape.mesh.vertices, shape.mesh.faces)
+    assert counts.watertight and (counts.components, counts.genus) == (1, shape.info.get("genus", counts.genus))
+    assert shape.mesh.is_winding_consistent and shape.mesh.volume > 0
+    assert len(np.unique(shape.mesh.vertices, axis=0)) == len(shape.mesh.vertices)
+    assert shape.mesh.area_faces.min() > 1e-6 * shape.mesh.area_faces.mean()
     assert not self_intersecting_faces(shape.mesh.vertices, shape.mesh.faces).any()
