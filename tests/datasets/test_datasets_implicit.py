@@ -75,7 +75,7 @@ def torus_distance(points, major, minor):
 
 @pytest.mark.parametrize("kind", ["teapot", "mug"])
 def test_teapots_and_mugs_have_one_handle_whose_hole_is_open(kind):
-    made = next(islice(Teapots(kind=kind, upright=True).shapes("test"), 3, None))
+    made = even(next(islice(Teapots(kind=kind, upright=True).shapes("test"), 3, None)))
     counts = count_topology(made.mesh.vertices, made.mesh.faces)
     assert (counts.components, counts.genus, counts.watertight) == (1, 1, True)
     # The silhouette along y, at 2.5 % of the size: in its background, the hole of the handle is a piece of its own.
@@ -205,7 +205,7 @@ def test_a_primitive_is_a_distance_with_its_gradient(name):
     # The foot point along the gradient lies on the surface, and no point of the mesh is nearer.
     distance = value[value > 0.01]
     assert np.abs(node.gradient(outside - distance[:, None] * exact)[0]).max() < 1e-12
-    nearest = cKDTree(implicit(node, 0.03, 1.5).mesh.vertices).query(outside)[0]
+    nearest = cKDTree(implicit(node, 0.03, 1.5, refine=False).mesh.vertices).query(outside)[0]
     assert (distance <= nearest + 1e-12).all() and (nearest - distance).max() < 0.012
 
 
@@ -304,19 +304,23 @@ def test_samples_are_uniform_by_area(family, index):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_same_twice_and_never_in_both_splits(family):
-    index = {"tpms": 5, "branches": 2}.get(family, 1)
 
     def made(split):
-        return even(next(islice(FAMILIES[family]().shapes(split), index, None)))
+        return even(next(islice(FAMILIES[family]().shapes(split), 1, None)))
 
-    first, second = made("test"), made("test")
+    first, second = shape(family, 1), made("test")
     assert first.mesh.vertices.tobytes() == second.mesh.vertices.tobytes()
     assert np.array_equal(first.mesh.faces, second.mesh.faces)
     assert all(
         a.tobytes() == b.tobytes()
         for a, b in zip(*(one.surface.sample(500, generator(1)) for one in (first, second)), strict=True)
     )
-    assert made("train").mesh.vertices[:100].tobytes() != first.mesh.vertices[:100].tobytes()
+    ours, theirs = first.surface, made("train").surface
+    places = np.random.default_rng(0).uniform(-1, 1, size=(100, 3))
+    if family == "knots":
+        assert theirs.mesh.vertices[:100].tobytes() != ours.mesh.vertices[:100].tobytes()
+    else:
+        assert theirs.body.field.value(places).tobytes() != ours.body.field.value(places).tobytes()
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -360,6 +364,8 @@ def test_wrong_parameters_are_named(family, parameters, name):
 )
 def test_parameters_at_their_limits(family, parameters):
     made = next(FAMILIES[family](**parameters).shapes("train"))
+    if family in ("blobs", "smooth_csg"):
+        even(made)
     counts = count_topology(made.mesh.vertices, made.mesh.faces)
     assert counts.watertight and counts.genus == made.info.get("genus", counts.genus)
 
@@ -513,6 +519,6 @@ def test_the_rings_of_a_chain_keep_their_gap_from_all_others():
 
 def test_differences_leave_what_formulas_say():
     """A ball with a drilled bore: a ring of genus 1, whose volume is nearly that of the napkin ring."""
-    ring = implicit(Difference(placed(sphere(1.0)), placed(capsule(3.0, 0.6)), 0.002), 0.04).mesh
+    ring = implicit(Difference(placed(sphere(1.0)), placed(capsule(3.0, 0.6)), 0.002), 0.04, refine=False).mesh
     assert count_topology(ring.vertices, ring.faces).genus == 1
     assert ring.volume == pytest.approx(np.pi / 6 * (2 * 0.8) ** 3, rel=0.01)

@@ -381,7 +381,8 @@ def test_plates_have_their_thickness_ends_and_tags(index):
 
 
 def test_a_hem_nearly_touches_itself():
-    hems = [made for made in islice(Plates(kind="folded", spacing=0.03).shapes("test"), 8) if made.info["kind"] == "hem"]
+    folded = islice(Plates(kind="folded", spacing=0.03).shapes("test"), 8)
+    hems = [made for made in folded if made.info["kind"] == "hem"]
     assert hems and all("near_contact" in made.traits.tags for made in hems)
     points, normals = hems[0].surface.sample(4000, generator(5))
     ahead = points + 0.02 * normals  # the gap is 0.02 and 0.4 of the thickness more
