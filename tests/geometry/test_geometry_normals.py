@@ -13,14 +13,14 @@ from bench.geometry.normal_signs import consistent_signs
 from bench.geometry.normals import completed, disagreement, estimate_normals, oriented_normals, with_normals
 from bench.notices import InputWarning, collected
 
-NOISY = [("sphere", 5000, 0.0), ("sphere", 5000, 0.02), ("cube", 5000, 0.0), ("cube", 5000, 0.01)]
-NOISY += [("bumps", 5000, 0.005), ("bumps", 5000, 0.03), ("humanoids", 5000, 0.01)]
+NOISY = [("sphere", 3000, 0.0), ("sphere", 3000, 0.02), ("cube", 3000, 0.0), ("cube", 3000, 0.01)]
+NOISY += [("bumps", 3000, 0.005), ("bumps", 5000, 0.03), ("knots", 3000, 0.01)]
 CLOUDS = {f"{name} {count} {noise}": (noisy, (name, count, noise)) for name, count, noise in NOISY}
-CLOUDS |= {"dense sphere": (noisy, ("sphere", 15_000, 0.05))}
-CLOUDS |= {"laplace": (lambda: noisy("torus", 8000, 0.02, kind="laplace"), ())}
-CLOUDS |= {f"rings {ratio}": (rings, (ratio, 30)) for ratio in (1, 2, 4, 8)}
-CLOUDS |= {"noisy rings": (rings, (8, 30, 0.01)), "range noise": (rings, (8, 30, 0.01, "ray"))}
-CLOUDS |= {"scans": (scans, ("bumps", "triangulation", 4, 1.0, 0.005))}
+CLOUDS |= {"dense sphere": (noisy, ("sphere", 8000, 0.05))}
+CLOUDS |= {"laplace": (lambda: noisy("torus", 4000, 0.02, kind="laplace"), ())}
+CLOUDS |= {f"rings {ratio}": (rings, (ratio, count)) for ratio, count in ((1, 30), (4, 20), (8, 20))}
+CLOUDS |= {"noisy rings": (rings, (8, 20, 0.01)), "range noise": (rings, (8, 20, 0.01, "ray"))}
+CLOUDS |= {"scans": (scans, ("bumps", "triangulation", 2, 1.0, 0.005))}
 
 
 @pytest.mark.parametrize("name", CLOUDS)
@@ -37,17 +37,17 @@ def test_no_worse_than_the_better_of_two_fixed_sizes(name):
 
 def test_edges_and_thin_sheets_are_no_worse_than_from_16_neighbours_where_there_is_no_noise():
     for name in ("cube", "plate"):
-        points, truth = noisy(name, 8000, 0.0)
+        points, truth = noisy(name, 5000, 0.0)
         assert degrees(estimate_normals(points).normals, truth).mean() < 1.1 * degrees(plain(points, 16), truth).mean()
 
 
 @pytest.mark.parametrize("ratio", [2, 4, 8])
 def test_orientation_crosses_from_one_scan_line_to_the_next(ratio):
-    points, truth = rings(ratio, 30)
+    points, truth = rings(ratio, 20)
     assert (np.einsum("ni,ni->n", oriented_normals(points), truth) > 0).mean() > 0.999
 
 
-@pytest.mark.parametrize("cloud", [("sphere", 8000, 0.05), ("plate", 8000, 0.005), ("torus", 8000, 0.02)])
+@pytest.mark.parametrize("cloud", [("sphere", 4000, 0.05), ("plate", 8000, 0.005), ("torus", 4000, 0.02)])
 def test_orientation_of_noisy_surfaces_and_of_both_sides_of_a_plate(cloud):
     points, truth = noisy(*cloud)
     assert (np.einsum("ni,ni->n", oriented_normals(points), truth) > 0).mean() > 0.97
