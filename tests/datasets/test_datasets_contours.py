@@ -174,10 +174,10 @@ def test_a_distance_to_the_ribbon_is_one_to_the_curve(kind, index):
 
 
 def test_a_shape_is_the_same_every_time_and_all_are_distinct():
-    counts = {"test": 20, "train": 200}
-    hashes = {split: [mesh_hash(s.mesh) for s in islice(Contours().shapes(split), counts[split])] for split in counts}
-    assert len({*hashes["test"], *hashes["train"]}) == 220
-    assert hashes["train"][:5] == [mesh_hash(s.mesh) for s in islice(Contours().shapes("train"), 5)]
+    made = [*islice(Contours().shapes("train"), 60), *islice(Contours().shapes("test"), 20)]
+    assert len({np.concatenate(one.surface.curves).tobytes() for one in made}) == 80
+    for one, again in zip(made[:5], Contours().shapes("train"), strict=False):
+        assert mesh_hash(one.mesh) == mesh_hash(again.mesh)
 
 
 @pytest.mark.parametrize("kind", list(GLYPHS))

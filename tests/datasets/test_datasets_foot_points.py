@@ -15,17 +15,19 @@ from bench.datasets.fbm import Fbm
 from bench.datasets.reliefs import Reliefs
 from bench.datasets.surfaces.basins import Basins, best_of
 
-FAR = [(Fbm, 2), (Branches, 2), (Bumps, 1), (Reliefs, 1)]
+FAR = [(Fbm(cells=48), 2), (Branches(goals=100), 2), (Bumps(subdivisions=5), 1), (Reliefs(cells=256), 1)]
 
 
-@pytest.mark.parametrize(("family", "index"), FAR, ids=lambda value: getattr(value, "__name__", str(value)))
+@pytest.mark.parametrize(
+    ("family", "index"), FAR, ids=lambda value: type(value).__name__ if hasattr(value, "shapes") else str(value)
+)
 def test_far_foot_points_are_nearer_than_all_samples(family, index):
-    shape, _ = even(next(islice(family().shapes("test"), index, None))).framed()
+    shape, _ = even(next(islice(family.shapes("test"), index, None))).framed()
     rng = generator(5)
     low, high = shape.mesh.bounds
     points = (low + high) / 2 + (rng.random((300, 3)) - 0.5) * 3 * (high - low)
     distance = np.linalg.norm(points - shape.surface.closest(points)[0], axis=1)
-    brute = cKDTree(shape.surface.sample(80_000, rng)[0]).query(points)[0]
+    brute = cKDTree(shape.surface.sample(40_000, rng)[0]).query(points)[0]
     # A basin that is narrower than an edge of the mesh may still be missed.
     assert (distance > brute + 1e-9).sum() <= 1 and (distance - brute).max() < 2e-4
 
