@@ -15,7 +15,7 @@ from bench.datasets.fbm import Fbm
 from bench.datasets.reliefs import Reliefs
 from bench.datasets.surfaces.basins import Basins, best_of
 
-FAR = [(Fbm(cells=48), 2), (Branches(goals=100), 2), (Bumps(subdivisions=5), 1), (Reliefs(cells=256), 1)]
+FAR = [(Fbm(cells=48), 2), (Branches(goals=100), 2), (Bumps(subdivisions=5), 1), (Reliefs(), 1)]
 
 
 @pytest.mark.parametrize(
