@@ -171,9 +171,8 @@ class Terrain:
             stop = stop + stopping
             going &= stop < stops.shape[1]
             kept = np.flatnonzero(going)  # taking by number is several times as fast as by a mask
-            rows, face, weights, direction, way, stop, sign = (
-                x.take(kept, axis=0) for x in (rows, face, weights, direction, way, stop, sign)
-            )
+            arrays: list[np.ndarray] = [rows, face, weights, direction, way, stop, sign]
+            rows, face, weights, direction, way, stop, sign = (x.take(kept, axis=0) for x in arrays)
             if not len(rows):
                 break
         return found
