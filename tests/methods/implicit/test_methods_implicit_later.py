@@ -427,7 +427,7 @@ def test_sap_is_the_same_on_two_threads():
     """Of so many points that the gradient of a look-up by ``[...]`` is summed in any order."""
     torch.set_num_threads(2)
     try:
-        method = Sap(steps=2, resolution=96)
+        method = Sap(steps=3, resolution=96)
         assert same(*(method.reconstruct(ball(6000), Run(seed=1, threads=2)) for _ in range(2)))
     finally:
         torch.set_num_threads(1)
