@@ -67,6 +67,7 @@ class Worker:
         self.stage, self.index = "start", -1
         self.printed = b""
         self._buffer = bytearray()
+        self._forged = False  # something else has written to its messages
         self._finished_at: float | None = None  # when it reported that it is done
         self._below: list[psutil.Process] = []
         self._below_at = time.monotonic()  # it has just been forked: it has no children yet
@@ -97,8 +98,9 @@ class Worker:
                 self.kill()
             seconds = time.monotonic() - self._since
             status = self._reap()
+            # After a message that no worker sends, what came before the kill is not believed either.
             try:
-                for fd in self._fds:
+                for fd in self._fds[1:] if self._forged else self._fds:
                     self._drain(fd)
             except NoEvent as error:
                 killed = killed or ("crashed", str(error))
@@ -120,6 +122,7 @@ class Worker:
                         if not self._drain(key.fd):
                             selector.unregister(key.fd)
                 except NoEvent as error:
+                    self._forged = True
                     return "crashed", str(error)
                 self.alive()
                 if self._is_over():

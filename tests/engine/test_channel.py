@@ -2,6 +2,7 @@
 
 import json
 import os
+import time
 
 import numpy as np
 import pytest
@@ -188,6 +189,23 @@ def test_nothing_that_changes_a_result_comes_after_the_end():
 
     death, _ = watched(more)
     assert death.status == "crashed" and "an event 'result' after 'done'" in death.message
+
+
+def test_nothing_counts_after_a_message_that_no_worker_sends(monkeypatch):
+    """What it sends before it is killed, late on a busy machine, would be the result of a case, and end the next."""
+    kill = watch.Worker.kill
+    monkeypatch.setattr(watch.Worker, "kill", lambda worker: time.sleep(0.4) or kill(worker))
+
+    def forging(channel):
+        channel.enter("method", 1)
+        channel.send("resume")
+        time.sleep(0.1)
+        channel.enter("method", 2)
+        time.sleep(60)
+
+    death, heard = watched(forging)
+    assert death.status == "crashed" and death.index == 1 and "without a 'pause'" in death.message
+    assert [event["index"] for event in heard] == [1]
 
 
 def test_a_clock_that_was_stopped_twice_stands_still_until_it_is_started_twice():
