@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import fcntl
 import gc
 import importlib
 import json
 import os
+import runpy
 import signal
 import socket
 import subprocess
@@ -37,6 +39,8 @@ IMPORTS = (
     "hydra_plugins.hydra_joblib_launcher.joblib_launcher",
     "hydra.compose",
     "omegaconf._impl",
+    "joblib.externals.loky.backend.fork_exec",
+    "joblib.externals.loky.process_executor",
     "pandas",
     "pandas.core.methods.to_dict",
     "pyarrow.pandas_compat",
@@ -60,6 +64,7 @@ OF_COMMANDS = {"figure": ("pyvista.plotting", "bench.pictures.figure", "bench.pi
 SERVERS = 2  # that a command may need: one for each set of libraries
 CALL_NO_METHOD = ("compare", "leaderboard", "list", "new", "plan", "why")
 TYPICAL = ("task=denoise", "method=a,b", "metric=[a,b]", "cases=2", "sensor.noise=0.01", "results=/a/b.c-d")
+JOBLIB = "joblib.externals.loky.backend"
 
 
 def answer(request: dict[str, Any]) -> tuple[int | None, str, str]:
@@ -92,14 +97,25 @@ def become_command(request: dict[str, Any], out: int, err: int) -> None:
         os.dup2(file, name)
     os.chdir(request["folder"])
     same_path = os.environ.get("PYTHONPATH") == request["environment"].get("PYTHONPATH")  # of libraries, too
-    servers = SERVERS if same_path and request["words"][:1] not in [[name] for name in CALL_NO_METHOD] else 0
+    calls_methods = request["words"][:1] not in [[name] for name in CALL_NO_METHOD]
     os.environ.clear()
     os.environ.update(request["environment"])
     Path("/proc/self/comm").write_text(request["mark"])
     from bench import cli
+
+    if same_path and calls_methods:
+        if "hydra/launcher=joblib" in request["words"]:
+            with_warm_processes_of_joblib([WarmProcess() for _ in range(SERVERS)])
+        with_warm_servers()
+    sys.argv = ["detailbench", *request["words"]]
+    end(cli.main)
+
+
+def with_warm_servers() -> None:
+    """Have this process start its fork servers for one thread as forks of itself as it is now."""
     from bench.engine import forkserver
 
-    ready, start = [WarmServer() for _ in range(servers)], forkserver.start_process
+    ready, start = [WarmServer() for _ in range(SERVERS)], forkserver.start_process
 
     def start_process(channel: int, threads: int, printed: int) -> Any:
         if threads > 1 or not ready:  # the libraries are there already, for one thread
@@ -107,8 +123,17 @@ def become_command(request: dict[str, Any], out: int, err: int) -> None:
         return ready.pop().begin(channel, printed)
 
     forkserver.start_process = start_process
-    sys.argv = ["detailbench", *request["words"]]
-    end(cli.main)
+
+
+def with_warm_processes_of_joblib(ready: list[WarmProcess]) -> None:
+    """Have joblib start its processes as those forks, which know nothing that the command does from here on."""
+    module = importlib.import_module(f"{JOBLIB}.fork_exec")
+    start = module.fork_exec
+
+    def fork_exec(command: list[str], fds: list[int], env: dict[str, str] | None = None) -> int:
+        return ready.pop().begin(command, fds, env or {}) if ready else start(command, fds, env)
+
+    module.fork_exec = fork_exec
 
 
 def end(main: Callable[[], int]) -> NoReturn:
@@ -162,6 +187,45 @@ class WarmServer:
     def kill(self) -> None:
         if self.returncode is None:
             os.kill(self.pid, signal.SIGKILL)
+
+
+class WarmProcess:
+    """A child that becomes a process of joblib when it is told to; it has fork servers of its own."""
+
+    def __init__(self) -> None:
+        self._tell, told = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.pid = os.fork()
+        if not self.pid:
+            self._tell.close()
+            _work_for_joblib(told)
+
+    def begin(self, command: list[str], fds: list[int], env: dict[str, str]) -> int:
+        fds = sorted(map(int, fds))
+        deaf = signal.getsignal(signal.SIGINT) == signal.SIG_IGN  # which a process inherits
+        socket.send_fds(self._tell, [json.dumps([command, fds, {**os.environ, **env}, deaf]).encode()], fds)
+        self._tell.close()
+        return self.pid
+
+
+def _work_for_joblib(told: socket.socket) -> NoReturn:
+    """Wait to be told, and be what ``python -m ...popen_loky_posix`` is, with the descriptors under their numbers."""
+    words, given, _, _ = socket.recv_fds(told, 1 << 17, 16)
+    told.close()
+    if not words:
+        os._exit(0)
+    command, fds, environment, deaf = json.loads(words)
+    aside = [fcntl.fcntl(fd, fcntl.F_DUPFD, 100 + max(fds)) for fd in given]
+    os.closerange(3, 100 + max(fds))
+    for fd, number in zip(aside, fds, strict=True):
+        os.dup2(fd, number)
+        os.close(fd)
+    os.environ.clear()
+    os.environ.update(environment)
+    if deaf:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with_warm_servers()
+    sys.argv = command[2:]  # after python -m
+    end(lambda: runpy.run_module(f"{JOBLIB}.popen_loky_posix", run_name="__main__", alter_sys=True))
 
 
 def _serve(told: socket.socket) -> None:
