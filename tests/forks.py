@@ -103,9 +103,9 @@ def become_command(request: dict[str, Any], out: int, err: int) -> None:
     Path("/proc/self/comm").write_text(request["mark"])
     from bench import cli
 
-    if same_path and calls_methods:
-        if "hydra/launcher=joblib" in request["words"]:
-            with_warm_processes_of_joblib([WarmProcess() for _ in range(SERVERS)])
+    if calls_methods and "hydra/launcher=joblib" in request["words"]:
+        with_warm_processes_of_joblib([WarmProcess(same_path) for _ in range(SERVERS)])
+    if calls_methods and same_path:
         with_warm_servers()
     sys.argv = ["detailbench", *request["words"]]
     end(cli.main)
@@ -190,14 +190,14 @@ class WarmServer:
 
 
 class WarmProcess:
-    """A child that becomes a process of joblib when it is told to; it has fork servers of its own."""
+    """A child that becomes a process of joblib when it is told to; it has fork servers of its own, warm ones or not."""
 
-    def __init__(self) -> None:
+    def __init__(self, servers: bool) -> None:
         self._tell, told = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.pid = os.fork()
         if not self.pid:
             self._tell.close()
-            _work_for_joblib(told)
+            _work_for_joblib(told, servers)
 
     def begin(self, command: list[str], fds: list[int], env: dict[str, str]) -> int:
         fds = sorted(map(int, fds))
@@ -207,7 +207,7 @@ class WarmProcess:
         return self.pid
 
 
-def _work_for_joblib(told: socket.socket) -> NoReturn:
+def _work_for_joblib(told: socket.socket, servers: bool) -> NoReturn:
     """Wait to be told, and be what ``python -m ...popen_loky_posix`` is, with the descriptors under their numbers."""
     words, given, _, _ = socket.recv_fds(told, 1 << 17, 16)
     told.close()
@@ -223,7 +223,8 @@ def _work_for_joblib(told: socket.socket) -> NoReturn:
     os.environ.update(environment)
     if deaf:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with_warm_servers()
+    if servers:
+        with_warm_servers()
     sys.argv = command[2:]  # after python -m
     end(lambda: runpy.run_module(f"{JOBLIB}.popen_loky_posix", run_name="__main__", alter_sys=True))
 
