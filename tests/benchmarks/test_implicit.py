@@ -20,7 +20,7 @@ from bench.plugins.registry import registry
 
 SHORT = "DETAILBENCH_SHORT" in os.environ
 ROUNDS = 3 if SHORT else 9
-POINTS = 1024 if SHORT else 4096  # of a step
+POINTS = 512 if SHORT else 4096  # of a step
 LEAST_STEP = 1.5
 SECONDS = 60  # of siren
 LEAST_SOONER = 5

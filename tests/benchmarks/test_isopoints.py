@@ -14,7 +14,7 @@ from bench.methods.learned.training.loop import _step
 from bench.methods.learned.training.settings import Training
 from bench.plugins.presets import presets
 
-ROUNDS = 3 if "DETAILBENCH_SHORT" in os.environ else 9
+ROUNDS = 2 if "DETAILBENCH_SHORT" in os.environ else 9
 MOST_STEPS = 3
 POINTS = 30_000  # of the cloud: an eighth as many iso-points
 

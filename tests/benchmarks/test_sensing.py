@@ -13,7 +13,7 @@ from bench.plugins.registry import registry
 
 SHORT = "DETAILBENCH_SHORT" in os.environ
 ROUNDS = 2 if SHORT else 7
-COUNT = 20_000
+COUNT = 12_000 if SHORT else 20_000
 PIXELS = 400 if SHORT else 1_000  # along an image: a million rays
 LIMITS = {"sampling": 1.5, "scanning": 3.0}  # scanning: hits in float64 with exact incidence, which no library gives
 
