@@ -157,6 +157,8 @@ def _can_mount() -> bool:
 def test_a_full_disk(shell, size):
     """A small file system: fill it, sweep, free it, sweep again."""
     shell.results.mkdir()
+    before = shell.folder / "before"
+    assert shell.run("method=fine", "cases=3", "method.salt=1", f"results={before}").returncode == 0
     words = " ".join(("method=fine", "method.salt=$1", "cases=3"))
     script = f"""
         mount -t tmpfs -o size={size} tmpfs "$RESULTS" || exit 99
@@ -165,7 +167,7 @@ def test_a_full_disk(shell, size):
                 'metric=[spread]' {words} results="$RESULTS"
             echo "code $?" >&2
         }}
-        sweep 1
+        cp -a {before}/cells "$RESULTS"
         cat "$RESULTS"/cells/*/*.parquet | cksum >&2
         before=$(ls "$RESULTS"/cells/*/*.parquet)
         cat /dev/zero > "$RESULTS/ballast" 2>/dev/null
@@ -182,7 +184,6 @@ def test_a_full_disk(shell, size):
     )
     assert done.returncode == 0, done.stderr
     first, full, freed = done.stderr.split("---")
-    assert "code 0" in first
     assert "code 1" in full, full
     assert "cannot write" in full
     assert "No space left on device" in full

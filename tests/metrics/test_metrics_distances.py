@@ -61,9 +61,12 @@ def test_parallel_planes(delta):
     assert delta <= found["hausdorff"] <= np.hypot(delta, 0.04)
 
 
-def test_concentric_spheres():
-    radius, gap = 0.7, 0.3
-    found = scores(sphere(radius), case_of(sphere()))
+@pytest.mark.parametrize("radius", [0.7, 1.2])
+def test_concentric_spheres(radius):
+    gap = abs(1 - radius)
+    case = case_of(sphere())
+    set_samples(case, 30_000)
+    found = scores(sphere(radius), case)
     assert found["p2f_mean"] == pytest.approx(gap, rel=2e-3)  # both are polyhedra
     assert found["chamfer_l1_mean"] == pytest.approx(gap, rel=5e-3)
     assert found["chamfer_l2_sum"] == pytest.approx(2 * gap**2, rel=0.02)

@@ -136,20 +136,20 @@ def tune(tmp_path, monkeypatch, capsys):
 
 
 def test_the_command_writes_a_preset_that_is_used_and_marked(tune, monkeypatch, capsys):
-    code, out, err = tune("--trials", "8", "--held-out", "1")
+    code, out, err = tune("--trials", "6", "--held-out", "1")
     assert code == 0, err
-    assert "searched: shift in 0 to 2; default 1.0" in err and len(re.findall(r"^\[\d\]", err, re.MULTILINE)) == 8
-    assert re.search(r"^8 trials, by p2f_mean \(lower is better\)$", out, re.MULTILINE)
+    assert "searched: shift in 0 to 2; default 1.0" in err and len(re.findall(r"^\[\d\]", err, re.MULTILINE)) == 6
+    assert re.search(r"^6 trials, by p2f_mean \(lower is better\)$", out, re.MULTILINE)
     assert re.search(r"^2 trial cases .*\n1 held-out cases ", out, re.MULTILINE)
     path = Path("conf/method/mover_tuned.yaml")
     text = path.read_text()
     content = yaml.safe_load(text)
     assert content["defaults"] == ["mover"] and content["_tier_"] == "tuned"
-    assert "--trials 8" in text and "optuna" in text and abs(content["shift"] - 0.3) < 0.7
+    assert "--trials 6" in text and "optuna" in text and abs(content["shift"] - 0.3) < 0.7
 
     # The same command computes nothing again, and finds the same.
     cells = {f: f.stat().st_mtime_ns for f in Path("r/cells").glob("*/*.parquet")}
-    assert tune("--trials", "8", "--held-out", "1")[1] == out
+    assert tune("--trials", "6", "--held-out", "1")[1] == out
     assert {f: f.stat().st_mtime_ns for f in Path("r/cells").glob("*/*.parquet")} == cells
     assert yaml.safe_load(path.read_text()) == content
 
