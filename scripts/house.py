@@ -63,17 +63,8 @@ def imports(file: Path, package: str) -> Iterator[str]:
 
 @functools.cache  # a plan asks for each module a few times
 def _imports(text: str, package: str) -> tuple[str, ...]:
-    tree, found = ast.parse(text), []
-    for_types = {
-        inner
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and any(getattr(part, "id", "") == "TYPE_CHECKING" for part in ast.walk(node.test))
-        for statement in node.body
-        for inner in ast.walk(statement)
-    }
-    for node in ast.walk(tree):
-        if node in for_types:
-            continue
+    found = []
+    for node in _statements(ast.parse(text)):
         if isinstance(node, ast.Import):
             found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -82,6 +73,17 @@ def _imports(text: str, package: str) -> tuple[str, ...]:
             module = ".".join([*base, *filter(None, [node.module])])
             found += [f"{module}.{alias.name}" for alias in node.names]
     return tuple(found)
+
+
+def _statements(block: ast.AST) -> Iterator[ast.AST]:
+    """All statements within one, at any depth; expressions, which hold none, are most of a tree and not looked at."""
+    types = isinstance(block, ast.If) and any(
+        getattr(part, "id", "") == "TYPE_CHECKING" for part in ast.walk(block.test)
+    )
+    for field in ("orelse",) if types else ("body", "orelse", "handlers", "finalbody", "cases"):
+        for statement in getattr(block, field, ()):
+            yield statement
+            yield from _statements(statement)
 
 
 def imports_of_modules(known: Mapping[str, Path]) -> Iterator[tuple[str, str]]:

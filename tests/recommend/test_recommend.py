@@ -119,8 +119,8 @@ def test_figures_of_every_method_are_finite(found):
 # -- in process, with trials that are made up --------------------------------------------------------------------------
 
 
-@pytest.fixture
-def made_up(monkeypatch):
+@pytest.fixture(scope="module")
+def made_up():
     """Two scans of a ball and three candidates; the second fails on the second scan."""
     import test_evidence as known
 
@@ -132,8 +132,9 @@ def made_up(monkeypatch):
         second = [good[0], good[1], Trial(None, "timeout: stopped after 30 s (limit.seconds=30)")]
         return [good, second]
 
-    monkeypatch.setattr("bench.recommend.recommendation.trials", trials)
-    return SimpleNamespace(scans=scans, chosen=chosen, found=recommend(scans, chosen, Setup()))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("bench.recommend.recommendation.trials", trials)
+        return SimpleNamespace(scans=scans, chosen=chosen, found=recommend(scans, chosen, Setup()))
 
 
 def test_a_method_that_fails_on_one_of_the_scans_has_no_rank(made_up):

@@ -1,5 +1,7 @@
 """Lenses, sizes and camera matrices against naive loops and independent libraries; the ball against shapes."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import skimage.measure
@@ -48,6 +50,11 @@ def test_the_reach_is_where_the_polynomial_turns():
         assert lens.reach == pytest.approx(radii[np.argmax(np.diff(seen) < 0)], abs=2e-4)
 
 
+@cache
+def straight_images():
+    return seen_through(Lens(), ball(4, 44))
+
+
 def seen_through(lens, views):
     """The images of the ball through a lens, ray by ray: the undistorted direction is found by a solver."""
     images, masks = np.zeros_like(views.images), np.zeros_like(views.masks)
@@ -78,7 +85,7 @@ def seen_through(lens, views):
     ],
 )
 def test_images_through_a_lens_come_back(tmp_path, model, lens, names):
-    straight = seen_through(Lens(), ball(4, 44))
+    straight = straight_images()
     bent = seen_through(lens, straight)
     write_colmap(bent, tmp_path, model, [getattr(lens, name) for name in names])
     views, frame = read_views(tmp_path)
