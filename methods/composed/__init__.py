@@ -1,1 +1,1 @@
-"""Methods that are made of other methods."""
+"""Methods composed of other methods."""

@@ -1,4 +1,4 @@
-"""A method that is made of others: denoisers one after the other, what solves the task, and a mesh of fewer faces."""
+"""A chain of methods: denoisers one after the other, a method that solves the task, and a reduction of its mesh."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from bench import Plugin
 
 EXAMPLE = "[{wlop: {radius: 3.0}}, poisson]"
-FEWEST = 4  # faces of a mesh that encloses something
+FEWEST = 4  # faces of a mesh that encloses a volume
 FINE = 1000  # parts of a step's progress
 
 
 class _AsTheLastStep:
-    """A function of the chain that a chain has where its last step has it; the class always has it."""
+    """A function that a chain has only if its last step has it; the class always has it."""
 
     def __init__(self, function: Callable[..., Any]):
         self._function, self.__doc__ = function, function.__doc__
@@ -44,24 +44,25 @@ class Chain:
     Any denoiser goes before any method that takes a cloud: ``steps=[{wlop: {radius: 3.0}}, poisson]``. A chain solves
     those of ``denoise``, ``upsample`` and ``reconstruct`` that its last step solves.
 
-    With ``faces`` the mesh of the last step is reduced to so many faces by quadric error metrics (Garland and Heckbert
-    1997): ``steps=[radius_outlier, jet, poisson] faces=20000``. A note tells how far the reduced mesh is from the mesh
-    before, in the unit of the frame, in which the input has radius 1. Such a chain solves ``reconstruct`` alone.
+    With ``faces`` the mesh of the last step is reduced to that number of faces by quadric error metrics (Garland and
+    Heckbert 1997): ``steps=[radius_outlier, jet, poisson] faces=20000``. A note reports the distance between the
+    reduced mesh and the original, in the unit of the frame, in which the input has radius 1. Such a chain solves only
+    ``reconstruct``.
 
-    A denoiser may return another number of points than it is given. ``upsample`` keeps its promise of ``ratio * N``
-    points, N of the input, all the same: the last step has the least ratio that suffices for the points that it is
-    given, and what is beyond is thinned by farthest points. A last step that does not take every ratio says which it
-    takes, by an attribute ``ratios`` (integers), and the chain asks for the least of those.
+    A denoiser may change the number of points. ``upsample`` still returns ``ratio * N`` points for an input of N: the
+    last step is called with the smallest ratio that suffices for the points that it receives, and the surplus is
+    removed by farthest point sampling. A last step that does not support every ratio declares those it supports in an
+    attribute ``ratios`` (integers), and the chain uses the smallest sufficient one.
 
-    Every step has a generator of its own, so its randomness does not depend on what the steps before it drew, and the
-    time that is left. Its notes begin with its name, what it stores with its number, and the parameters of learned
-    steps are summed. Traces are those of the last step. One step may be a learned one; the weights are its own. The
-    clouds between the steps are stored as ``1-NAME``, ``2-NAME``, ... where outputs are.
+    Every step has its own random generator, independent of what the steps before it drew, and the remaining time. Its
+    notes begin with its name, its stored artifacts with its number, and the parameters of learned steps are summed.
+    Traces are those of the last step. One step may be learned; the weights are its own. The clouds between the steps
+    are stored as ``1-NAME``, ``2-NAME``, ... beside the outputs.
     """
 
     # methods: names, or {name: {parameter: value}}
     steps: tuple[Any, ...] = ("statistical_outlier", "identity")
-    faces: int = 0  # reduce the mesh of the last step to so many faces at most, 4 or more; 0 keeps all
+    faces: int = 0  # reduce the mesh of the last step to at most this many faces, 4 or more; 0 keeps all
 
     def __post_init__(self) -> None:
         if isinstance(self.steps, str):
@@ -71,8 +72,8 @@ class Chain:
         for number, (plugin, _) in enumerate(self._parts[:-1], 1):  # mistakes are refused here, not in the first case
             if not plugin.solves("denoise"):
                 raise ValueError(
-                    f"steps: number {number}, {plugin.name}, does not solve denoise; only the last may return anything "
-                    f"else than a better cloud: {EXAMPLE}"
+                    f"steps: number {number}, {plugin.name}, does not solve denoise; every step but the last must be a "
+                    f"denoiser: {EXAMPLE}"
                 )
         if self.faces and self.faces < FEWEST:
             raise ValueError(f"faces: expected 0, which keeps all, or at least {FEWEST}, got {self.faces}")
@@ -83,16 +84,16 @@ class Chain:
     def _parts(self) -> tuple[Any, ...]:
         return build_parts("method", self.steps, "steps")
 
-    # -- what the engine asks --------------------------------------------------------------------------------------
+    # -- the interface to the engine -------------------------------------------------------------------------------
 
     @property
     def plugins(self) -> tuple[Plugin, ...]:
-        """The plugins of the steps, and those that they are made of."""
+        """The plugins of the steps, and the plugins that these are composed of."""
         return tuple(plugin for part in self._parts for plugin in part.plugins)
 
     @property
     def steps_chosen(self) -> tuple[tuple[str, dict[str, Any]], ...]:
-        """The name and all parameters of each step; those of a chain within in its place."""
+        """The name and all parameters of each step; a nested chain is replaced by its steps."""
         chosen: list[tuple[str, dict[str, Any]]] = []
         for plugin, method in self._parts:
             values = {f.name: getattr(method, f.name) for f in dataclasses.fields(method)}
@@ -100,7 +101,7 @@ class Chain:
         return tuple(chosen)
 
     def prepare(self) -> None:
-        """Import what the steps need, and let each prepare itself: no part of the measured call."""
+        """Import the libraries of the steps, and prepare each step; not part of the measured call."""
         load_compiled()
         for number, (plugin, method) in enumerate(self._parts, 1):
             with self._named(number):
@@ -111,14 +112,14 @@ class Chain:
         """The files that the steps read."""
         for _, method in self._parts:
             written = getattr(method, "writes", ("save",))
-            own = () if isinstance(method, Chain) else dataclasses.fields(method)  # a chain within names its own
+            own = () if isinstance(method, Chain) else dataclasses.fields(method)  # a nested chain lists its own files
             for f in own:
                 if f.name not in written:
                     yield from _files(getattr(method, f.name))
             yield from getattr(method, "reads", tuple)()
 
     def expect(self, task: str) -> None:
-        """Raise :class:`AttributeError`, which names the last step, unless it solves a task for its parameters."""
+        """Raise :class:`AttributeError`, naming the last step, unless it solves the task with its parameters."""
         plugin, method = self._parts[-1]
         if not callable(getattr(method, task, None)):
             raise AttributeError(f"chain: its last step, {plugin.name}, does not solve {task}")
@@ -134,7 +135,7 @@ class Chain:
 
     @_AsTheLastStep
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
-        """The last step's mesh of the denoised cloud, with ``faces`` reduced."""
+        """The last step's mesh of the denoised cloud, reduced to ``faces``."""
         mesh = self._last("reconstruct", run, self._reduced, cloud=self._denoised(cloud, run))
         fewer = self._reduced(mesh)
         if fewer is not mesh:
@@ -146,30 +147,30 @@ class Chain:
 
     @_AsTheLastStep
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
-        """Exactly ``ratio * len(cloud)`` points, whatever the steps before the last did to their number."""
+        """Exactly ``ratio * len(cloud)`` points, even if the steps before the last change their number."""
         wanted = ratio * len(cloud)
         denoised = self._denoised(cloud, run)
-        least = -(-wanted // max(len(denoised), 1))  # a chain of one step may be given nothing
+        least = -(-wanted // max(len(denoised), 1))  # the input of a chain of one step may be empty
         offered = getattr(self._parts[-1].made, "ratios", None)
         enough = [r for r in offered if r >= least] if offered is not None else [least]
         if not enough:
-            assert offered is not None  # or there would be the least
+            assert offered is not None  # otherwise ``least`` is enough
             raise InvalidOutput(
-                f"{self._name(len(self._parts))}: {len(denoised)} of {len(cloud)} points came to it, and {ratio} x "
-                f"{len(cloud)} are asked for: that takes a ratio of {least}, and it has {sorted(offered)}"
+                f"{self._name(len(self._parts))}: got {len(denoised)} of {len(cloud)} points, and must return "
+                f"{ratio} x {len(cloud)}: this needs a ratio of {least}, but it supports {sorted(offered)}"
             )
         asked = min(enough)
 
         def thinned(output: PointCloud) -> PointCloud:
             validate_cloud(output, self._promise(len(self._parts)))
-            if len(output) <= wanted:  # as promised, or too few: the task says so
+            if len(output) <= wanted:  # as promised, or too few: the task reports that
                 return output
             return output.subset(farthest_points(output.points, wanted))
 
         return thinned(self._last("upsample", run, thinned, cloud=denoised, ratio=asked))
 
     def _reduced(self, mesh: Trimesh) -> Trimesh:
-        """A mesh of the last step with as many faces as are asked for, at most."""
+        """A mesh of the last step, with at most the requested number of faces."""
         if not self.faces:
             return mesh
         from bench.geometry.simplify import simplify
@@ -192,7 +193,7 @@ class Chain:
         return cloud
 
     def _last(self, task: str, run: Run, finished: Callable[[Any], Any], **inputs: Any) -> Any:
-        """The output of the last step; its traces go through ``finished``."""
+        """The output of the last step; its traces pass through ``finished``."""
 
         def traced(output: Any, seconds: float, keep: bool = False) -> None:
             run.trace(lambda: finished(output() if callable(output) else output), keep)
@@ -203,7 +204,7 @@ class Chain:
 
     @contextlib.contextmanager
     def _step(self, number: int, run: Run) -> Iterator[Run]:
-        """The run of a step, which reports to the run of the chain."""
+        """The run of a step; it reports to the run of the chain."""
         plugin, method = self._parts[number - 1]
 
         def progress(done: int, total: int) -> None:
@@ -232,7 +233,7 @@ class Chain:
 
     @contextlib.contextmanager
     def _named(self, number: int) -> Iterator[None]:
-        """Whatever is raised says in which step."""
+        """Add the name of the step to every exception."""
         try:
             yield
         except Exception as error:

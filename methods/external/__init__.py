@@ -1,1 +1,1 @@
-"""Methods whose code is elsewhere: programs that are started, and outputs that are there already."""
+"""Methods whose code is elsewhere: external programs, and imported outputs."""

@@ -1,4 +1,4 @@
-"""Files that others read, and files that others wrote: nobody promised that these are whole, or in our coordinates."""
+"""Files exchanged with external programs; their outputs may be incomplete, or in other coordinates than the input."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from bench.geometry.extents import unlike
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-TASKS = ("denoise", "upsample", "reconstruct")  # those that take a cloud, and nothing else that needs a file
+TASKS = ("denoise", "upsample", "reconstruct")  # those whose only input to write to a file is a cloud
 
 
 class OnlyAs:
-    """A function of a method that an object has where ``expect(task)`` does not raise AttributeError.
+    """A function of a method that an object has only if ``expect(task)`` does not raise AttributeError.
 
-    The class has it always: whether a method solves a task depends on its parameters.
+    The class always has it: whether a method solves a task depends on its parameters.
     """
 
     def __init__(self, function: Callable[..., Any]):
@@ -34,20 +34,20 @@ class OnlyAs:
 
 
 def read_output(path: Path, task: str, cloud: PointCloud, name: str) -> PointCloud | Trimesh:
-    """What somebody else wrote for a task.
+    """Read the output that an external program wrote for a task.
 
     Parameters
     ----------
     path : the file
-    task : one of :data:`TASKS`: a mesh is expected of ``reconstruct``, points of the others
-    cloud : the input, in whose coordinates the output is to be
+    task : one of :data:`TASKS`: a mesh is expected for ``reconstruct``, points for the others
+    cloud : the input; the output must be in its coordinates
     name : of the file, for messages
 
     Raises
     ------
     InvalidOutput
-        If there is no such file, or if it is empty, damaged, without faces where a mesh is expected, or in coordinates
-        of another size or place.
+        If there is no such file, or if it is empty, damaged, without faces although a mesh is expected, or in
+        coordinates of another size or place.
     """
     from bench.geometry.io.files import load_cloud, load_mesh
     from bench.geometry.used import used_vertices
@@ -64,12 +64,12 @@ def read_output(path: Path, task: str, cloud: PointCloud, name: str) -> PointClo
 
 
 def check_place(points: np.ndarray, cloud: PointCloud, name: str) -> None:
-    """Refuse points (n, 3) that are no output for an input: ten times as large or as small, or beside it.
+    """Refuse points (n, 3) that cannot belong to an input: ten times as large or as small, or beside it.
 
     Raises
     ------
     InvalidOutput
-        Saying how the two differ.
+        The message states how the two differ.
     """
     if said := unlike(points, name, cloud.points, "the input"):
         raise InvalidOutput(f"in another frame than the input: {said}")

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 PLACES = ("input", "output", "seed", "threads", "folder", "seconds", "ratio", "points")
 PREFIX = "detailbench-external-"  # of the folders in which files are exchanged
 LOCK = ".lock"
-MARK = "DETAILBENCH_EXTERNAL"  # the variable by which a program and all that it starts are known
-TAIL = 16384  # bytes that a program wrote to its standard error, of which the last lines are shown
+MARK = "DETAILBENCH_EXTERNAL"  # the environment variable that identifies a program and all processes that it starts
+TAIL = 16384  # last bytes of a program's standard error that are stored; the last lines of these are shown
 LINES = 5
 LOOK = 0.02  # seconds between looks at the memory of a program
-PATIENCE = 1.0  # seconds that the end of the standard error is waited for: another process may hold it open
+PATIENCE = 1.0  # seconds to wait for the end of the standard error: another process may hold it open
 VERSION_SECONDS = 30
-# As libraries say it; the engine knows these words, too, and calls the row out of memory.
+# The phrases of libraries for this; the engine recognises them too, and records the row as out of memory.
 OUT_OF_MEMORY = ("bad_alloc", "out of memory", "cannot allocate memory", "memoryerror", "not enough memory")
 
 
@@ -46,30 +46,30 @@ OUT_OF_MEMORY = ("bad_alloc", "out of memory", "cannot allocate memory", "memory
 class External:
     """Any program as a method: the input is written to a file, the program is run, its output is read.
 
-    No shell takes part: the command is split as a shell would split it, and these words in braces are replaced:
+    The command is split as by a shell, but run without one, and these placeholders in braces are replaced:
     ``{input}`` and ``{output}`` (files), ``{seed}``, ``{threads}``, ``{seconds}`` (the limit), ``{folder}`` (a folder
-    for files of its own, removed afterwards), ``{points}`` (of the input) and ``{ratio}`` (of ``upsample``). A brace
-    itself is written twice.
+    for files of its own, removed afterwards), ``{points}`` (of the input) and ``{ratio}`` (of ``upsample``). A literal
+    brace is written twice.
 
-    Limits are those of all methods: when the time is over, the program and all that it started are killed, and its
-    memory counts. The time of writing and reading files is not the method's; it is in the column ``exchange_seconds``.
-    A result depends on the program's file, on each file that a word of the command names (a script), and on what
-    ``version_command`` prints: where one of them changes, the cells are run again.
+    Limits are those of all methods: when the time is over, the program and all processes that it started are killed,
+    and its memory counts. The time for writing and reading files is not part of the method's time; it is in the column
+    ``exchange_seconds``. A result depends on the program's file, on each file that the command names (a script), and on
+    the output of ``version_command``: if one of them changes, the cells are run again.
     """
 
     called = "name"
-    runs = ("command", "version_command")  # what a stranger's record must not start
+    runs = ("command", "version_command")  # parameters that a record from elsewhere must not start
 
-    name: str = ""  # in tables, in place of all other parameters: one name for each setting
+    name: str = ""  # in tables, instead of all other parameters: one name for each setting
     command: str = "cp {input} {output}"  # the program and its arguments
-    task: Literal["denoise", "upsample", "reconstruct"] = "denoise"  # what it solves
+    task: Literal["denoise", "upsample", "reconstruct"] = "denoise"  # the task that it solves
     input_format: Literal["ply", "xyz", "off", "obj", "pcd", "csv"] = "ply"  # of {input}
     output_format: Literal["ply", "xyz", "off", "obj", "stl", "pcd", "csv"] = "ply"  # of {output}
-    normals: bool = True  # whether the normals of the input, where it has any, are written
+    normals: bool = True  # whether the normals of the input, if it has any, are written
     frame: Literal["file", "unit"] = "file"  # of the output: that of {input}; or its box centred, at radius 1
-    env: dict[str, str] = field(default_factory=dict)  # variables of its environment, beside those that there are
+    env: dict[str, str] = field(default_factory=dict)  # environment variables, in addition to the inherited ones
     cwd: str = ""  # the folder in which it is run; empty: the one in which detailbench was started
-    version_command: str = ""  # prints the version, of an image of a container, say
+    version_command: str = ""  # prints the version, for example of a container image
 
     def __post_init__(self) -> None:
         words = _split(self.command, "command")
@@ -86,7 +86,7 @@ class External:
         if self.version_command:
             self._find((_split(self.version_command, "version_command") or [""])[0], "version_command")
 
-    # -- what the engine asks --------------------------------------------------------------------------------------
+    # -- the interface to the engine -------------------------------------------------------------------------------
 
     def expect(self, task: str) -> None:
         """Raise :class:`AttributeError` for another task than the program's."""
@@ -94,7 +94,7 @@ class External:
             raise AttributeError(f"external: its program solves {self.task} (method.task), not {task}")
 
     def reads(self) -> Iterator[Path]:
-        """The program, and the files that words of the command name: scripts, weights."""
+        """The program, and the files that the command names: scripts, weights."""
         words = _split(self.command, "command")
         yield Path(self._find(words[0], "command"))
         for word in words[1:]:
@@ -102,7 +102,7 @@ class External:
                 yield path
 
     def version(self) -> str:
-        """What ``version_command`` prints."""
+        """The output of ``version_command``."""
         if not self.version_command:
             return ""
         words = _split(self.version_command, "version_command")
@@ -133,12 +133,12 @@ class External:
         return Path(os.path.expanduser(self.cwd) or ".").absolute()
 
     def _find(self, program: str, parameter: str) -> str:
-        """Where a program is.
+        """The path of a program.
 
         Raises
         ------
         ValueError
-            If it is not there, or is no program.
+            If it does not exist, or is not executable.
         """
         path = {**os.environ, **self.env}.get("PATH")
         name = os.path.expanduser(program)
@@ -176,9 +176,9 @@ class External:
         Raises
         ------
         BadInput
-            If it does not end with exit code 0, with the last lines of what it wrote to its standard error.
+            If it does not end with exit code 0; the message holds the last lines of its standard error.
         MemoryError
-            If these say that there was too little memory.
+            If these lines report a lack of memory.
         """
         threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), str(run.threads))
         process = subprocess.Popen(
@@ -189,7 +189,7 @@ class External:
             stdout=sys.__stderr__.fileno() if sys.__stderr__ else None,
             stderr=subprocess.PIPE,
         )
-        assert process.stderr is not None  # a pipe was asked for
+        assert process.stderr is not None  # it is a pipe
         tail = _Tail(process.stderr)
         peak = 0.0
         while (code := process.poll()) is None:
@@ -208,13 +208,13 @@ class External:
 
     @staticmethod
     def _in_own_frame(cloud: PointCloud) -> PointCloud:
-        """The input as a program sees it that centres its box and scales it to radius 1."""
+        """The input in the frame of a program that centres its box and scales it to radius 1."""
         center, radius = _frame(cloud.points)
         return PointCloud((cloud.points - center) / radius)
 
     @staticmethod
     def _moved_back(output: Any, cloud: PointCloud) -> Any:
-        """An output of the frame ``unit`` in the coordinates of the input."""
+        """An output in the frame ``unit``, transformed to the coordinates of the input."""
         center, radius = _frame(cloud.points)
         if isinstance(output, PointCloud):
             return replace(output, points=output.points * radius + center)
@@ -222,7 +222,7 @@ class External:
         return output
 
 
-# -- words -------------------------------------------------------------------------------------------------------------
+# -- the command line --------------------------------------------------------------------------------------------------
 
 
 def _split(text: str, parameter: str) -> list[str]:
@@ -249,7 +249,7 @@ def _signal(number: int) -> str:
         return f"signal {number}"
 
 
-@lru_cache(maxsize=64)  # every cell of a sweep asks
+@lru_cache(maxsize=64)  # called for every cell of a sweep
 def _printed(words: tuple[str, ...], folder: str, env: tuple[tuple[str, str], ...]) -> str:
     try:
         done = subprocess.run(
@@ -274,7 +274,7 @@ def _printed(words: tuple[str, ...], folder: str, env: tuple[tuple[str, str], ..
 
 
 class _Tail:
-    """Reads what a program writes to its standard error, passes it on, and keeps the end."""
+    """Reads the standard error of a program, passes it on, and stores its end."""
 
     def __init__(self, stream: IO[bytes]):
         self._stream, self._kept = stream, b""
@@ -295,10 +295,10 @@ class _Tail:
 
 
 def _marked(mark: str) -> list[int]:
-    """The processes that have a mark in their environment.
+    """The processes whose environment contains ``mark``.
 
-    Neither the group nor the parent tells what a program left: other programs may be started in the same group
-    meanwhile, and a process whose parent has ended belongs to another.
+    Neither the process group nor the parent identifies the processes that a program left: other programs may be started
+    in the same group meanwhile, and a process whose parent has ended gets another parent.
     """
     import psutil
 
@@ -311,17 +311,17 @@ def _marked(mark: str) -> list[int]:
 
 
 def _tree(pid: int) -> list[int]:
-    """A process and all below it."""
+    """A process and all its descendants."""
     found = [pid]
-    for parent in found:  # which grows meanwhile
+    for parent in found:  # the list grows during the loop
         with contextlib.suppress(OSError, ValueError):
             found += map(int, Path(f"/proc/{parent}/task/{parent}/children").read_text().split())
     return found
 
 
 def _peak_mb(pid: int) -> float:
-    """The most memory that a process has had so far (MiB), 0 where it is gone. Of a child that ended, ru_maxrss would
-    be that of this process at least, from which it was forked."""
+    """The peak memory of a process so far (MiB), 0 if it has ended. The ru_maxrss of an ended child would be at least
+    that of this process, from which it was forked."""
     with contextlib.suppress(OSError, ValueError, IndexError):
         text = Path(f"/proc/{pid}/status").read_text()
         return int(text.partition("VmHWM:")[2].split(None, 1)[0]) / 1024
@@ -329,7 +329,7 @@ def _peak_mb(pid: int) -> float:
 
 
 def _kill(processes: list[int]) -> None:
-    """End what a program has started and left behind: it would work on while the next case is measured."""
+    """Kill processes that a program left behind: they would run on while the next case is measured."""
     for pid in processes:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.kill(pid, signal.SIGKILL)
@@ -337,19 +337,19 @@ def _kill(processes: list[int]) -> None:
 
 @contextlib.contextmanager
 def _exchange_folder() -> Iterator[Path]:
-    """A temporary folder; those of processes that were killed are removed on the way."""
+    """A temporary folder; folders of killed processes are removed as well."""
     for left in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         _remove_if_left(left)
     with tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True) as name:
         folder = Path(name)
         with open(folder / ".new", "w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # until this process ends, however it does
-            (folder / ".new").rename(folder / LOCK)  # nobody sees it before it is held
+            fcntl.flock(lock, fcntl.LOCK_EX)  # until this process ends, in any way
+            (folder / ".new").rename(folder / LOCK)  # not visible to others before it is locked
             yield folder
 
 
 def _remove_if_left(folder: Path) -> None:
-    """Remove a folder of ours whose process is gone."""
+    """Remove an exchange folder whose process has ended."""
     with contextlib.suppress(OSError):
         if folder.is_symlink() or folder.stat().st_uid != os.getuid():
             return
@@ -368,7 +368,7 @@ def _frame(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _write(cloud: PointCloud, path: Path) -> None:
-    """Write a cloud; as OFF and OBJ, which are formats of meshes, by hand."""
+    """Write a cloud; OFF and OBJ, which are mesh formats, are written here."""
     from bench.geometry.io.files import save
     from bench.geometry.io.table_writer import EXACT, lines
 

@@ -1,4 +1,4 @@
-"""Outputs that were made elsewhere, as a method: they are looked up and handed on."""
+"""Outputs that were made elsewhere, as a method: they are read from files."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ SUFFIXES = {
 class Imported:
     """Hands on what somebody else made of the inputs that ``detailbench inputs`` wrote: see ``detailbench import``.
 
-    It claims no time and no memory. A result depends on the files of the outputs: where one is new, gone or changed,
-    the cases are scored again.
+    It reports neither time nor memory. A result depends on the files of the outputs: if one is added, removed or
+    changed, the cases are scored again.
     """
 
     called = "name"
 
-    name: str = ""  # whose outputs they are
+    name: str = ""  # of the method that made the outputs
     folder: str = ""  # the folder with the manifest
     group: str = ""  # which inputs of the manifest: those of one dataset, sensor and seed
 
     def expect(self, task: str) -> None:
         """Raise :class:`AttributeError` for a task whose inputs are not written to files."""
         if task not in TASKS:
-            raise AttributeError(f"imported: there are no files of the task {task}")
+            raise AttributeError(f"imported: outputs of the task {task} cannot be imported")
 
     def reads(self) -> Iterator[Path]:
-        """The outputs that are there."""
+        """The existing outputs."""
         if not self.folder:
             return
         for entry in self._entries.values():
@@ -80,17 +80,17 @@ class Imported:
             cases = json.loads(path.read_text(encoding="utf-8"))["cases"]
             return {str(case["case"]): case for case in cases if case["group"] == self.group}
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise BadInput(f"{path}: is no manifest of detailbench inputs ({error!r})") from error
+            raise BadInput(f"{path}: is not a manifest of detailbench inputs ({error!r})") from error
 
     @staticmethod
     def _found(path: Path) -> list[Path]:
-        """The files of one output, which may have another suffix than the manifest proposes."""
+        """The files of one output; the suffix may differ from that in the manifest."""
         suffixes = {suffix for of in SUFFIXES.values() for suffix in of}
         return [found for suffix in sorted(suffixes) if (found := path.with_name(path.stem + suffix)).is_file()]
 
     def _output(self, task: str, cloud: PointCloud, run: Run) -> Any:
         if not self.folder or run.case not in self._entries:
-            raise BadInput("imported: has no output for this case; detailbench import FOLDER --method NAME makes cells")
+            raise BadInput("imported: has no output for this case; use detailbench import FOLDER --method NAME")
         entry = self._entries[run.case]
         run.external = f"results of {self.name}, imported on {datetime.now(UTC):%Y-%m-%d}"
         run.note(f"external: {run.external}")
@@ -105,11 +105,11 @@ class Imported:
 
     @staticmethod
     def _check_input(cloud: PointCloud, path: Path) -> None:
-        """See that the output was made of this input: the dataset or the sensor may have been edited since."""
+        """Check that the output was made from this input: the dataset or the sensor may have been edited since."""
         from bench.geometry.io.files import load_cloud
 
         if path.is_file() and not np.array_equal(load_cloud(path).points, cloud.points):
             raise BadInput(
-                f"the input {path.name} is not the one of this case any more: the dataset or the sensor was edited, or "
-                "the file. Write the inputs again, and make the outputs anew"
+                f"the input {path.name} no longer matches this case: the dataset, the sensor or the file was edited. "
+                "Write the inputs again, and make the outputs again from them"
             )

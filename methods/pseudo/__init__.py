@@ -1,1 +1,1 @@
-"""Pseudo-methods: what a metric must rank where it belongs."""
+"""Pseudo-methods: outputs of known quality, to check the ranks that metrics give."""

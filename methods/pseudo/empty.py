@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @register("method", requires=("trimesh",))
 @dataclass(frozen=True)
 class Empty:
-    """Nothing: breaks every task's promise on purpose, so that all its cases are recorded as ``invalid``."""
+    """Nothing: breaks the contract of every task on purpose, so that all its cases are recorded as ``invalid``."""
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
         """No points."""

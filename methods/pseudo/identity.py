@@ -1,4 +1,4 @@
-"""The input as it came."""
+"""The input, unchanged."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ class Identity:
         return target_base.copy()
 
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
-        """The cloud to begin with."""
+        """The initial cloud."""
         return cloud
 
     def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:
-        """The source as it is."""
+        """The source itself."""
         return source.copy()
 
     def pose_transfer(

@@ -1,4 +1,4 @@
-"""Points that know nothing of the input."""
+"""Random points, independent of the input."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @register("method", requires=("trimesh",))
 @dataclass(frozen=True)
 class Noise:
-    """Uniform random points in the unit ball: what no method may fall behind."""
+    """Uniform random points in the unit ball: every method must do better."""
 
     size: float = SIZE  # of the triangles that stand for points in a mesh, in the unit of the frame
 
@@ -44,11 +44,11 @@ class Noise:
         return random_triangles(len(target_base.vertices), run.rng, self.size)
 
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
-        """As many points as the cloud to begin with has."""
+        """As many points as the initial cloud has."""
         return PointCloud(random_cloud(len(cloud), run.rng).points)
 
     def multiview(self, views: Views, run: Run) -> Trimesh:
-        """Triangles of random place and turn, 1,000 of them."""
+        """1,000 triangles at random places, with random orientations."""
         return random_triangles(1000, run.rng, self.size)
 
     def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:

@@ -132,7 +132,7 @@ def test_an_output_of_another_input_is_refused(toy):
     shutil.copy(toy.inputs / toy.cases[1]["input"], path)
     toy.call(*toy.words)
     row = toy.rows().iloc[0]
-    assert row["status"] == "error" and "is not the one of this case any more" in row["message"]
+    assert row["status"] == "error" and "no longer matches this case" in row["message"]
 
 
 def test_two_outputs_of_one_case_are_refused(toy):

@@ -157,7 +157,7 @@ def test_what_belongs_to_the_points_is_thinned_with_them(ball):
 def test_a_last_step_is_asked_for_a_ratio_that_it_has(ball):
     chain = Chain(steps=({"probe": {"keep_every": 2}}, {"probe": {"offered": [2, 4, 16]}}))
     assert len(chain.upsample(ball, 3, Run())) == 1200  # 6 would do, 16 it has
-    with pytest.raises(InvalidOutput, match=re.escape("200 of 400 points came to it, and 9 x 400 are asked for: that")):
+    with pytest.raises(InvalidOutput, match=re.escape("got 200 of 400 points, and must return 9 x 400: this needs a")):
         chain.upsample(ball, 9, Run())
 
 
