@@ -1,1 +1,1 @@
-"""What learned methods share."""
+"""The common parts of learned methods."""

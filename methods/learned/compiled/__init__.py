@@ -1,1 +1,1 @@
-"""What compiled loops share."""
+"""The common parts of compiled loops."""

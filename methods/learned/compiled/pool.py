@@ -7,11 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
 
-PARTS = 4  # for each thread: they need not all take equally long
+PARTS = 4  # for each thread: their times may differ
 
 
 def in_parts(function: Callable[..., Any], jobs: int, threads: int, *arguments: Any) -> None:
-    """Call ``function(first, last, *arguments)`` for parts of ``range(jobs)`` that together are all of it.
+    """Call ``function(first, last, *arguments)`` for parts that together cover ``range(jobs)``.
 
     The function writes its results into its arguments, and lets other threads run meanwhile (``nogil=True``). Compared
     with numba's own threads, it compiles in half the time, and two callers do not disturb each other.

@@ -11,11 +11,11 @@ _chosen = threading.local()
 
 
 def use(threads: int) -> None:
-    """Let the loops that follow in this thread run on so many threads, as far as there are processors."""
+    """Let subsequent loops of this thread run on this number of threads, or on all processors if these are fewer."""
     config: Any = numba.config  # a module that fills itself when it is imported
     _chosen.count = max(1, min(threads, config.NUMBA_NUM_THREADS))
 
 
 def in_use() -> int:
-    """How many threads loops are to run on, for :func:`~.pool.in_parts`: one, unless :func:`use` said otherwise."""
+    """The number of threads of loops, for :func:`~.pool.in_parts`: one, unless :func:`use` set another."""
     return getattr(_chosen, "count", 1)

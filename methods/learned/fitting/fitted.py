@@ -1,4 +1,4 @@
-"""The base of all methods that fit one field to one cloud, and march over it."""
+"""The base of all methods that fit one field to one cloud, and extract its surface by marching cubes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_ESTIMATED = 1_000_000  # points that normals are estimated for
 class Fitted(Trained):
     """Fits a field in the frame in which the farthest point is at radius 1, and extracts its zero level.
 
-    A method of this family has :meth:`field`, and says with the defaults of its parameters how it is trained.
+    A method of this family defines :meth:`field`, and sets its training by the defaults of its parameters.
     """
 
     batch: int = 1024  # surface points of a step; as many of the space are added
@@ -39,13 +39,13 @@ class Fitted(Trained):
     # -- what a method adds ----------------------------------------------------------------------------------------
 
     def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
-        """What it is trained on: oriented points, unless a method says otherwise."""
+        """The source of training batches: oriented points, unless a method overrides this."""
         from ..training.batches import Sampler
 
         return Sampler(points, normals, self.batch, run.torch_generator())
 
     def sampler_of(self, field: Field, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
-        """The sampler of a training, for methods that also draw what the field says."""
+        """The sampler of a training, for methods whose batches depend on the field."""
         return self.sampler(points, normals, frame, run)
 
     # -- what they share -------------------------------------------------------------------------------------------
@@ -61,7 +61,7 @@ class Fitted(Trained):
         return self.extract_in_time(field, frame, run)
 
     def fit_to(self, cloud: PointCloud, run: Run) -> tuple[Field, Frame]:
-        """The fitted field, and the frame that it lives in."""
+        """The fitted field, and its frame."""
         import torch
 
         torch.set_num_threads(run.threads)
@@ -75,13 +75,13 @@ class Fitted(Trained):
 def oriented(cloud: PointCloud, method: str, run: Run, normals: bool = True) -> tuple[np.ndarray, np.ndarray, Frame]:
     """Points in the frame in which the farthest is at radius 1, their normals, given or estimated, and that frame.
 
-    Where ``normals`` are not wanted they are all zero. Of very many points without normals a random part is left, as
-    the run's note says: estimating them takes a kilobyte for each and a minute for a million, and a training draws few.
+    With ``normals=False`` they are all zero. Very large clouds without normals are reduced to a random subset, with a
+    note: estimation takes a kilobyte for each point and a minute for a million, and a training draws few.
 
     Raises
     ------
     BadInput
-        If there are too few points, or none that differ, or values that are not finite.
+        If there are too few points, if all coincide, or if values are not finite.
     """
     check_points(cloud.points, method, at_least=LEAST_POINTS)
     frame = Frame.of(cloud.points)
@@ -93,7 +93,7 @@ def oriented(cloud: PointCloud, method: str, run: Run, normals: bool = True) -> 
     if not normals:
         return frame.apply(cloud.points), np.zeros(cloud.points.shape), frame
     if cloud.normals is None and len(cloud) > MOST_ESTIMATED:
-        run.note(f"normals were estimated for {MOST_ESTIMATED:,} of the {len(cloud):,} points, and those used")
+        run.note(f"normals were estimated for {MOST_ESTIMATED:,} of the {len(cloud):,} points; only these are used")
         cloud = PointCloud(cloud.points[np.sort(run.rng.permutation(len(cloud))[:MOST_ESTIMATED])])
     known = with_normals(cloud).normals
     assert known is not None

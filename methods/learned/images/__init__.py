@@ -1,1 +1,1 @@
-"""Images: filters of them, and which are looked at when."""
+"""Images: filters, and the order in which they are used."""

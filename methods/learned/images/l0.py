@@ -8,18 +8,18 @@ import numpy as np
 def l0_smoothed(
     image: np.ndarray, weight: float = 0.05, first: float = 0.1, growth: float = 2.0, last: float = 1e5
 ) -> np.ndarray:
-    """The image whose gradients vanish but for a few, near to the one given.
+    """The image close to the input whose gradients vanish at all but a few pixels.
 
     It minimises the sum of squared differences plus ``weight`` times the number of pixels at which the image changes,
-    by half-quadratic splitting (Eq. 8 to 12 there): differences below weight / beta are set to zero, the image that has
-    such differences is found by a Fourier transform, and beta grows.
+    by half-quadratic splitting (Eq. 8 to 12 there): differences below weight / beta are set to zero, the image with
+    these differences is found by a Fourier transform, and beta grows.
 
     Parameters
     ----------
     image : (h, w, c) array
-        Taken to go on periodically beyond its borders.
+        Continued periodically beyond its borders.
     weight : float
-        lambda; more is smoother.
+        lambda; larger is smoother.
     first, growth, last : float
         beta begins at ``first``, and is multiplied by ``growth`` until it exceeds ``last``.
 

@@ -1,4 +1,4 @@
-"""Which images are looked at, and when."""
+"""The order in which images are used."""
 
 from __future__ import annotations
 

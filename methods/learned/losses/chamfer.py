@@ -14,9 +14,9 @@ class ChamferLoss:
     Parameters
     ----------
     target : (n, 3) array
-        All of it counts in the first mean.
+        The first mean uses all of it.
     batch : int
-        Points of the target that count in the second mean, drawn once.
+        Points of the target used in the second mean, drawn once.
     rng : numpy Generator
     """
 
@@ -25,7 +25,7 @@ class ChamferLoss:
         self._part = target if len(target) <= batch else target[rng.choice(len(target), batch, replace=False)]
 
     def __call__(self, points: Tensor) -> tuple[float, Tensor]:
-        """The loss of points (v, 3), and its derivative by them (v, 3)."""
+        """The loss of points (v, 3), and its derivative with respect to them (v, 3)."""
         v = points.detach().cpu().numpy().astype(np.float64)
         distances, nearest = self._tree.query(v)
         back, owner = cKDTree(v).query(self._part)

@@ -15,7 +15,7 @@ CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """A turned cubical lattice; ``cells`` is a multiple of ``2 ** levels`` along each axis."""
+    """A rotated cubical lattice; ``cells`` is a multiple of ``2 ** levels`` along each axis."""
 
     origin: np.ndarray  # (3,)
     axes: np.ndarray  # (3, 3), a unit vector in each row
@@ -40,7 +40,7 @@ class Lattice:
         extent = high - low
         spacing = float(max(extent.min(), extent.max() / max_aspect)) / (samples - 1)
         levels = max(0, round(np.log2((samples - 1) / base)))
-        # Whole blocks: the lattice juts out of the box a little, which in a narrow band costs nothing.
+        # Whole blocks: the lattice extends a little beyond the box, which costs nothing in a narrow band.
         cells = np.ceil(extent / (spacing * 2**levels) - 1e-6).astype(int) * 2**levels
         origin = ((low + high - cells * spacing) / 2) @ axes
         return cls(origin, axes, spacing, tuple(cells.tolist()), levels)
@@ -69,9 +69,9 @@ class Level(NamedTuple):
         return np.stack(np.unravel_index(nodes, self.shape))
 
     def points(self, nodes: np.ndarray, shift: np.ndarray | float = 0.0) -> np.ndarray:
-        """Where nodes are, moved by ``shift`` spacings (a number or (3, n)) along the axes: (n, 3)."""
+        """The positions of nodes, moved by ``shift`` spacings (a number or (3, n)) along the axes: (n, 3)."""
         x, y, z = self.spacing * (self.coordinates(nodes) + shift)
-        # Not as a product of matrices: a node must not lie elsewhere in another batch, by as little as a last digit.
+        # Not a matrix product: the position of a node must be the same in every batch, to the last digit.
         return np.stack([x * a + y * b + z * c + o for a, b, c, o in zip(*self.axes, self.origin, strict=True)], axis=1)
 
     def touching(self, cells: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -125,12 +125,12 @@ def numbers_of(level: Level, coordinates: np.ndarray) -> np.ndarray:
 
 
 def places_of(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Where the ``wanted`` (w,) are in ``numbers``, both ascending; any place for those that are not there: (w,)."""
+    """The places of the ``wanted`` (w,) in ``numbers``, both ascending; arbitrary for missing ones: (w,)."""
     places = []
     for part in chunks(wanted):
         first, span = part[0], part[-1] + 1 - part[0]
         begin, end = np.searchsorted(numbers, (first, first + span))
-        if span < 32 * len(part):  # as a rule: looked up in a table, which is five times as fast as searching
+        if span < 32 * len(part):  # the usual case: a lookup in a table, five times as fast as a search
             table = np.zeros(span, dtype=np.int64)
             table[numbers[begin:end] - first] = np.arange(begin, end)
             places.append(table[part - first])

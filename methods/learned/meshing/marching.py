@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from trimesh import Trimesh
 
-REACH = 1.05  # half a side of the box that is marched: a fitted surface may leave the points' by a little
+REACH = 1.05  # half a side of the marched box: a fitted surface may extend a little beyond the box of the points
 COARSE = 64  # cells along the shortest side of the domain in the search for the box of the surface
 
 
@@ -35,12 +35,12 @@ def extract(
     seconds: float = math.inf,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Trimesh:
-    """The surface ``field = 0`` within a domain, as a mesh with outward faces, that is towards positive values.
+    """The surface ``field = 0`` within a domain, as a mesh with faces outward, towards positive values.
 
-    As in the released code of the thesis: a coarse lattice over the domain finds the surface, the principal axes of
-    which align a box; the box's shortest side gets ``resolution`` samples, the other sides the same spacing. Unlike
-    there, the field is evaluated only near its zeros (:func:`march`), and the box holds all cells of the coarse lattice
-    that may hold surface, so that a part that lies between its points is not lost.
+    As in the released code of the thesis: a coarse lattice over the domain finds the surface, whose principal axes
+    align a box; the box's shortest side gets ``resolution`` samples, the other sides the same spacing. Unlike
+    there, the field is evaluated only near its zeros (:func:`march`), and the box contains all cells of the coarse
+    lattice that may contain surface, so that no part between lattice points is lost.
 
     The mesh is closed where the surface lies within the domain. Where it leaves the domain it is cut off, open, within
     two cells of the border. The field is never evaluated outside of the domain.
@@ -56,26 +56,26 @@ def extract(
     align : "pca" or "axes"
         The box is aligned with the principal axes of the surface or with the coordinate axes.
     margin : float
-        The box is at least so far from the coarse surface, on each side. Empty space costs no evaluations, but
-        spacing: the thesis's margin of 0.2 makes it ``1 + 0.4 / side`` times as large, and so the error of a surface
-        with a side of 1 twice. None is needed: the coarse cells that hold the surface leave about 0.05 on each side.
+        The least distance between box and coarse surface, on each side. Empty space costs no evaluations, but
+        spacing: the thesis's margin of 0.2 makes it ``1 + 0.4 / side`` times as large, and so doubles the error of a
+        surface with a side of 1. None is needed: the coarse cells of the surface leave about 0.05 on each side.
     max_aspect : float, at least 1
-        No side gets more than so many times ``resolution`` samples: a thin plate would otherwise take them squared.
+        No side gets more than this many times ``resolution`` samples: on thin plates their number would explode.
     lipschitz : float, optional
-        A bound of the field's slope, see :func:`march`; by default it is estimated.
+        A bound on the field's slope, see :func:`march`; by default it is estimated.
     max_cells : int
-        With more cells than this near the surface the field counts as noise. A cell takes up to 100 bytes.
+        With more cells near the surface the field counts as noise. A cell takes up to 100 bytes.
     seconds : float
-        The time there is. The spacing is halved from level to level, and a level for which the time would not do is
-        left out: the surface is ``coarser`` by 2, 4 or more, 32 samples along the shortest side at least (8 where
+        The available time. The spacing is halved from level to level, and a level that would take too long is
+        left out: the surface is ``coarser`` by 2, 4 or more, with at least 32 samples along the shortest side (8 if
         even those would take too long).
     on_progress : function of steps done and steps in all
 
     Returns
     -------
     Trimesh
-        Its ``metadata`` holds the number of ``evaluations``, the ``spacing``, and how many times ``coarser`` this is
-        than was asked for: 1, unless the time was too short.
+        Its ``metadata`` holds the number of ``evaluations``, the ``spacing``, and by which factor this is ``coarser``
+        than requested: 1, unless the time was too short.
 
     Raises
     ------
@@ -115,20 +115,20 @@ def march(
     """Marching cubes over a lattice of any size, with evaluations only near the surface.
 
     The coarsest level of the lattice, 32 cells along its shortest side, is evaluated everywhere. A cell whose corners
-    have one sign loses those of its eight half-sized children that are proven empty: a field of slope L at most is not
-    zero within ``|f(corner)| / L`` of any corner. So is a whole cell if its corners are farther from zero than L times
-    half its diagonal, but a single far corner often suffices for a child on the other side. What is left is halved,
-    and evaluated at its new points.
+    have one sign loses those of its eight half-sized children that are proven empty: a field of slope at most L is not
+    zero within ``|f(corner)| / L`` of any corner. A whole cell is empty if its corners are farther from zero than L
+    times half its diagonal, but for a child a single far corner often suffices. The remaining cells are halved, and
+    evaluated at their new points.
 
     L is the larger of ``lipschitz`` and 1.5 times the slope of the field in the cell, by differences along its edges.
-    Without ``lipschitz``, 1.5 times the typical slope of the coarsest cells near the surface takes its place, so the
-    unit of the field does not matter. If L bounds the slopes, the result is the one of the dense lattice. If it does
-    not, only closed parts can be missed that hold no evaluated point: cells are added wherever a change of sign goes
-    on into a cell that was dropped, so the surface never gets holes.
+    Without ``lipschitz``, 1.5 times the typical slope of the coarsest cells near the surface replaces it, so the
+    unit of the field does not matter. If L bounds the slopes, the result equals that of the dense lattice. If it does
+    not, only closed parts that contain no evaluated point can be missed: cells are added wherever a change of sign
+    continues into a cell that was dropped, so the surface never gets holes.
 
     For a surface of area A and the spacing h there are O(A / h^2) evaluations (for a distance seven to twelve times
-    A / h^2, and those of the coarsest level), with 60 to 70 bytes for each. Time grows like them, but for merges of
-    sorted arrays.
+    A / h^2, plus those of the coarsest level), with 60 to 70 bytes for each. Time is proportional to them, except for
+    merges of sorted arrays.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def march(
 def _surface_band(
     sampler: Sampler, lattice: Lattice, lipschitz: float | None, max_cells: int, until: float = math.inf
 ) -> Band:
-    """The finest band that is done ``until`` then: one with a surface in it."""
+    """The finest band that is finished by the time ``until``; it contains a surface."""
     if lipschitz is not None and not lipschitz > 0:
         raise ValueError(f"lipschitz: expected a positive number, got {lipschitz}")
     band, _ = finest_band(sampler, lattice, lipschitz, max_cells, (0.1, 0.95), until)
@@ -173,10 +173,10 @@ def _fitted_lattice(
     max_cells: int,
     until: float,
 ) -> Lattice:
-    """The lattice over a box of all that may be surface, by a coarse look at the domain.
+    """The lattice over a box of all that may be surface, found by a coarse lattice over the domain.
 
-    The coarsest level of a flat box has many points, all of them near the surface. Where it would not be done ``until``
-    then, it is made coarser, but not by so much that it has fewer points than the look had.
+    The coarsest level of a flat box has many points, all of them near the surface. If it would not be finished by the
+    time ``until``, it is made coarser, but not to fewer points than the lattice over the domain had.
     """
     started = time.perf_counter()
     coarse = Lattice.over(sampler.low, sampler.high, np.eye(3), COARSE + 1)
@@ -185,14 +185,14 @@ def _fitted_lattice(
     if not len(children):
         raise sampler.no_crossing()
     children = level.touching(children, sampler.low, sampler.high)
-    # A cell's corners are within half its diagonal of its middle, whichever way the box is turned.
+    # A cell's corners are within half its diagonal of its middle, for any rotation of the box.
     middles = level.points(children, 0.5)
     surface = middles
     if len(band.crossed[0]):
         vertices, faces = triangulate(band)
         axes = _principal_axes(vertices[faces]) if align == "pca" else np.eye(3)
         surface = vertices
-    else:  # all of it is smaller than a coarse cell: any axes will do
+    else:  # the whole surface is smaller than a coarse cell: any axes will do
         axes = np.eye(3)
     half = level.spacing / 2 * np.abs(axes).sum(axis=1)
     low = np.minimum((surface @ axes.T).min(axis=0) - margin, (middles @ axes.T).min(axis=0) - half)

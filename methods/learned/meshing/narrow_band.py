@@ -17,17 +17,17 @@ from .triangles import EDGE_AXES, EDGES
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-SLACK = 1.5  # a field may be so much steeper between lattice points than they tell
-ROOM = 1.5  # the last level is triangulated too, and others may be busy: so much of what it should take is kept for it
-TYPICAL = 0.5  # of the ups and downs of a field near its zeros, so much happens in cells of at most its typical slope
+SLACK = 1.5  # factor by which a field may be steeper between lattice points than its values there show
+ROOM = 1.5  # times the estimated time of the last level is reserved: it is triangulated too; the machine may be busy
+TYPICAL = 0.5  # share of a field's variation near its zeros that lies in cells of at most its typical slope
 # From corner j of a cube of side 1 to the farthest point of its half-sized child at corner i.
 REACH = np.sqrt(np.where(CORNERS[:, None] == CORNERS, 0.25, 1.0).sum(axis=-1)) * (1 + 1e-9)
 
 
 class Sampler:
-    """A field that is asked in batches, never outside of the domain, and that keeps count.
+    """A field that is evaluated in batches, never outside of the domain; it counts the evaluations.
 
-    Outside of the domain it has the value of the nearest point within: this is no steeper than the field.
+    Outside of the domain it has the value of the nearest point inside: this is no steeper than the field.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Sampler:
         self._field, self._batch, self._on_progress, self._done = field, batch, on_progress, 0
 
     def values(self, level: Level, nodes: np.ndarray, span: tuple[float, float]) -> np.ndarray:
-        """The field at nodes (n,) of a level: an (n,) float64 array; this is the ``span`` of the whole work."""
+        """The field at nodes (n,) of a level: an (n,) float64 array; ``span`` is its part of the progress."""
         values = np.empty(len(nodes))
         for start in range(0, len(nodes), self._batch):
             points = np.clip(level.points(nodes[start : start + self._batch]), self.low, self.high)
@@ -70,7 +70,7 @@ class Sampler:
         return values
 
     def report(self, done: float) -> None:
-        """Say which fraction of the work is done."""
+        """Report the fraction of the work that is done."""
         if self._on_progress and round(100 * done) > self._done:
             self._done = round(100 * done)
             self._on_progress(self._done, 100)
@@ -93,10 +93,11 @@ def finest_band(
     span: tuple[float, float],
     until: float = math.inf,
 ) -> tuple[Band, float]:
-    """The band at the spacing of the lattice, by way of all coarser levels, and the least bound of slopes in use.
+    """The band at the spacing of the lattice, refined through all coarser levels, and the least bound of slopes in use.
 
-    A level that would not be done ``until`` then, on the clock of :func:`time.perf_counter`, is left out with those
-    below it, once there is a surface. What a level takes is told by the one before it, for each of its cells.
+    Once there is a surface, a level that would not be finished by the time ``until``, on the clock of
+    :func:`time.perf_counter`, is left out with all finer ones. The time of a level is estimated from the time for each
+    cell of the one before.
     """
     level = lattice.level(lattice.levels)
     cells = numbers_of(level, np.indices([n - 1 for n in level.shape]).reshape(3, -1))
@@ -119,7 +120,7 @@ def finest_band(
         # Corners of cells have even coordinates in the next level, where they are corners again.
         nodes, values = numbers_of(level, 2 * band.level.coordinates(band.nodes)), band.values
         begin = end
-    assert bound is not None  # of the coarsest level, which there always is
+    assert bound is not None  # of the coarsest level, which always exists
     return band, bound
 
 
@@ -132,18 +133,18 @@ def _evaluate(
     max_cells: int,
     span: tuple[float, float],
 ) -> Band:
-    """The band of ``cells`` and of those into which its surface goes on, given the values at some nodes."""
+    """The band of ``cells`` and of those into which its surface continues, given the values at some nodes."""
     while True:
         cells = level.touching(cells, sampler.low, sampler.high)
         if len(cells) > max_cells:
             raise InvalidOutput(
                 f"the field is near zero nearly everywhere: more than {max_cells:,} cells of size {level.spacing:.3g} "
-                "may hold surface; it is no distance to a surface, or the resolution is too high for it"
+                "may contain surface; it is not a distance to a surface, or the resolution is too high for it"
             )
         corners = cells
         for stride in level.strides:
             corners = union(corners, corners + stride)
-        # Not all known nodes are corners still: those of cells that were dropped are forgotten.
+        # Not all known nodes are still corners: those of dropped cells are removed.
         place = places_of(corners, nodes)
         still = corners[place] == nodes
         found, new = np.empty(len(corners)), np.ones(len(corners), dtype=bool)
@@ -171,10 +172,10 @@ def _lost_neighbours(sampler: Sampler, band: Band) -> np.ndarray:
 
 
 def _slope_bound(band: Band, lipschitz: float | None) -> float:
-    """What the slope of the field is taken to be at least, from a band that covers the domain.
+    """The least slope to assume for the field, from a band that covers the domain.
 
-    It is that of cells near a zero, as far as they can tell; elsewhere it does not matter. Weighted by themselves,
-    slopes of flat parts (a truncated distance) do not count, nor do a few jumps.
+    It is the typical slope of cells near a zero, as their corners show it; elsewhere it does not matter. Slopes are
+    weighted by themselves, so flat parts (a truncated distance) and a few jumps do not count.
     """
     if lipschitz is not None:
         return lipschitz

@@ -1,9 +1,9 @@
 """Marching cubes over the cells of a band.
 
-The triangles of each of the 256 patterns of signs are libigl's, asked once; numpy puts them together. On a sphere at
+The triangles of each of the 256 patterns of signs are libigl's, read once; numpy assembles them. On a sphere at
 512 (a million cells) this takes half the time of libigl's own sparse marching cubes, 0.9 s against 1.9 s, and a third
-of its memory, most of which goes into a Python dictionary of edges. The other candidate, Lewiner's table in
-scikit-image, works on dense blocks in float32 and puts vertices inside of cells. libigl's table is a manifold: on
+of its memory, most of which is a Python dictionary of edges. The other candidate, Lewiner's table in
+scikit-image, works on dense blocks in float32 and places vertices inside cells. libigl's table gives manifolds: on
 white noise, where all patterns meet, every edge has two faces and the faces at every vertex form one fan (tested).
 """
 
@@ -15,8 +15,8 @@ import numpy as np
 
 from .lattice import CORNERS, Band, chunks, places_of
 
-NEAREST = 1e-4  # a vertex is no nearer to a lattice point, in spacings: values of 0 give small faces, not flat ones
-# The twelve edges of a cell, each from its lower end: numbers of corners, and along which axis.
+NEAREST = 1e-4  # least distance of a vertex to a lattice point, in spacings: values of 0 give small faces, none flat
+# The twelve edges of a cell, each from its lower end: numbers of corners, and the axis.
 EDGES = np.array(
     [(a, b) for a in range(8) for b in range(8) if np.array_equal(np.sort(CORNERS[b] - CORNERS[a]), (0, 0, 1))]
 )
@@ -39,7 +39,7 @@ def _table() -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangulate(band: Band) -> tuple[np.ndarray, np.ndarray]:
-    """Marching cubes over a band in which some cell is crossed: vertices (v, 3) and faces (f, 3)."""
+    """Marching cubes over a band in which the surface crosses a cell: vertices (v, 3) and faces (f, 3)."""
     counts, triangles = _table()
     faces, used = [], np.zeros(3 * len(band.nodes), dtype=bool)  # an edge of the lattice: its lower node and its axis
     for cells, signs in zip(*map(chunks, band.crossed), strict=True):
@@ -55,7 +55,7 @@ def triangulate(band: Band) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _vertices(band: Band, edges: np.ndarray) -> np.ndarray:
-    """Where the field, linear along lattice edges, is zero: (v, 3)."""
+    """The zeros of the field, which is linear along lattice edges: (v, 3)."""
     vertices = []
     upper = np.empty_like(edges)
     for axis, stride in enumerate(band.level.strides):

@@ -10,11 +10,11 @@ from torch.nn import functional as F
 
 
 class FeatureGrid(nn.Module):
-    """Dense grids over the box [-1, 1]^3 with ``2^(base + i)`` cells a side, i = 0 to levels - 1.
+    """Dense grids over the box [-1, 1]^3 with ``2^(base + i)`` cells along each side, i = 0 to levels - 1.
 
     A point outside has the features of the nearest point of the box. All grids are rows of one table, and the eight
-    rows around a point are read and summed at once, so that the cost of a step depends on its points: a convolution's
-    way of sampling a volume reads and writes it whole.
+    rows around a point are read and summed at once, so that the cost of a step depends on its points: sampling a
+    volume as for convolutions reads and writes it whole.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class FeatureGrid(nn.Module):
     generator : torch.Generator
         On the CPU.
     sparse : bool
-        The table's gradient holds the rows of the batch alone.
+        The table's gradient holds only the rows of the batch.
     """
 
     sides: Tensor
@@ -80,14 +80,14 @@ class FeatureGrid(nn.Module):
         return found[:, :, 0], found[:, :, 1:] * inside
 
     def active(self, points: Tensor) -> int:
-        """How many vertices belong to a cell in which one of the (n, 3) points lies: rows that a sparse grid stores."""
+        """The number of vertices of cells that contain one of the (n, 3) points: the rows that a sparse grid stores."""
         stored = torch.zeros(len(self.table), dtype=torch.bool, device=points.device)
         for part in points.split(2**14):
             stored[self._cells(part)[0].flatten()] = True
         return int(stored.sum())
 
     def _cells(self, x: Tensor, levels: int | None = None) -> tuple[Tensor, Tensor]:
-        """Rows of the corners (n, levels, 8), and where in its cell a point is, 0 to 1: (n, levels, 3)."""
+        """Rows of the corners (n, levels, 8), and the place of a point in its cell, 0 to 1: (n, levels, 3)."""
         sides = self.sides[:levels, None]
         u = (x.clamp(-1, 1) + 1)[:, None] * (0.5 * sides)
         cell = torch.minimum(u.long(), sides - 1)
@@ -95,14 +95,14 @@ class FeatureGrid(nn.Module):
         return rows, u - cell
 
     def _weights(self, u: Tensor, without: int | None = None) -> Tensor:
-        """Of the eight corners: products of u or 1 - u over all axes, or all but one."""
+        """The weights of the eight corners: products of u or 1 - u over all axes, or all but one."""
         factors = torch.where(self.corners, u[..., None, :], 1 - u[..., None, :])
         return (
             factors.prod(-1) if without is None else factors[..., (without + 1) % 3] * factors[..., (without + 2) % 3]
         )
 
     def _slopes(self, u: Tensor, axis: int) -> Tensor:
-        """Derivatives of the weights by x along one axis."""
+        """Derivatives of the weights with respect to x along one axis."""
         sign = torch.where(self.corners[:, axis], 0.5, -0.5)
         return self._weights(u, axis) * sign * self.sides[: u.shape[1], None]
 

@@ -17,7 +17,7 @@ class FilmNetwork(nn.Module):
         h_i = sin((w + w/2 gamma_i) (W_i h_{i-1} + b_i) + beta_i),   h_0 = f
 
     The thesis (4.1.1) has the layer (1 + gamma/2) (W h + b) + beta; the released code, followed here, multiplies it by
-    w but for the phase beta, which would else turn thirty times as fast as the network's output.
+    w except for the phase beta, which would otherwise turn thirty times as fast as the network's output.
 
     Parameters
     ----------

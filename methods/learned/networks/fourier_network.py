@@ -2,8 +2,8 @@
 
     e = (x, w_k sin(2^k x), w_k cos(2^k x))_k,   h_0 = e,   h_{k+1} = softplus(W_k h_k + b_k),   f = W_L h_L + b_L
 
-In the middle the encoded point e is joined to the features again. The window w opens the frequency bands one after
-the other while the network is trained.
+In the middle the encoded point e is concatenated to the features again. The window w opens the frequency bands one
+after the other while the network is trained.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SHARPNESS = 100.0  # beta of softplus(z) = log(1 + exp(beta z)) / beta
 
 
 def window(t: float, bands: int, until: float) -> list[float]:
-    """How far each band is open at progress ``t``: w_k = (1 - cos(pi clamp(a - k, 0, 1)))/2, a = (K - 1) t / until.
+    """The weight of each band at progress ``t``: w_k = (1 - cos(pi clamp(a - k, 0, 1)))/2, a = (K - 1) t / until.
 
     This is the released code's: band k opens while a goes from k to k + 1, so that the last one begins to open at
     ``until`` and is open at ``until K/(K - 1)``, 0.914 for 0.8 and 8 bands.
@@ -38,7 +38,7 @@ class FourierNetwork(nn.Module):
     bands : int
         K frequencies 2^k, k = 0 to K - 1 (without a factor pi, as in the released code).
     hidden_layers, width : int
-        Layer ``hidden_layers // 2``, counted from 0, reads the encoded point again; the one below is so much narrower.
+        Layer ``hidden_layers // 2``, counted from 0, reads the encoded point again; the one below is narrower by it.
     radius : float
         Of the sphere at the beginning.
     generator : torch.Generator
@@ -50,8 +50,8 @@ class FourierNetwork(nn.Module):
     -----
     Geometric initialisation (Atzmon and Lipman 2020, Gropp et al. 2020): hidden W from N(0, 2/fan_out), b = 0; last
     W from N(sqrt(pi/fan_in), 1e-4^2), b = -radius, which makes f nearly |x| - radius. Columns that belong to sines and
-    cosines are 0 in the first layer, and here also in the layer that joins them again: bands that have never been open
-    then say nothing, and the beginning is a sphere whichever of them are.
+    cosines are 0 in the first layer, and here also in the layer that concatenates them again: bands that have never
+    been open then have no effect, and the initial field is a sphere whichever bands are open.
     """
 
     frequencies: Tensor
@@ -75,7 +75,7 @@ class FourierNetwork(nn.Module):
             )
         self.mixed, self.skip = mixed, hidden_layers // 2
         self.register_buffer("frequencies", 2.0 ** torch.arange(bands), persistent=False)
-        # Kept with the weights: what was fitted is the function through this window.
+        # Stored with the weights: the fitted function includes this window.
         self.register_buffer("window", torch.ones(bands))
         self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
         for layer in range(hidden_layers):
@@ -105,7 +105,7 @@ class FourierNetwork(nn.Module):
         return f, (g * slope).unflatten(1, (-1, 3)).sum(1)
 
     def encoded(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """e (n, 3 + 6 K), and the derivative of each of its entries by the coordinate that it is made of."""
+        """e (n, 3 + 6 K), and the derivative of each of its entries with respect to its own coordinate."""
         angles = x[:, None] * self.frequencies[:, None]
         sine, cosine = angles.sin(), angles.cos()
         w, speed = self.window[:, None], (self.window * self.frequencies)[:, None]
@@ -115,19 +115,19 @@ class FourierNetwork(nn.Module):
 
 
 def _softplus(z: Tensor) -> Tensor:
-    """log(1 + exp(z)) = max(z, 0) + log(1 + exp(-|z|)); six vectorised passes, torch's own is not vectorised."""
+    """log(1 + exp(z)) = max(z, 0) + log(1 + exp(-|z|)); six vectorised passes: torch's softplus is not vectorised."""
     return z.abs().neg_().exp_().add_(1).log_().add_(z.clamp_min(0))
 
 
 def _joined(h: Tensor, e: Tensor) -> Tensor:
-    """Features and the encoded point, at the size of one of them."""
+    """Features and the encoded point, concatenated and scaled to the size of one of them."""
     return torch.cat([h, e], 1).mul_(math.sqrt(0.5))
 
 
 class _ValueAndGradient(torch.autograd.Function):
-    """f and g = df/de of the layers behind the encoding.
+    """f and g = df/de of the layers after the encoding.
 
-    With B = SHARPNESS, H_k = B h_k is kept instead of h_k, so that softplus needs no scale: z_k = W_k H_k + B b_k,
+    With B = SHARPNESS, H_k = B h_k is stored instead of h_k, so that softplus needs no scale: z_k = W_k H_k + B b_k,
     H_{k+1} = log(1 + exp z_k), and a_k = sigmoid(z_k) is the derivative of h_{k+1} by W_k h_k + b_k.
     Forward, u_k being the derivative of f by h_{k+1}, cut and scaled where e was joined:
         u_{L-1} = W_L,  s_k = u_k * a_k,  u_{k-1} = s_k W_k,  g = s_0 W_0 + what was joined.

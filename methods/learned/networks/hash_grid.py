@@ -1,10 +1,10 @@
 """The multi-resolution hash grid (Mueller et al. 2022): features of points and their spatial derivatives, in torch.
 
 Lattices of growing resolution hold feature vectors at their nodes; a point's features are interpolated in each of them,
-trilinearly. A lattice with more nodes than a table has rows shares rows between nodes, by a hash; training sorts out
-who needs them. Losses need the gradient of the field by x, and its derivatives by the features. Interpolation and its
-derivative are linear in the features, so both are computed side by side, and one backward pass serves them: no second
-derivatives anywhere.
+trilinearly. If a lattice has more nodes than the table has rows, nodes share rows by a hash; training resolves the
+collisions. Losses need the gradient of the field with respect to x, and its derivatives with respect to the features.
+Interpolation and its derivative are linear in the features, so both are computed side by side, and one backward pass
+serves both, without second derivatives.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 PRIMES = (1, 2_654_435_761, 805_459_861)  # of the hash, one for each axis, as published
-START = 1e-4  # features begin uniform in +- this
+START = 1e-4  # initial features are uniform in +- this
 
 
 class HashGrid(nn.Module):
@@ -25,7 +25,7 @@ class HashGrid(nn.Module):
     ----------
     levels : int
     table : int
-        Rows of a level at most; a power of two.
+        The largest number of rows of a level; a power of two.
     coarsest, finest : int
         Cells of the first and the last level along an axis; those between grow geometrically.
     features : int
@@ -36,7 +36,7 @@ class HashGrid(nn.Module):
     Attributes
     ----------
     cells : list of int, of each level
-    rows : list of int, of each level: ``(cells + 1)^3`` where that fits into the table (then no two nodes share one)
+    rows : list of int, of each level: ``(cells + 1)^3`` if that fits into the table (then no two nodes share one)
     table : (features, sum of rows) parameter
     """
 
@@ -83,7 +83,7 @@ class HashGrid(nn.Module):
     def with_derivatives(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """The features (features * levels, n), and their derivatives by x (3, features * levels, n).
 
-        Both can be differentiated by the table, once; x counts as constant. Derivatives may jump between cells.
+        Both can be differentiated once with respect to the table; x is constant. Derivatives may jump between cells.
         """
         rows, w, scale = self._locate(x.detach())
         values, derivatives = _Interpolate.apply(self.table, rows, w, scale)
@@ -111,7 +111,7 @@ def _corners(ends: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def _gather(table: Tensor, rows: Tensor) -> Tensor:
-    """The features at rows: (features, 2, 2, 2, L, n). One at a time: of numbers in a row, torch is fastest."""
+    """The features at rows: (features, 2, 2, 2, L, n). One at a time: torch is fastest on contiguous numbers."""
     E = torch.empty(len(table), rows.numel(), dtype=table.dtype, device=table.device)
     for feature, out in zip(table, E, strict=True):
         torch.index_select(feature, 0, rows.view(-1), out=out)
@@ -146,7 +146,7 @@ class _Interpolate(torch.autograd.Function):
     def backward(ctx: Any, dE: Tensor, derivatives: Tensor) -> tuple[Tensor | None, ...]:
         rows, w, scale = ctx.saved_tensors
         dx, dy, dz = derivatives * scale
-        # The same way back, each time into the two ends of an axis.
+        # The same steps in reverse, each time into the two ends of an axis.
         dE = _spread(dE, w[2], dz)
         dE = _spread(dE, w[1], _spread(dy, w[2]))
         dE = _spread(dE, w[0], _spread(_spread(dx, w[2]), w[1]))

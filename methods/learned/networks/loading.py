@@ -14,8 +14,8 @@ N = TypeVar("N", bound=nn.Module)
 
 
 def loaded(network: N, run: Run) -> N:
-    """The network with the run's weights, on its device; the run is told the number of parameters."""
+    """The network with the run's weights, on its device; reports the number of parameters to the run."""
     run.parameters = sum(parameter.numel() for parameter in network.parameters())
-    assert run.weights is not None  # a method that learns from examples has them
+    assert run.weights is not None  # a method that learns from examples always has them
     network.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in run.weights.items()})
     return network.to(run.device).eval().requires_grad_(False)

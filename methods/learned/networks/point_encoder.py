@@ -12,14 +12,14 @@ BLOCKS = 5
 
 
 class PointEncoder(nn.Module):
-    """Normals of points to features of the cells that the points lie in.
+    """Maps the normals of points to features of the cells that contain the points.
 
-    Five residual blocks act on each point alone; between two of them the largest features of the points in the same
-    cell are joined to those of the point itself. What a cell gets at the end is the mean of its points.
+    Five residual blocks act on each point separately; between two of them the largest features of the points in the
+    same cell are concatenated to those of the point itself. The final feature of a cell is the mean over its points.
 
-    Positions enter through the cells alone: the result does not change when points move within their cells, nor when
-    all move by whole cells together (then the features move along), nor with the order of the points. A shift by a
-    part of a cell regroups the points, and changes the result; a turn changes the normals.
+    Positions enter only through the cells: the result does not change when points move within their cells, nor with
+    the order of the points; when all move by whole cells together, the features move along. A shift by a part of a cell
+    regroups the points, and changes the result; a rotation changes the normals.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class PointEncoder(nn.Module):
         h = self.blocks[0](self.first(normals))
         for block in self.blocks[1:]:
             largest = _pooled(h, place, len(occupied), "amax")
-            largest = largest.gather(0, place[:, None].expand_as(h))  # by [...] its gradient would not be repeatable
+            largest = largest.gather(0, place[:, None].expand_as(h))  # with [...] its gradient is not deterministic
             h = block(torch.cat([h, largest], dim=1))
         return occupied, _pooled(self.last(h), place, len(occupied), "sum") / count[:, None]
 

@@ -2,11 +2,11 @@
 
     h_1 = sin(w (W_0 x + b_0)),   h_{k+1} = sin(w (W_k h_k + b_k)),   f = W_L h_L + b_L
 
-Every loss of this family needs f and its gradient, and their derivatives by the weights. Automatic differentiation
-builds a graph of some sixty nodes for them, with a temporary for each; written out, the pass is eighteen products of
-matrices for three hidden layers, each written where the next reads it. Two thirds of them belong to the backward pass,
-whose rounding is far below the noise of a batch: there, and only there, a processor that multiplies bfloat16 (or a GPU
-with TF32) may do so.
+Every loss of this family needs f and its gradient, and their derivatives with respect to the weights. Automatic
+differentiation builds a graph of some sixty nodes for them, with a temporary for each; written by hand, the pass is
+eighteen matrix products for three hidden layers, each written where the next reads it. Two thirds of them belong to
+the backward pass, whose rounding is far below the noise of a batch: there, and only there, a processor may multiply
+in bfloat16 (or a GPU in TF32).
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ class SineNetwork(nn.Module):
     omega : float
         The frequency w, the same in all layers.
     hidden_layers : int
-        Sine layers behind the first one: 3 makes the four sine layers of the thesis.
+        Sine layers after the first one: 3 makes the four sine layers of the thesis.
     width : int
     generator : torch.Generator
         The weights are drawn from it, on the CPU: the same on every device.
     inputs : int
         Dimensions of x.
     mixed : bool
-        Multiply matrices of the backward pass in reduced precision where the hardware does that faster; the forward
+        Multiply matrices of the backward pass in reduced precision if the hardware does that faster; the forward
         pass, and so every value and every gradient that a loss sees, is in full float32.
 
     Notes
@@ -143,7 +143,7 @@ def _backward(ctx: Any, df: Tensor, dg: Tensor) -> tuple[Tensor | None, ...]:
     by_weights = any(ctx.needs_input_grad[3 : 3 + layers])
     dW: list[Tensor | None] = [None] * layers
     db: list[Tensor | None] = [None] * layers
-    along_g: list[Tensor] = []  # what of dW comes along g's way, below the top first
+    along_g: list[Tensor] = []  # the part of dW that comes through g, below the top first
 
     # Along g's way: ds_1 = dg W_0^T, du_k = ds_k * a_k, ds_{k+1} = du_k W_k^T.
     if by_weights:

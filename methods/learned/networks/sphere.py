@@ -1,10 +1,10 @@
-"""Networks that begin as a sphere: "optional for our training but critical for baseline SIRENs" (thesis 4.1.2).
+"""Networks initialised as a sphere: "optional for our training but critical for baseline SIRENs" (thesis 4.1.2).
 
-Random sine networks have zero levels all over the box, and Eq. 4.4 does not tell inside from outside; one that begins
-as a sphere has one surface, outside positive. The thesis trains it beforehand; so do we, once: the forms of three
-layers that its tables use are shipped, half precision, beside this file (made anew by
-``python -m bench.methods.learned.networks.sphere``). Any other is made when it is first needed, off the clock, which
-takes minutes where it is wide or of high frequency, and cached in the user's folder.
+Random sine networks have zero levels all over the box, and Eq. 4.4 does not distinguish inside from outside; one that
+is initialised as a sphere has one surface, outside positive. The thesis trains it beforehand; so do we, once: the
+forms of three layers that its tables use are shipped, in half precision, beside this file (made again by
+``python -m bench.methods.learned.networks.sphere``). Any other is made when it is first needed, off the clock, and
+cached in the user's folder; this takes minutes if it is wide or of high frequency.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ _of_this_process: dict[tuple[float, int, int, float], dict[str, torch.Tensor]] =
 def begin_as_sphere(network: SineNetwork, radius: float = RADIUS) -> None:
     """Replace a network's weights by those of the signed distance |x| - radius; leave them for a radius of 0.
 
-    The weights depend on the network's form and on the radius alone, not on those that it has. A shipped or cached
-    sphere is scaled and kept in float16: what a beginning is rounded to does not matter, but it must be the same
-    whether it was made now or kept.
+    The weights depend only on the network's form and on the radius, not on its previous weights. A shipped or cached
+    sphere is scaled and stored in float16: the rounding of initial weights does not matter, but they must be the same
+    whether the sphere is new or cached.
     """
     if radius:
         _assign(network, keep(network.omega, len(network.weights) - 2, len(network.weights[0]), radius))
 
 
 def keep(omega: float, hidden_layers: int, width: int, radius: float = RADIUS) -> dict[str, torch.Tensor]:
-    """The weights of a sphere: shipped, kept, or made and kept: in the user's cache and in this process."""
+    """The weights of a sphere: shipped, cached, or made and cached, in the user's cache and in this process."""
     form = (omega, hidden_layers, width, radius)
     if form not in _of_this_process:
         shipped = sphere_file(*form)
@@ -55,7 +55,7 @@ def keep(omega: float, hidden_layers: int, width: int, radius: float = RADIUS) -
 
 
 def base_and_detail(omega: float, omega_detail: float, radius: float, **form: Any) -> tuple[SineNetwork, SineNetwork]:
-    """Two networks of one form, of low and of high frequency; the first begins as a sphere."""
+    """Two networks of one form, of low and of high frequency; the first is initialised as a sphere."""
     base, detail = SineNetwork(omega, **form), SineNetwork(omega_detail, **form)
     begin_as_sphere(base, radius)
     return base, detail
@@ -69,7 +69,7 @@ def make(omega: float, hidden_layers: int, width: int, radius: float) -> dict[st
     """
     generator = torch.Generator().manual_seed(0)
     threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # so that every machine of a kind makes the same one
+    torch.set_num_threads(1)  # so that machines of the same kind make the same one
     try:
         network = SineNetwork(omega, hidden_layers=hidden_layers, width=width, generator=generator, mixed=False)
         optimizer = torch.optim.Adam(network.parameters())
@@ -95,7 +95,7 @@ def _assign(network: SineNetwork, weights: dict[str, torch.Tensor]) -> None:
 
 
 def _load(path: Path, like: dict[str, torch.Tensor]) -> dict[str, torch.Tensor] | None:
-    """The weights in a file; None where there is none, or where it is damaged: they are made again."""
+    """The weights in a file; None if it is missing or damaged: they are then made again."""
     from safetensors import SafetensorError
     from safetensors.torch import load_file
 
@@ -113,7 +113,7 @@ def _cache() -> Path:
 
 
 def _keep(weights: dict[str, torch.Tensor], path: Path) -> None:
-    """Write a sphere; where that is not possible it is made again next time."""
+    """Write a sphere; if that is not possible it is made again next time."""
     from safetensors.torch import save_file
 
     with contextlib.suppress(OSError):

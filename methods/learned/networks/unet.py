@@ -1,4 +1,4 @@
-"""A small three-dimensional U-Net: carries what is known on a surface into the space around it."""
+"""A small three-dimensional U-Net: propagates features of a surface into the space around it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ class UNet(nn.Module):
     """Three levels with 16, 32 and 64 channels; the result has as many channels as the input, and no activation.
 
     256,656 parameters for 16 channels, as in the released code: on each level twice (group normalisation, convolution
-    of 3^3 without bias, relu); the largest of 2^3 cells goes down, the nearest value goes up and joins what was there.
+    of 3^3 without bias, relu); max pooling over 2^3 cells goes down, nearest-neighbour upsampling goes up and is
+    concatenated to the features of that level.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the networks are trained on: points of the surface, points of the space around it, and their distances."""
+"""Training data of the networks: points of the surface, points of the space around it, and their distances."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Batch:
     normals : (on, 3) tensor
         Outward unit normals of the surface points.
     distances : (n,) tensor, or None
-        True signed distances, where they were asked for.
+        True signed distances, if requested.
     total : int
         Points of the whole step: a loss is the sum of its terms over this batch, divided by it.
     """
@@ -61,7 +61,7 @@ class Sampler:
     batch : int
         Surface points of a batch; as many of the space are added (thesis: 4,096 and 4,096).
     generator : torch.Generator
-        On the device that the batches shall be on.
+        On the device of the batches.
     """
 
     def __init__(self, points: np.ndarray, normals: np.ndarray, batch: int, generator: torch.Generator):
@@ -82,7 +82,7 @@ class Sampler:
 class DistanceSampler:
     """Draws batches from points with true distances, sampled beforehand: NGLOD's mixture.
 
-    A fifth of the points is uniform in the box, two fifths lie on the surface (distance 0 where it is not noisy), two
+    A fifth of the points is uniform in the box, two fifths lie on the surface (at distance 0 if it is not noisy), two
     fifths near it (Gaussian, ``spread`` of the radius; 0.01 in the released code).
 
     Parameters
@@ -93,7 +93,7 @@ class DistanceSampler:
     count : int
         Points that are sampled beforehand (NGLOD: 500,000).
     redraw : int
-        They are drawn anew after so many batches, 0 for never (NGLOD: 9,770, which are ten epochs).
+        They are drawn again after this number of batches, 0 for never (NGLOD: 9,770, which are ten epochs).
     """
 
     MIXTURE = (2, 2, 1)  # surface, near, uniform

@@ -1,4 +1,4 @@
-"""What the trainings of one network on patches share: the loop, and a rate that falls at the end."""
+"""The common part of trainings of one network on patches: the loop, and a learning rate that falls at the end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .schedules import late_decay
 
 
 class DecayingTraining:
-    """Base of the trainings: a subclass sets the attributes, and has a loss and a validation.
+    """Base of the trainings: a subclass sets the attributes, and defines a loss and a validation.
 
     Attributes
     ----------
@@ -26,8 +26,8 @@ class DecayingTraining:
     """
 
     validations: ClassVar[int] = 20  # in a training
-    begin_decay: ClassVar[float] = 0.8  # of the training, from where on the rate falls
-    clip_value: ClassVar[float | None] = None  # largest number of a gradient
+    begin_decay: ClassVar[float] = 0.8  # progress of the training at which the rate begins to fall
+    clip_value: ClassVar[float | None] = None  # largest entry of a gradient
 
     network: nn.Module
     plan: Any

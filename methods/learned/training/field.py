@@ -1,4 +1,4 @@
-"""What is fitted: a scalar field with parameters."""
+"""The base of fitted fields: a scalar field with parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class Field(nn.Module):
     """Base of all fields. ``t`` is the progress of the training, from 0 to 1.
 
-    A new one has :meth:`forward`, the values at points, and :meth:`loss`, and whatever of the rest it needs.
+    A subclass defines :meth:`forward`, the values at points, and :meth:`loss`, and overrides others as needed.
     """
 
     def loss(self, batch: Batch, t: float) -> Tensor:
@@ -30,25 +30,25 @@ class Field(nn.Module):
         return [list(self.parameters())]
 
     def rates(self, t: float) -> Sequence[float]:
-        """The factor of the learning rate of each group; parameters whose factor is 0 stay as they are."""
+        """The factor of the learning rate of each group; parameters whose factor is 0 do not change."""
         return [1.0]
 
     def optimizer(self, training: Training) -> torch.optim.Optimizer:
-        """What makes the steps; its groups are those of :meth:`groups`, and their rates are set before each step."""
+        """The optimizer; its groups are those of :meth:`groups`, and their rates are set before each step."""
         groups = [{"params": parameters, "lr": 0.0} for parameters in self.groups()]
         return torch.optim.Adam(groups, lr=training.learning_rate, betas=training.betas, fused=True)
 
     def count(self) -> int:
-        """How many parameters there are."""
+        """The number of parameters."""
         return sum(p.numel() for p in self.parameters())
 
     def count_active(self, points: Tensor) -> int | None:
-        """How many of them a sparse layout would store for a surface with ``points`` (n, 3), if it has one."""
+        """The number that a sparse layout, if there is one, would store for a surface with ``points`` (n, 3)."""
         return None
 
     @torch.no_grad()
     def values(self, points: np.ndarray) -> np.ndarray:
-        """The field at (n, 3) points, as the mesher asks for it: float64 (n,)."""
+        """The field at (n, 3) points, in the form that the mesher needs: float64 (n,)."""
         device = next(self.parameters()).device
         x = torch.as_tensor(np.asarray(points, dtype=np.float32), device=device)
         return torch.cat([self(part) for part in x.split(PART)]).double().cpu().numpy()

@@ -14,7 +14,7 @@ from bench import BadInput, Run
 
 from .field import Field
 
-SAME_BOX = 1e-4  # of the radius: boxes of points that differ by less are one
+SAME_BOX = 1e-4  # of the radius: boxes of points that differ by less count as the same
 
 
 def save(field: Field, path: str | Path, method: str, form: dict[str, Any], points: np.ndarray) -> None:
@@ -28,12 +28,12 @@ def save(field: Field, path: str | Path, method: str, form: dict[str, Any], poin
 
 
 def check_writable(path: str | Path) -> None:
-    """Raise :class:`BadInput` where :func:`save` would fail: better before a training than after it."""
+    """Raise :class:`BadInput` if :func:`save` would fail: better before a training than after it."""
     path = Path(path).expanduser()
     if not path.parent.is_dir():
-        raise BadInput(f"method.save={path}: there is no folder {path.parent}; make it first")
+        raise BadInput(f"method.save={path}: there is no folder {path.parent}; create it first")
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise BadInput(f"method.save={path}: cannot be written; expected a file in a folder that is yours")
+        raise BadInput(f"method.save={path}: cannot be written; expected a file in a folder with write permission")
 
 
 def saved_as(path: str | Path) -> tuple[str, dict[str, Any]]:
@@ -48,7 +48,7 @@ def saved_as(path: str | Path) -> tuple[str, dict[str, Any]]:
     try:
         return facts["method"], json.loads(facts["form"])
     except (KeyError, ValueError) as error:
-        raise BadInput(f"{path}: expected a field that a method saved (method.save=FILE), and found none") from error
+        raise BadInput(f"{path}: expected a field that a method saved (method.save=FILE), but found none") from error
 
 
 def _facts(path: str | Path) -> dict[str, str]:
@@ -62,22 +62,22 @@ def _facts(path: str | Path) -> dict[str, str]:
 
 
 def check_saved(path: str | Path, method: str, form: dict[str, Any]) -> None:
-    """Refuse a file that another method saved, or with other parameters: with another ``omega``, say, the same weights
-    make another function.
+    """Refuse a file saved by another method, or with other parameters: with another ``omega``, for example, the same
+    weights are another function.
 
     Raises
     ------
     BadInput
-        Naming the file and what to say instead.
+        Naming the file and the parameters to use instead.
     """
     theirs, saved = saved_as(path)
     if theirs != method:
-        raise BadInput(f"{path}: was saved by {theirs}, not by {method}; say method={theirs}")
+        raise BadInput(f"{path}: was saved by {theirs}, not by {method}; use method={theirs}")
     for name, here in json.loads(json.dumps(form)).items():
         there = saved.get(name, here)
         if there != here:
             raise BadInput(
-                f"{path}: was saved with {name}={there}, and {name} is {here} here; say method.{name}={there}"
+                f"{path}: was saved with {name}={there}, but {name} is now {here}; use method.{name}={there}"
             )
 
 
@@ -97,23 +97,23 @@ def load(field: Field, path: str | Path) -> None:
     if differing:
         name = differing[0]
         raise BadInput(
-            f"{path}: belongs to another network: {name} is {_shape(tensors, name) or 'missing'} there and "
-            f"{_shape(mine, name) or 'missing'} here; give the method the parameters that it was saved with"
+            f"{path}: belongs to another network: {name} is {_shape(tensors, name) or 'missing'} in the file and "
+            f"{_shape(mine, name) or 'missing'} in the method; use the parameters that it was saved with"
         )
     field.load_state_dict(tensors)
 
 
 def note_other_points(path: str | Path, points: np.ndarray, run: Run) -> None:
-    """Say so where a field is placed among points (n, 3) that are not those that it was fitted to.
+    """Note if a field is used with other points (n, 3) than those that it was fitted to.
 
-    A field lives in the frame of its points, whose farthest is at radius 1. A cloud that was cropped has another frame,
-    and a surface that is extracted in it is moved and scaled.
+    A field is defined in the frame of its points, in which the farthest is at radius 1. A cropped cloud has another
+    frame, and a surface that is extracted in it is moved and scaled.
     """
     there, here = _facts(path).get("box"), _box(points)
     if there and (off := float(np.abs(np.subtract(json.loads(there), here)).max())) > SAME_BOX:
         run.note(
             f"{path} was fitted to other points: their boxes differ by {off:.2g} of the radius, and the surface "
-            "is moved and scaled as much; give the points that it was fitted to, or train it further (method.steps)"
+            "is moved and scaled as much; use the points that it was fitted to, or train it further (method.steps)"
         )
 
 

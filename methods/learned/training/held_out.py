@@ -1,10 +1,10 @@
-"""Which examples a training learns from, and which it is validated on."""
+"""The split of examples into training and validation."""
 
 from __future__ import annotations
 
 
 def held_out_rows(count: int, held_out: bool) -> slice:
-    """Of ``count`` examples the last tenth, at least one, if ``held_out``; otherwise the others (all, if it is one).
+    """Of ``count`` examples the last tenth, at least one, if ``held_out``; otherwise the rest (all, if there is one).
 
     Examples
     --------

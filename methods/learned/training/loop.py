@@ -1,4 +1,4 @@
-"""The one training loop: draws, steps, stops in time, and keeps the best state."""
+"""The training loop of all fields: draws batches, makes steps, stops in time, and keeps the best state."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from .field import Field
 from .losses import Losses
 from .settings import Training
 
-WHOLE = 1 << 16  # points that go through a network at once on a GPU
-MEAN = 50  # states over which a mean goes, about; of the first ones, over a third of all
+WHOLE = 1 << 16  # points that pass through a network at once on a GPU
+MEAN = 50  # number of states in a mean, about; at the beginning, a third of all states so far
 
 
 class Sampling(Protocol):
-    """Whatever draws batches."""
+    """A source of batches."""
 
     def draw(self) -> Any:
-        """The next one, of whatever kind the loss of the field takes."""
+        """The next batch, of the kind that the loss of the field takes."""
         ...
 
 
 class Clock(Protocol):
-    """What a training asks of a run."""
+    """The interface of a run that a training uses."""
 
     def elapsed(self) -> float:
         """Seconds so far."""
@@ -42,17 +42,17 @@ class Clock(Protocol):
 
 
 class Fit(NamedTuple):
-    """What became of a training."""
+    """The outcome of a training."""
 
     steps: int
-    improved: bool  # whether a state was better than the one that it began with
+    improved: bool  # whether a state was better than the initial one
 
 
 class Progress:
-    """The progress t of a training, from 0 to 1, over its steps; and, where they would take too long, over its time.
+    """The progress t of a training, from 0 to 1, over its steps, or over its time if the steps would take too long.
 
     As long as the steps fit into the time left, t does not depend on the clock, and the training is repeatable to the
-    bit. When the speed so far says that they will not fit, each step covers a larger part of the schedule, so that a
+    bit. If the speed so far implies that they will not fit, each step covers a larger part of the schedule, so that a
     schedule always runs to its end.
 
     Parameters
@@ -61,10 +61,10 @@ class Progress:
     elapsed : function without arguments
         The clock, in seconds: it stands still while intermediate results are scored, or true distances are measured.
     seconds : float
-        The time that there is, by that clock.
+        The available time, by that clock.
     """
 
-    WARM_UP = 5  # steps that say little of the speed: buffers and threads are being made
+    WARM_UP = 5  # first steps, whose speed is not typical: buffers and threads are created
 
     def __init__(self, steps: int, elapsed: Callable[[], float], seconds: float = math.inf):
         self._steps, self._elapsed = steps, elapsed
@@ -102,12 +102,12 @@ def fit(
 ) -> Fit:
     """Fit a field; afterwards it holds its best state, its last one, or the mean of the last (``training.keep``).
 
-    The best state is that with the least loss, as it counts at the end (t = 1), on one batch that is drawn beforehand.
-    (Its points of the space are met nowhere else; those of the surface are points of the input, as in all batches.)
+    The best state is that with the least loss, as weighted at the end (t = 1), on one batch that is drawn beforehand.
+    (Its points of the space are used nowhere else; those of the surface are points of the input, as in all batches.)
 
     Parameters
     ----------
-    offer : called ``training.traces`` times, with the field as it is then, or with the mean where that is kept
+    offer : called ``training.traces`` times, with the current field, or with the mean if that is kept
 
     Raises
     ------
@@ -116,7 +116,7 @@ def fit(
     """
     optimizer = field.optimizer(training)
     device = next(field.parameters()).device
-    if device.type != "cpu":  # chunks are for the caches of a processor; a GPU is kept busy by large ones
+    if device.type != "cpu":  # small chunks suit the caches of a processor; large ones keep a GPU busy
         training = replace(training, chunk=max(training.chunk, WHOLE))
 
     def diverged(loss: float, step: int) -> Diverged:
@@ -130,7 +130,7 @@ def fit(
     best = _Best(field, sampler.draw(), training.chunk) if training.keep == "best" else None
     mean = _Mean(field) if training.keep == "mean" else None
     if best:
-        best.look()  # a field that was loaded may be better than what comes
+        best.look()  # a loaded field may be better than all later states
     at_first = best.loss if best else math.inf
     steps = 0
     while progress.t < 1:
@@ -190,7 +190,7 @@ class _Best:
         self._state: dict[str, Tensor] | None = None
 
     def look(self) -> None:
-        """Keep the state of now if it is better."""
+        """Keep the current state if it is better."""
         with torch.no_grad():
             loss = float(sum(self._field.loss(part, 1.0) for part in self._batch.chunks(self._chunk)))
         if loss < self.loss:
@@ -209,7 +209,7 @@ class _Best:
 
 
 class _Mean:
-    """The mean of the last states, of which earlier ones count less and less."""
+    """The mean of the last states; the weight of earlier ones decays."""
 
     def __init__(self, field: Field):
         self._field, self._states = field, 0
@@ -217,14 +217,14 @@ class _Mean:
 
     @torch.no_grad()
     def add(self) -> None:
-        """The state of now."""
+        """Add the current state."""
         self._states += 1
         share = 1 / min(MEAN, 1 + self._states / 3)
         torch._foreach_lerp_(self._mean, list(self._field.parameters()), share)
 
     @torch.no_grad()
     def swap(self) -> None:
-        """The field becomes the mean, and the mean what the field was; a second time, back."""
+        """Exchange the field and the mean; a second call undoes this."""
         for mean, parameter in zip(self._mean, self._field.parameters(), strict=True):
             now = parameter.clone()
             parameter.copy_(mean)

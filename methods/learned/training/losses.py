@@ -1,4 +1,4 @@
-"""The losses of steps, read back from a device seldom: the processor waits for a GPU whenever it asks for a number."""
+"""The losses of steps, seldom read back from a device: the processor waits for the GPU at every read."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Losses:
     ----------
     device : str
     diverged : function of a loss and the number of its step
-        Makes the error that is raised for the first loss that is not finite.
+        Makes the error for the first loss that is not finite.
     every : int, optional
-        Steps between two readings; without it what is said above.
+        Steps between two readings; by default as described above.
     """
 
     def __init__(self, device: str, diverged: Callable[[float, int], Exception], every: int | None = None):
@@ -33,13 +33,13 @@ class Losses:
         self._last = math.nan
 
     def add(self, loss: Tensor, step: int) -> None:
-        """The loss (a scalar) of a step."""
+        """Add the loss (a scalar) of a step."""
         self._pending.append((step, loss.detach()))
         if len(self._pending) >= self._every:
             self.read()
 
     def read(self) -> float:
-        """The last loss of all, after a look at those not read yet."""
+        """The last loss, after a check of those not read yet."""
         if self._pending:
             steps, losses = zip(*self._pending, strict=True)
             self._pending = []

@@ -1,8 +1,8 @@
-"""The training loop of networks that learn from examples: it can be killed at any moment and goes on as if it had not.
+"""The training loop of networks that learn from examples; it can be killed at any moment, and resumes exactly.
 
-What a step draws depends on the seed and the number of the step alone (:func:`step_generator`), so a checkpoint holds
-the network, the optimiser, the best state and a number; on the CPU, a training that was interrupted ends with the
-same weights, to the bit, as one that was not.
+The random draws of a step depend only on the seed and the number of the step (:func:`step_generator`), so a checkpoint
+holds the network, the optimiser, the best state and a number; on the CPU, an interrupted training ends with the same
+weights, to the bit, as an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ NETWORK, OPTIMIZER, BEST = "network.", "optimizer.", "best."
 
 
 def step_generator(seed: int, step: int, purpose: str = "") -> np.random.Generator:
-    """The generator of one step, equal however often the training was interrupted before it."""
+    """The random generator of one step, the same however often the training was interrupted before."""
     return np.random.default_rng([seed, step, *purpose.encode()])
 
 
 def progress(run: Run, step: int, steps: int) -> float:
-    """How far a training is before a step, from 0 to 1, for schedules.
+    """The progress of a training before a step, from 0 to 1, for schedules.
 
-    By its steps; by the clock where there are none to count to (``steps=0``), and where the time will not do for them:
-    a schedule always runs to its end. The clock counts the seconds before an interruption too.
+    Measured by steps; by the clock if their number is open (``steps=0``) or the time is too short for them:
+    a schedule always runs to its end. The clock includes the seconds before an interruption.
     """
     by_clock = min((run.spent + run.elapsed()) / max(run.spent + run.seconds, 1e-9), 1.0)
     by_steps = step / steps if steps else 0.0
     return by_clock if not steps or by_clock > by_steps + LATE else by_steps
 
 
-LATE = 0.05  # of a training: steps that lag behind the clock by more will not be done in time
+LATE = 0.05  # of a training: steps that lag behind the clock by more will not finish in time
 
 
 def train(
@@ -58,24 +58,24 @@ def train(
     Parameters
     ----------
     network : Module
-        Its state is what is trained, stored and returned; it is left in that state too.
+        Its state is trained, stored and returned; the network ends in the returned state.
     loss : function of the number of a step, from 0
-        A scalar tensor. All that it draws comes from generators made of ``run.seed`` and that number.
+        A scalar tensor. All its random draws come from generators made from ``run.seed`` and that number.
     run : Run
-        Says how much time is left, and stores logs and checkpoints.
+        Gives the time left, and stores logs and checkpoints.
     steps : int
-        At most; 0 for as many as the time allows. The weights of such a training, and of one whose time ends before its
-        steps are done, cannot be made again to the bit.
+        At most; 0 for as many as the time allows. The weights of such a training, and of one whose time ends before
+        its steps are done, are not reproducible to the bit.
     optimizer : Optimizer
-        Over parameters of ``network``; Adam, with state that is made at the first step.
+        Over parameters of ``network``; Adam, whose state is created at the first step.
     prepare : function of the number of a step, optional
         Called before it: sets learning rates, and freezes parts of the network.
     validate : function, optional
         A number, lower is better, the same for the same state. Without it the last state is returned.
     every : int
-        Steps between validations; one more is made at the end.
+        Steps between validations; one more takes place at the end.
     clip_value : float, optional
-        Gradients are cut to this size, number by number.
+        Gradients are clipped to this size, entry by entry.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def train(
     Raises
     ------
     UsageError
-        If the loss is not finite, naming the step: a smaller learning rate is what helps. See :class:`.losses.Losses`
+        If the loss is not finite, naming the step: a smaller learning rate helps. See :class:`.losses.Losses`
         for when it is raised.
     """
     state = _State(network, optimizer)
@@ -112,7 +112,7 @@ def train(
         if step % LOGGED == 0:
             run.log(step, loss=losses.read())
         step += 1
-        # By the clock, the number of steps to come is estimated from those that are done.
+        # By the clock, the number of steps to come is estimated from those done.
         run.progress(step, steps or max(step, round(step / max(progress(run, step, steps), 1e-9))))
         run.checkpoint(partial(arrays, step))
     losses.read()
@@ -138,7 +138,7 @@ class _State:
         self._best: dict[str, Tensor] | None = None
 
     def offer(self, score: float, step: int, run: Run) -> None:
-        """Keep the state of now if it is the best."""
+        """Keep the current state if it is the best."""
         run.log(step, validation=score)
         if score < self.score or self._best is None:
             self.score = score
@@ -151,7 +151,7 @@ class _State:
         return {name: _array(tensor) for name, tensor in self.network.state_dict().items()}
 
     def arrays(self, step: int) -> dict[str, np.ndarray]:
-        """All that the steps from ``step`` on depend on."""
+        """Everything that the steps from ``step`` on depend on."""
         arrays: dict[str, np.ndarray | np.generic] = {"step": np.int64(step), "score": np.float64(self.score)}
         arrays |= {NETWORK + name: _array(tensor) for name, tensor in self.network.state_dict().items()}
         arrays |= {BEST + name: _array(tensor) for name, tensor in (self._best or {}).items()}
@@ -160,7 +160,7 @@ class _State:
         return {name: np.asarray(array) for name, array in arrays.items()}
 
     def resume(self, arrays: Mapping[str, np.ndarray]) -> int:
-        """Back to a checkpoint; the step to go on with."""
+        """Restore a checkpoint; returns the next step."""
         device = next(self.network.parameters()).device
         self.network.load_state_dict(_tensors(arrays, NETWORK, device))
         self._best = _tensors(arrays, BEST, device) or None
@@ -169,7 +169,7 @@ class _State:
         for name, tensor in _tensors(arrays, OPTIMIZER, torch.device("cpu")).items():
             number, _, key = name.partition(".")
             state.setdefault(int(number), {})[key] = tensor
-        # The groups (rates, betas) are those of this run's optimiser: prepare() sets what changes in them.
+        # The groups (rates, betas) are those of this run's optimiser: prepare() sets their variable parts.
         self.optimizer.load_state_dict({**self.optimizer.state_dict(), "state": state})
         return int(arrays["step"])
 

@@ -1,4 +1,4 @@
-"""How learning rates and loss weights change with the progress t of a training, from 0 to 1."""
+"""Learning rates and loss weights as functions of the progress t of a training, from 0 to 1."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 BASE_ALONE = 0.2  # T_m: until then only the base is trained
-BASE_FROZEN = 0.5  # released: from then on only the displacement is
+BASE_FROZEN = 0.5  # released: from then on only the displacement is trained
 
 
 def cosine(s: float, start: float, end: float) -> float:
@@ -23,7 +23,7 @@ def late_decay(t: float, begin: float = 0.8, final: float = 0.1) -> float:
 
 @dataclass(frozen=True)
 class Stage:
-    """Factors at one moment: of the two losses, and of the learning rates of the two networks."""
+    """Factors at one progress: of the two losses, and of the learning rates of the two networks."""
 
     base_loss: float
     loss: float

@@ -546,9 +546,9 @@ def test_a_field_is_loaded_by_what_saved_it_alone(tmp_path):
     path = tmp_path / "ball.safetensors"
     files.save(method.field(draw()), path, method.name, method.form(), ball().points)
     for other, message in (
-        (Siren(steps=0, load=str(path), **SMALL), "ball.safetensors: was saved by idf, not by siren; say method=idf"),
-        (Idf(steps=0, load=str(path), **SMALL, omega_detail=30.0), "omega_detail is 30.0 here; say .*_detail=60.0"),
-        (Idf(steps=0, load=str(path), **SMALL, bounded=False), "say method.bounded=True"),
+        (Siren(steps=0, load=str(path), **SMALL), "ball.safetensors: was saved by idf, not by siren; use method=idf"),
+        (Idf(steps=0, load=str(path), **SMALL, omega_detail=30.0), "omega_detail is now 30.0; use .*_detail=60.0"),
+        (Idf(steps=0, load=str(path), **SMALL, bounded=False), "use method.bounded=True"),
     ):
         with pytest.raises(BadInput, match=message):
             other.reconstruct(ball(), Run())
@@ -615,7 +615,7 @@ def test_a_training_never_leaves_a_loaded_field_worse_than_it_was(tmp_path):
     fitted, _ = Siren(steps=100, save=path, **SMALL).fit_to(ball(), Run(seed=1))
     run = Run(seed=2)
     spoilt, _ = Siren(steps=5, load=path, **SMALL | {"learning_rate": 1.0}).fit_to(ball(), run)
-    assert run.notes == [f"5 further steps found nothing better than the field of {path}: it is kept"]
+    assert run.notes == [f"5 further steps did not improve the field of {path}; it is unchanged"]
     for name, tensor in fitted.state_dict().items():
         assert torch.equal(tensor, spoilt.state_dict()[name])
 
@@ -655,7 +655,7 @@ def test_a_training_that_the_limit_cuts_short_says_so():
     assert re.fullmatch(r"trained for [\d.]+ of 60 s: limit.seconds=2 is too short", run.notes[0])
     run = Run(seed=1)
     Siren(seconds=0.01, **SMALL).reconstruct(ball(), run)
-    assert re.fullmatch(r"trained for \d steps alone, in 0.01 s", run.notes[0])
+    assert re.fullmatch(r"trained for only \d steps, in 0.01 s", run.notes[0])
     run = Run(seed=1, seconds=100.0)
     Siren(steps=5, **SMALL).reconstruct(ball(), run)
     assert not run.notes
@@ -665,7 +665,7 @@ def test_of_very_many_points_without_normals_a_part_is_used(monkeypatch):
     monkeypatch.setattr("bench.methods.learned.fitting.fitted.MOST_ESTIMATED", 1000)
     run = Run(seed=1)
     mesh = Siren(steps=30, **SMALL).reconstruct(PointCloud(ball().points), run)
-    assert run.notes == ["normals were estimated for 1,000 of the 4,000 points, and those used"]
+    assert run.notes == ["normals were estimated for 1,000 of the 4,000 points; only these are used"]
     assert np.abs(np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) - 1).mean() < 0.2
     run = Run(seed=1)
     Siren(steps=1, **SMALL).reconstruct(ball(), run)
@@ -703,7 +703,7 @@ def test_a_surface_for_which_there_is_no_time_is_coarser_and_says_so():
     run = Run(seconds=0.0)
     mesh = Siren(steps=1, **SMALL | {"resolution": 129}).reconstruct(ball(), run)
     assert mesh.metadata["coarser"] == 4
-    assert run.notes == ["the surface has 1/4 of the resolution asked for: limit.seconds=0 is too short"]
+    assert run.notes == ["the surface has 1/4 of the requested resolution: limit.seconds=0 is too short"]
     run = Run()
     Siren(steps=1, **SMALL).reconstruct(ball(), run)
     assert not run.notes

@@ -248,7 +248,7 @@ def test_the_sphere_is_a_part_of_a_saved_hash_field(tmp_path):
     path = str(tmp_path / "ball.safetensors")
     saved = quick_hash(steps=1, sphere=0.4, resolution=16, save=path)
     saved.reconstruct(ball(), Run(seed=1))
-    with pytest.raises(BadInput, match=r"sphere is 0.5 here; say method.sphere=0.4"):
+    with pytest.raises(BadInput, match=r"sphere is now 0.5; use method.sphere=0.4"):
         quick_hash(steps=0, resolution=16, load=path).reconstruct(ball(), Run(seed=1))
 
 
