@@ -1,1 +1,1 @@
-"""Classical methods: well-kept libraries behind one interface."""
+"""Classical methods: well-maintained libraries behind one interface."""

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 class AdvancingFront:
     """Advancing front: Delaunay triangles are added one by one, the most plausible first.
 
-    A manifold mesh through points of the input, as noisy as they are, that follows any sampling density. The
-    triangles are chosen without normals; only the side that faces outward is taken from them. From about 50,000
-    points on the time grows faster than their number: 4 s for 20,000, 90 s for 100,000.
+    A manifold mesh through points of the input, as noisy as they are, that adapts to any sampling density. The
+    triangles are chosen without normals, which only determine the outward side. Above about 50,000 points the time
+    grows faster than their number: 4 s for 20,000, 90 s for 100,000.
     """
 
     radius_ratio: float = 5.0  # how much larger than its neighbour a triangle's circle may be; larger closes more
@@ -44,7 +44,7 @@ class AdvancingFront:
         points, normals, _ = distinct_oriented(cloud, "advancing_front", at_least=4)
         vertices, faces = self._front(points)
         if not len(faces):
-            raise BadInput(f"advancing_front: {len(points)} points, and no triangle is plausible; expected a surface")
+            raise BadInput(f"advancing_front: found no plausible triangle in {len(points)} points; expected a surface")
         return Trimesh(*in_order(vertices, turn_pieces(vertices, faces, points, normals)), process=False)
 
     def _front(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -71,12 +71,12 @@ def in_order(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def turn_pieces(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """The faces, turned so that every connected piece agrees with the normals of the points that it goes through.
+    """The faces, flipped so that every connected component agrees with the normals of its points.
 
     Parameters
     ----------
     vertices : (v, 3) array, all of them among the points
-    faces : (f, 3) int array, consistent within each piece
+    faces : (f, 3) int array, consistent within each component
     points, normals : (n, 3) arrays
 
     Returns

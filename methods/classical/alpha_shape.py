@@ -1,7 +1,7 @@
 """Alpha shapes, on SciPy's Delaunay tetrahedra.
 
-Open3D has them too, but does not tell the outer sheet of a surface from the inner one, turns faces at random where
-the two touch, and leaves out what its Delaunay tetrahedra lack on planes.
+Open3D has them too, but does not distinguish the outer sheet of a surface from the inner one, orients faces randomly
+where the two touch, and has gaps on planes, where its Delaunay tetrahedra are incomplete.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from scipy.spatial import Delaunay
     from trimesh import Trimesh
 
-# The facets of a tetrahedron, each opposite to the corner of its number.
+# The facets of a tetrahedron, each opposite to the corner with its index.
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
@@ -29,8 +29,8 @@ FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 class AlphaShape:
     """Alpha shapes: the triangles between points that lie on an empty ball of radius alpha, as seen from outside.
 
-    The mesh goes through points of the input, and is as noisy as they are. Cavities that no ball of radius alpha can
-    enter count as solid: the inner sheet of a closed surface is left out. Where a ball gets in through a hole, noise
+    The mesh passes through points of the input, and is as noisy as they are. Cavities that no ball of radius alpha can
+    enter count as solid: the inner sheet of a closed surface is omitted. If a ball enters through a hole, noise
     gives the surface an outer and an inner sheet.
     """
 
@@ -61,16 +61,16 @@ class AlphaShape:
         wrong = np.einsum("ni,ni->n", np.cross(b - a, c - a), normals[sheet].sum(axis=1)) < 0
         faces = np.concatenate([border, np.where(wrong[:, None], sheet[:, ::-1], sheet)])
         if not len(faces):
-            raise BadInput(f"alpha_shape: no three of {len(points)} points lie on an empty ball; raise alpha")
+            raise BadInput(f"alpha_shape: no empty ball touches three of the {len(points)} points; raise alpha")
         used, faces = np.unique(faces, return_inverse=True)
         return Trimesh(points[used], faces.reshape(-1, 3), process=False)
 
 
 def sheets(cells: Delaunay, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """The faces around solids, outward, and those with space on both sides, of either sign: two (f, 3) int arrays."""
+    """The outward faces of solids, and faces with space on both sides, of any orientation: two (f, 3) int arrays."""
     closed = facet_values(cells) <= radius
     reached = _reached_from_outside(~closed, cells.neighbors)
-    inner, outer = ~reached[:-1, None], reached[cells.neighbors]  # the last entry, -1, is the space around
+    inner, outer = ~reached[:-1, None], reached[cells.neighbors]  # the last entry, -1, is the outside
     once = cells.neighbors < np.arange(len(cells.simplices))[:, None]
     return _facets(cells, inner & outer), _facets(cells, closed & ~inner & outer & once)
 
@@ -85,7 +85,7 @@ def flat_sheet(plane: np.ndarray, radius: float) -> np.ndarray:
 
 
 def facet_values(cells: Delaunay) -> np.ndarray:
-    """The radius of the smallest ball through each facet that has no point inside: an (n, 4) array.
+    """The radius of the smallest empty ball through each facet: an (n, 4) array.
 
     Entry (i, k) is the facet of tetrahedron i opposite to its corner k.
     """
@@ -134,7 +134,7 @@ def circumcircles(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[np.ndarr
 
 
 def _facets(cells: Delaunay, chosen: np.ndarray) -> np.ndarray:
-    """The chosen (n, 4) facets as an (f, 3) int array of points, outward from their tetrahedra."""
+    """The chosen (n, 4) facets as an (f, 3) int array of points, oriented outward from their tetrahedra."""
     cell, facet = np.nonzero(chosen)
     faces = np.take_along_axis(cells.simplices[cell], FACES[facet], axis=1)
     a, b, c = (cells.points[faces[:, k]] for k in range(3))
@@ -144,12 +144,12 @@ def _facets(cells: Delaunay, chosen: np.ndarray) -> np.ndarray:
 
 
 def _reached_from_outside(open_: np.ndarray, neighbors: np.ndarray) -> np.ndarray:
-    """Which tetrahedra are connected to the space around all through ``open_`` (n, 4) facets.
+    """Which tetrahedra are connected to the outside through ``open_`` (n, 4) facets.
 
     Returns
     -------
     (n + 1,) bool array
-        The last entry is the space around, which is number -1 in ``neighbors`` (n, 4).
+        The last entry is the outside, which is number -1 in ``neighbors`` (n, 4).
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -15,8 +15,8 @@ from .isolated import without_isolated
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-NEAR = 2.0  # mean spacings from the points up to which the wrap is drawn onto them wholly
-FAR = 3.0  # and from which on it stays where it is: there the points are missing
+NEAR = 2.0  # mean spacings from the points, up to which the wrap moves fully onto them
+FAR = 3.0  # beyond this distance it does not move: points are missing there
 LEVELS = 4  # subdivisions at most
 
 
@@ -25,16 +25,16 @@ LEVELS = 4  # subdivisions at most
 class AlphaWrap:
     """Alpha wrapping, refined: a closed surface carved around the points, then subdivided and fitted to them.
 
-    A ball that is too large for the gaps between the points carves the wrap from outside, and spans what is missing.
+    A ball that is too large for the gaps between the points carves the wrap from outside, and bridges holes.
     The cited method (Portaneri et al. 2022) ends there, with coarse triangles outside of the points: that is
-    ``fit=False``, preset ``alpha_wrap_plain``. With ``fit`` this plugin goes on: it subdivides the wrap, and draws it
-    onto quadrics fitted to the points (Cazals and Pouget 2005). Needs no normals. Always closed, whatever the points.
+    ``fit=False``, preset ``alpha_wrap_plain``. With ``fit`` this plugin also subdivides the wrap, and moves it
+    onto quadrics fitted to the points (Cazals and Pouget 2005). Needs no normals. Always closed, for any points.
     """
 
     alpha: float = 3.0  # size of the ball in mean spacings: it must not fit through holes, nor skip narrow gaps
     offset: float = 0.5  # distance of the wrap from the points, in mean spacings; thinner parts than this fuse
-    fit: bool = True  # whether the wrap is subdivided and drawn onto the points; false is the cited method alone
-    k: int = 18  # neighbours of a quadric; more smooth noise away, and detail with it
+    fit: bool = True  # whether the wrap is subdivided and moved onto the points; false is the cited method alone
+    k: int = 18  # neighbours of a quadric; more remove noise, and detail with it
 
     def __post_init__(self) -> None:
         if not self.alpha > 0:
@@ -45,7 +45,7 @@ class AlphaWrap:
             raise ValueError(f"k: a quadric needs at least 6 neighbours, got {self.k}")
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
-        """A closed mesh, outward; where the ball found a hole, of two sheets."""
+        """A closed mesh with outward faces; it has two sheets if the ball passed through a hole."""
         from trimesh import Trimesh
 
         from bench.geometry.spacing import mean_spacing
@@ -54,14 +54,14 @@ class AlphaWrap:
         points, _ = distinct_points(cloud.points, "alpha_wrap", at_least=4)
         note_flat(points, "alpha_wrap", run, "the wrap is a closed surface of two sides that meet")
         spacing = mean_spacing(points)
-        # The wrap costs by the square of the extent in units of alpha; a distant outlier would keep it busy for hours.
+        # The cost grows with the square of the extent in units of alpha; with a distant outlier it takes hours.
         if np.ptp(points, axis=0).max() > 3000 * self.alpha * spacing:
             raise BadInput(
                 "alpha_wrap: the points extend over more than 3000 times alpha; remove far outliers, or raise alpha"
             )
         mesh = Trimesh(*wrap(points, self.alpha * spacing, self.offset * spacing), process=False)
         if not len(mesh.faces):
-            raise BadInput(f"alpha_wrap: nothing is left around {len(points)} points; expected points of a surface")
+            raise BadInput(f"alpha_wrap: the wrap of {len(points)} points is empty; expected points of a surface")
         return self._fit(mesh, points, spacing) if self.fit else mesh
 
     def _fit(self, mesh: Trimesh, points: np.ndarray, spacing: float) -> Trimesh:

@@ -25,8 +25,8 @@ class Apss:
     filterscale: float | None = None  # support in local spacings; larger smooths more; None: by the noise, 1.6 to 6
     spherical: float = 1.0  # 1 fits spheres, 0 planes
     resolution: int = 200  # marching cubes cells along the longest side of the bounding box (reconstruct)
-    reach: float = 2.0  # local spacings from the points, beyond which a surface is dropped; 0: nowhere (reconstruct)
-    steps: int = 4  # of the projection; MeshLab's 15 change the mean by 5e-5 at 2 % noise, and nothing at none
+    reach: float = 2.0  # local spacings from the points, beyond which a surface is dropped; 0: never (reconstruct)
+    steps: int = 4  # of the projection; MeshLab's 15 change the mean by 5e-5 at 2 % noise, by nothing without noise
 
     def __post_init__(self) -> None:
         mls.check_parameters(self.filterscale, self.resolution, self.steps, self.reach)

@@ -16,7 +16,7 @@ from .noise import noise_to_spacing
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-NOISY = 0.15  # noise over spacing from which small balls do harm
+NOISY = 0.15  # ratio of noise to spacing above which small balls are harmful
 
 
 @register("method", cite="Bernardini et al. 1999", requires=("open3d", "scipy", "trimesh"))
@@ -34,7 +34,7 @@ class BallPivoting:
             raise ValueError(f"radii: expected ascending numbers above 0, got {radii}")
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
-        """A mesh through the points themselves: open where they are far apart, and as noisy as they are."""
+        """A mesh with the points as vertices: open where they are far apart, and as noisy as they are."""
         import open3d as o3d
         from trimesh import Trimesh
 
@@ -58,6 +58,6 @@ class BallPivoting:
 def radii_for(points: np.ndarray, normals: np.ndarray) -> tuple[float, ...]:
     """The radii that were best on the train shapes at the noise of these points, see docs/tuning.md.
 
-    A ball that is smaller than the noise rests on the points that stick out.
+    A ball smaller than the noise rests on protruding points.
     """
     return (1.0, 1.5, 2.0, 4.0) if noise_to_spacing(points, normals) < NOISY else (1.5, 3.0, 6.0)

@@ -19,8 +19,8 @@ class Bilateral:
     """Bilateral smoothing: points move along normals that count less the more they differ, which keeps edges."""
 
     k: int | None = None  # neighbours; more smooth more; None: by the noise, 12 to 64
-    iterations: int = 1  # passes; from the third on fine detail is flattened
-    angle: float = 20.0  # degrees by which normals may differ before they count less; 90 ignores edges
+    iterations: int = 1  # passes; three or more flatten fine detail
+    angle: float = 20.0  # degrees by which normals may differ before their weight falls; 90 ignores edges
 
     def __post_init__(self) -> None:
         if self.k is not None and self.k < 3:
@@ -44,7 +44,7 @@ def neighbours_for(points: np.ndarray, normals: np.ndarray) -> int:
 
 
 def check_angle(name: str, angle: float) -> None:
-    """Raise ValueError for an angle that CGAL has no weights for."""
+    """Raise ValueError for an angle that CGAL does not support."""
     if not 0 < angle <= 90:
         raise ValueError(f"{name}: expected degrees above 0 and up to 90, got {angle}")
 
@@ -63,7 +63,7 @@ def smooth(
     angle : float
         In degrees.
     run : Run
-        Told of the progress.
+        Receives the progress.
     """
     from CGAL.CGAL_Point_set_processing_3 import bilateral_smooth_point_set
 
@@ -71,12 +71,12 @@ def smooth(
 
     point_set = to_point_set(points, normals)
     for done in range(passes):
-        # The third argument is a radius, 0 for none: an angle in its place makes all points NaN.
+        # The third argument is a radius, 0 for none: an angle there makes all points NaN.
         bilateral_smooth_point_set(point_set, min(k, len(points) - 1), 0.0, angle)
         run.progress(done + 1, passes)
     moved, turned = to_array(point_set), to_normals(point_set)
     lengths = np.linalg.norm(turned, axis=1)
-    # Opposite normals, as on both sides of a thin sheet, can cancel to nothing.
+    # Opposite normals, as on both sides of a thin sheet, can cancel.
     good = (np.isfinite(moved).all(axis=1) & np.isfinite(lengths) & (lengths > 0))[:, None]
     turned = turned / np.where(good, lengths[:, None], 1.0)
     return np.where(good, moved, points), np.where(good, turned, normals)

@@ -13,18 +13,18 @@ from .inputs import distinct_oriented
 from .isolated import without_isolated
 from .noise import noise_to_spacing
 
-CELLS = 3e7  # of CGAL's grid: they cost more than half a microsecond each, however few points there are
+CELLS = 3e7  # of CGAL's grid: each costs more than half a microsecond, even with few points
 
-NOISY, VERY_NOISY = 0.05, 0.3  # noise over spacing from which one pass of smoothing pays, and a second one
+NOISY, VERY_NOISY = 0.05, 0.3  # ratios of noise to spacing above which one and two passes of smoothing help
 
 
 @register("method", cite="Huang et al. 2013", requires=("CGAL", "scipy"))
 @dataclass(frozen=True)
 class Ear:
-    """Edge-aware resampling: bilateral smoothing, then points are set into the largest gaps and towards edges.
+    """Edge-aware resampling: bilateral smoothing, then points are inserted into the largest gaps and towards edges.
 
-    Each new point is moved bilaterally onto the planes of its neighbours, so creases between them stay sharp. That
-    trusts the normals: exact ones halve the error on sharp shapes.
+    Each new point is moved bilaterally onto the tangent planes of its neighbours, so creases between them stay sharp.
+    That depends on the normals: exact ones halve the error on sharp shapes.
     """
 
     sharpness_angle: float = 35.0  # degrees by which normals may differ on one side of an edge
@@ -32,7 +32,7 @@ class Ear:
     radius: float = 2.5  # support in mean spacings; below 2 leaves gaps, above 3 flattens detail
     passes: int | None = None  # of bilateral smoothing before; None: by the noise, 0 for clean points to 2
     k: int = 24  # neighbours of the smoothing
-    smooth_angle: float = 15.0  # degrees by which normals may differ in the smoothing before they count less
+    smooth_angle: float = 15.0  # degrees by which normals may differ in the smoothing before their weight falls
 
     def __post_init__(self) -> None:
         check_angle("sharpness_angle", self.sharpness_angle)
@@ -60,20 +60,20 @@ class Ear:
         passes = passes_for(points, normals) if self.passes is None else self.passes
         points, normals = smooth(points, normals, self.k, passes, self.smooth_angle, run)
         if count > len(points):
-            # CGAL's own choice of the radius leaves the points worse than they came.
+            # CGAL's default radius leaves the points worse than the input.
             radius = self.radius * mean_spacing(points)
             # CGAL sorts the points into a grid over their bounding box, whose cells have the size of the radius.
             cells = np.prod(np.ptp(points, axis=0) / radius + 1)
             if cells > CELLS:
                 raise BadInput(
                     f"ear: the bounding box has {cells:.1g} cells of the size of the radius; expected at most "
-                    f"{CELLS:.1g} (remove far outliers, take points piece by piece, or raise radius)"
+                    f"{CELLS:.1g} (remove far outliers, process distant parts one by one, or raise radius)"
                 )
             point_set = to_point_set(points, normals)
             edge_aware_upsample_point_set(point_set, self.sharpness_angle, self.edge_sensitivity, radius, count)
             points, normals = to_array(point_set), to_normals(point_set)
         good = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(normals).all(axis=1))
-        chosen = np.resize(good, count)  # points that could not be set are made up for by repetitions
+        chosen = np.resize(good, count)  # repeated points replace those that could not be inserted
         lengths = np.linalg.norm(normals[chosen], axis=1, keepdims=True)
         return PointCloud(points[chosen], normals[chosen] / lengths)
 

@@ -1,8 +1,8 @@
 """CGAL's advancing front, in a process of its own.
 
-CGAL puts some of its choices in the order of addresses, so that the result depends on what the process did before: on
-noisy points nearly every call chooses some other triangles. A process that begins anew, in the same way each time, has
-always the same layout of memory.
+CGAL makes some of its choices in the order of memory addresses, so that the result depends on what the process did
+before: on noisy points nearly every call chooses some other triangles. A new process that starts in the same way each
+time always has the same memory layout.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def advancing_front(points: np.ndarray, radius_ratio: float, beta: float) -> tup
     """
     request = io.BytesIO()
     np.savez(request, points=points, radius_ratio=radius_ratio, beta=beta)
-    # Neither the folder, nor the environment, nor the random layout of sets may be another one.
+    # The folder, the environment and the random order of sets must be the same each time.
     environment = {name: os.environ[name] for name in ("PATH", "LD_LIBRARY_PATH") if name in os.environ}
     done = subprocess.run(
         [sys.executable, "-P", "-s", "-c", f"from {__name__} import main; main()"],
@@ -52,7 +52,7 @@ def main() -> None:
     from .point_sets import to_mesh, to_point_set
 
     answer = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints goes to the errors
+    os.dup2(2, 1)  # the output of libraries goes to the standard error
     request = np.load(io.BytesIO(sys.stdin.buffer.read()))
     polyhedron = Polyhedron_3()
     radius_ratio, beta = float(request["radius_ratio"]), float(request["beta"])

@@ -14,7 +14,7 @@ from .isolated import put_back, without_isolated
 from .noise import noise_to_spacing
 
 FILTERINGS = 5  # of the normals in a round
-WIDE = 2.0  # the deviation of the Gaussians over that of the heights; with 1, points stop at the next mode
+WIDE = 2.0  # ratio of the Gaussians' deviation to that of the heights; with 1, points stop at the next mode
 SMALL = 1e-12  # of the size of the cloud: smaller heights are rounding
 
 
@@ -23,17 +23,17 @@ SMALL = 1e-12  # of the size of the cloud: smaller heights are rounding
 class Gpf:
     """GPF-like: points are the centres of a Gaussian mixture of the input, and move along bilaterally filtered normals.
 
-    Written from the idea of the paper (Lu et al. 2018, "GPF"), of which no code was released; numbers need not be its.
+    Written from the idea of the paper (Lu et al. 2018, "GPF"), whose code was not released; results may differ from it.
     The input are data, the output the centres of flat Gaussians. E: a datum belongs to the centres around it by its
     distances to their planes, exp(-(n . (p - q))^2 / 2 s^2), so one beyond an edge belongs to those there. M: a centre
-    moves along its normal by the mean height of its data, and s is measured anew. Centres push each other apart within
-    their planes, as in WLOP. Ours: normals are estimated again from what a round gave, data count less with the
-    distance and with the angle between normals, and heights are those over the planes of both.
+    moves along its normal by the mean height of its data, and s is measured again. Centres push each other apart within
+    their planes, as in WLOP. Ours: normals are estimated again from the output of a round, weights of data fall with
+    the distance and with the angle between normals, and heights are those over the planes of both.
     """
 
     k: int | None = None  # neighbours; more smooth more; None: by the noise, 16 to 96
-    angle: float = 25.0  # degrees between normals at which they count by exp(-1)
-    rounds: int = 2  # normals are estimated, filtered, and then points are moved, so often
+    angle: float = 25.0  # degrees between normals at which their weight is exp(-1)
+    rounds: int = 2  # of estimating and filtering normals, and then moving points
     iterations: int = 5  # of E and M in a round
     repulsion: float = 0.3  # 0 for none, 1 for as far as the neighbours are apart
 
@@ -66,7 +66,7 @@ class Gpf:
         return put_back(cloud, kept, points[inverse], normals[inverse])
 
     def _moved(self, points: np.ndarray, data: np.ndarray, normals: np.ndarray, k: int, run: Run) -> np.ndarray:
-        """The centres after some iterations: (n, 3). Datum i has the normal of centre i, which began there."""
+        """The centres after some iterations: (n, 3). Datum i has the normal of centre i, which started there."""
         for _ in range(self.iterations):
             if not run.time_for_more():
                 break
@@ -103,7 +103,7 @@ def around(data: np.ndarray, points: np.ndarray, normals: np.ndarray, k: int, an
 
 
 def alike(normals: np.ndarray, index: np.ndarray, angle: float) -> np.ndarray:
-    """How much the normals of neighbours (n, k) count: exp(-((1 - n . m) / (1 - cos angle))^2)."""
+    """The weights of neighbours (n, k) by their normals: exp(-((1 - n . m) / (1 - cos angle))^2)."""
     cosine = np.einsum("ni,nki->nk", normals, normals[index])
     return np.exp(-(((1 - cosine) / (1 - np.cos(np.radians(angle)))) ** 2))
 
@@ -111,10 +111,10 @@ def alike(normals: np.ndarray, index: np.ndarray, angle: float) -> np.ndarray:
 def expectation(
     points: np.ndarray, data: np.ndarray, normals: np.ndarray, nearby: Nearby
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How much of each datum belongs to each centre, and the heights of the data.
+    """The share of each datum in each centre, and the heights of the data.
 
-    The deviation of the Gaussians is twice that of all heights, not that of those that belong: as many centres as data
-    would settle on what they began with, and the deviation with them on 0.
+    The deviation of the Gaussians is twice that of all heights, not that of the shares: with as many centres as data,
+    each centre would settle on its start, and the deviation on 0.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def expectation(
 
 
 def filtered_normals(points: np.ndarray, normals: np.ndarray, k: int, angle: float) -> np.ndarray:
-    """Normals (n, 3) after bilateral filtering: means over the k nearest points, of those that are alike."""
+    """Normals (n, 3) after bilateral filtering: means over similar normals of the k nearest points."""
     from scipy.spatial import cKDTree
 
     distance, index = cKDTree(points).query(points, np.arange(1, k + 1))
@@ -163,9 +163,10 @@ def estimated_again(points: np.ndarray, normals: np.ndarray, k: int) -> np.ndarr
 
 
 def pushed_apart(points: np.ndarray, normals: np.ndarray, neighbours: int = 8) -> np.ndarray:
-    """By how much points (n, 3) move away from their nearest ones within their planes: (n, 3) array.
+    """The displacements (n, 3) of points (n, 3) away from their nearest ones within their planes.
 
-    The mean of the directions, nearer points first, times what the distances lack of the typical one.
+    The mean of the directions, weighted towards nearer points, times the shortfall of the distances from the typical
+    one.
     """
     from scipy.spatial import cKDTree
 

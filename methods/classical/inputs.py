@@ -1,4 +1,4 @@
-"""What every classical method asks of its input, before native code sees it."""
+"""Checks of the input of every classical method, before native code uses it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from bench import BadInput, PointCloud, Run
 from bench.geometry.check import check_points
 from bench.geometry.distinct import distinct_rows
 
-FLAT = 0.02  # the ratio of thickness to width (standard deviations) below which points have no inside
-COARSE = 5.0  # mean spacings; a cell that is wider loses what the points show
-ROUNDING = 0.01  # mean spacings by which points may lie off a plane that still triangulate as its points
+FLAT = 0.02  # the ratio of thickness to width (standard deviations) below which points enclose nothing
+COARSE = 5.0  # mean spacings; a wider cell loses detail of the points
+ROUNDING = 0.01  # mean spacings: points that are less far off a plane are triangulated in the plane
 
 
 def distinct_points(points: np.ndarray, method: str, at_least: int) -> tuple[np.ndarray, np.ndarray]:
-    """The points without repetitions; libraries hang, crash or answer NaN on what is refused here.
+    """The points without duplicates; libraries hang, crash or return NaN on input that is refused here.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def distinct_points(points: np.ndarray, method: str, at_least: int) -> tuple[np.
     distinct, inverse = distinct_rows(points)
     if len(distinct) < at_least:
         raise BadInput(f"{method}: only {len(distinct)} of {len(points)} points differ; expected at least {at_least}")
-    # Several of the libraries compute in float32, in which such points are one: they crash.
+    # Several of the libraries compute in float32, in which such points coincide: they crash.
     if not np.ptp(distinct, axis=0).max() > 1e-5 * np.abs(distinct).max():
         raise BadInput(f"{method}: all {len(points)} points nearly coincide; expected points of a surface")
     widths = np.linalg.svd(distinct - distinct.mean(axis=0), compute_uv=False)
@@ -73,9 +73,9 @@ def plane_axes(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def in_plane(points: np.ndarray, tolerance: float) -> np.ndarray | None:
-    """Points (n, 3) as an (n, 2) array within the plane that they all lie in up to ``tolerance``; None if they do not.
+    """Points (n, 3) as an (n, 2) array within their common plane, up to ``tolerance``; None if there is none.
 
-    Triangulations in space find thin tetrahedra, and none that is right, where rounding lifts points off a plane.
+    If rounding lifts points off a plane, triangulations in space find only wrong, thin tetrahedra.
     """
     center = points.mean(axis=0)
     local = (points - center) @ plane_axes(points)[0].T
@@ -83,18 +83,18 @@ def in_plane(points: np.ndarray, tolerance: float) -> np.ndarray | None:
 
 
 def note_flat(points: np.ndarray, method: str, run: Run, what: str) -> None:
-    """Note that points (n, 3) lie in a plane, and what that means for the surface."""
+    """Note that points (n, 3) lie in a plane, and the effect on the surface."""
     if plane_axes(points)[1] < FLAT:
         run.note(f"{method}: the points lie in a plane, which has no volume: {what}")
 
 
 def note_coarse(points: np.ndarray, cells: float, method: str, parameter: str, run: Run) -> None:
-    """Note that a grid of so many ``cells`` along the longest side of the points (n, 3) cannot resolve them."""
+    """Note that a grid of ``cells`` along the longest side of the points (n, 3) cannot resolve them."""
     from bench.geometry.spacing import mean_spacing
 
     spacings = float(np.ptp(points, axis=0).max() / cells / mean_spacing(points))
     if spacings > COARSE:
         run.note(
-            f"{method}: a cell of the grid is {spacings:.2g} mean spacings of the points wide, and no finer detail is "
-            f"kept; raise {parameter}, or take distant pieces one by one"
+            f"{method}: a cell of the grid is {spacings:.2g} mean spacings of the points wide, and finer detail is "
+            f"lost; raise {parameter}, or process distant parts one by one"
         )

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
     from trimesh import Trimesh
 
-TOP = 0.001  # the share of the normals, those that turned farthest, that decides whether all have settled
-SEEKING = 4.0  # the weight of the points while normals are sought: less fuses thin walls, more follows the noise
-NEIGHBOURS = 16  # of the first normals: few, lest thin walls mix with their other side
+TOP = 0.001  # the share of the normals, those that changed most, by which convergence is tested
+SEEKING = 4.0  # the point weight during the iteration: less fuses thin walls, more follows the noise
+NEIGHBOURS = 16  # of the first normals: few, so that thin walls do not mix with their other side
 SETTLED = 0.175  # the mean change of these, as a distance of unit vectors, below which the iteration ends: 10 degrees
 
 
@@ -29,17 +29,17 @@ SETTLED = 0.175  # the mean change of these, as a distance of unit vectors, belo
 class Ipsr:
     """Iterative Poisson surface reconstruction: normals are read off the surface that the last normals made.
 
-    Needs no normals, and ignores those that the points come with. Each round solves screened Poisson once, and gives
-    every point the area-weighted mean normal of the faces that have it among their nearest points. The sign of all
-    normals together is fixed at the end: the surface encloses a positive volume. From random normals the paper takes
-    up to 30 rounds; from what is visible from outside a few do, and thin walls are turned the right way from the start.
+    Needs no normals, and ignores those of the input. Each round solves screened Poisson once, and gives
+    every point the area-weighted mean normal of the faces that have it among their nearest points. The common sign of
+    all normals is fixed at the end: the surface encloses a positive volume. From random normals the paper takes
+    up to 30 rounds; from normals by visibility a few suffice, and thin walls are oriented correctly from the start.
     """
 
     depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
     rounds: int = 12  # Poisson solves at most; fewer if the normals settle
     # normals of the first round: outward where the space around is visible, along a tree of neighbours, or random.
     start: Literal["visible", "estimated", "random"] = "visible"
-    k: int = 6  # points that each face tells its normal; the paper's are 10
+    k: int = 6  # points to which each face passes its normal; 10 in the paper
     # how strongly the surface is held to the points, in all rounds; None: 4, and in the last by their noise, 0.3 to 10
     point_weight: float | None = None
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
@@ -53,13 +53,13 @@ class Ipsr:
             raise ValueError(f"k: expected at least 1, got {self.k}")
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
-        """A closed surface, outward; the points with the normals that were found are kept as ``oriented``."""
+        """A closed surface, outward; the points with the normals found are stored as ``oriented``."""
         points = points_for_poisson(cloud, self.depth, self.scale, "ipsr", run)
         solution, normals = self._iterate(points, self._first(points, run), run)
         return outward_surface(solution, points, normals, "ipsr", run)
 
     def _first(self, points: np.ndarray, run: Run) -> np.ndarray:
-        """Normals (n, 3) to begin with; zeros where the start has none."""
+        """Initial normals (n, 3); zeros where the start gives none."""
         from bench.geometry.normals import estimate_normals, oriented_normals
 
         if self.start == "random":
@@ -76,7 +76,7 @@ class Ipsr:
     def _iterate(
         self, points: np.ndarray, normals: np.ndarray, run: Run
     ) -> tuple[screened_poisson.Solution, np.ndarray]:
-        """The last solution, and the normals (n, 3) that are read off it."""
+        """The last solution, and the normals (n, 3) derived from it."""
         from scipy.spatial import cKDTree
 
         tree = cKDTree(points)
@@ -88,8 +88,8 @@ class Ipsr:
             run.progress(done, self.rounds)
             if settled(last, normals):
                 break
-            if run.seconds_left() < 3 * (run.elapsed() - before):  # for the last round, too
-                run.note(f"ipsr: stopped after {done} of {self.rounds} rounds, before its time was gone")
+            if run.seconds_left() < 3 * (run.elapsed() - before):  # leaves time for the last round
+                run.note(f"ipsr: stopped after {done} of {self.rounds} rounds, to stay within its time limit")
                 break
         solution = self._solve(points, normals, weight_for(points, normals) if self.point_weight is None else weight)
         run.progress(self.rounds, self.rounds)
@@ -117,7 +117,7 @@ def told_normals(vertices: np.ndarray, faces: np.ndarray, tree: cKDTree, k: int,
     tree : cKDTree of the n points
     k : int
     fallback : (n, 3) array
-        Normals of points that no face is near to.
+        Normals of points without a near face.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def told_normals(vertices: np.ndarray, faces: np.ndarray, tree: cKDTree, k: int,
 
 
 def settled(last: np.ndarray, normals: np.ndarray) -> bool:
-    """Whether hardly any of the unit normals (n, 3) has changed: of those that changed most, the mean is small."""
+    """Whether the unit normals (n, 3) have converged: the mean change of those that changed most is small."""
     changes = np.linalg.norm(normals - last, axis=1)
     count = max(1, round(TOP * len(changes)))
     return bool(np.partition(changes, -count)[-count:].mean() < SETTLED)

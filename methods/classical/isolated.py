@@ -1,7 +1,7 @@
-"""Points that stray far from all others: stray returns of a scanner, a point that was never set.
+"""Points far from all others: stray returns of a scanner, a point that was never set.
 
-A single one makes the bounding box, the octree or the local spacing of a method meaningless, whatever its distance.
-They are left out before, and put back unmoved where every point of the input has one in the output.
+A single one makes the bounding box, the octree or the local spacing of a method meaningless.
+They are removed before the method, and put back unmoved if the output must have every point of the input.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from bench import PointCloud, Run
 from bench.geometry.distinct import distinct_rows
 from bench.geometry.neighbours import processors
 
-NEIGHBOURS = 8  # up to so many stray points may lie together
-LINK = 3.0  # neighbours belong together up to so many spacings of the denser one of them
-REACH = 10.0  # a point is not far up to so many typical spacings, or the radius of the largest piece
-CROWDED = 0.1  # a piece whose spacing is below this share of the distance to the others is an object of its own
-MOST = 0.1  # the share of the points up to which they are strays; more are a sparse part of the scene
+NEIGHBOURS = 8  # the largest number of stray points that may lie together
+LINK = 3.0  # neighbours are linked up to this many spacings of the denser one
+REACH = 10.0  # a point is not far up to this many typical spacings, or the radius of the largest piece
+CROWDED = 0.1  # a piece whose spacing is below this share of the distance to the others is a separate object
+MOST = 0.1  # the largest share of stray points; more are a sparse part of the scene
 
 
 def isolated(points: np.ndarray) -> np.ndarray:
-    """Which points lie far from all others, alone or in scattered handfuls.
+    """Which points lie far from all others, alone or in small scattered groups.
 
-    Neighbours are linked into pieces. What a piece beyond the largest 85 % of the points must have, to be isolated: its
+    Neighbours are linked into pieces. A piece outside of the largest 85 % of the points is isolated if its
     distance to the others exceeds the radius of the largest piece and ten typical spacings, and it has fewer than
     nine points, or is scattered (its spacing is more than a tenth of that distance). Sparse regions beside dense ones,
-    lines of a scanner and objects far apart fail one of these.
+    lines of a scanner and objects far apart fail one of these conditions.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def isolated(points: np.ndarray) -> np.ndarray:
     Returns
     -------
     (n,) bool array
-        At most a tenth of the points, without repetitions; more than that are not taken for strays at all.
+        At most a tenth of the distinct points; if there are more, none count as isolated.
     """
     from scipy.spatial import cKDTree
 
@@ -45,7 +45,7 @@ def isolated(points: np.ndarray) -> np.ndarray:
     distances, neighbours = cKDTree(distinct).query(distinct, NEIGHBOURS + 1, workers=processors())
     spacing = distances[:, -1]
     reach = REACH * np.median(spacing)
-    # Nothing that is far lies closer to its eighth neighbour than that, but a crowd, which is no stray.
+    # A far point closer than that to its eighth neighbour is in a crowd, which is not isolated.
     if spacing.max() > reach:
         piece = _pieces(distances, neighbours, spacing)
         strays = _far_pieces(distinct, spacing, piece, reach)[piece]
@@ -55,9 +55,9 @@ def isolated(points: np.ndarray) -> np.ndarray:
 
 
 def without_isolated(cloud: PointCloud, method: str, run: Run) -> tuple[PointCloud, np.ndarray]:
-    """The cloud without its isolated points, and which are kept, an (n,) bool array; a note says how many are not."""
+    """The cloud without its isolated points, and which remain, an (n,) bool array; a note gives their number."""
     if not np.isfinite(cloud.points).all():
-        return cloud, np.ones(len(cloud), dtype=bool)  # refused where it is used, by a message of its own
+        return cloud, np.ones(len(cloud), dtype=bool)  # the caller refuses it with its own message
     kept = ~isolated(cloud.points)
     if kept.all():
         return cloud, kept
@@ -67,7 +67,7 @@ def without_isolated(cloud: PointCloud, method: str, run: Run) -> tuple[PointClo
 
 
 def put_back(cloud: PointCloud, kept: np.ndarray, points: np.ndarray, normals: np.ndarray | None = None) -> PointCloud:
-    """The moved ``points`` (and normals) at their places in the cloud, and the isolated ones as they came.
+    """The moved ``points`` (and normals) at their places in the cloud, and the isolated ones unchanged.
 
     Isolated points without a normal of their own get that of the nearest other point.
     """
@@ -91,7 +91,7 @@ def put_back(cloud: PointCloud, kept: np.ndarray, points: np.ndarray, normals: n
 
 
 def _pieces(distances: np.ndarray, neighbours: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-    """The piece of every point: linked are neighbours that are not much farther apart than the denser one's spacing."""
+    """The piece of every point; neighbours are linked if not much farther apart than the denser one's spacing."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -111,7 +111,7 @@ def _far_pieces(points: np.ndarray, spacing: np.ndarray, piece: np.ndarray, reac
     bulk = np.zeros(len(sizes), dtype=bool)
     bulk[order[: 1 + np.searchsorted(np.cumsum(sizes[order]), 0.85 * len(points))]] = True
     largest = points[piece == order[0]]
-    # The median, not the farthest: one point that is linked by chance does not count.
+    # The median, not the farthest: a single point linked by chance does not count.
     reach = max(reach, 1.5 * float(np.median(np.linalg.norm(largest - np.median(largest, axis=0), axis=1))))
     while not bulk.all():
         rest = np.flatnonzero(~bulk[piece])

@@ -17,8 +17,8 @@ from .inputs import distinct_points
 class MidpointJet:
     """Midpoints between neighbours, moved onto local quadrics and thinned by farthest points: cheap and even."""
 
-    k: int = 12  # neighbours of a fit; more smooth noise away, and detail with it
-    keep: bool = True  # whether the points of the input stay where they are instead of moving onto the surface
+    k: int = 12  # neighbours of a fit; more remove noise, and detail with it
+    keep: bool = True  # whether the points of the input stay in place instead of moving onto the surface
 
     def __post_init__(self) -> None:
         if self.k < 6:
@@ -27,7 +27,7 @@ class MidpointJet:
     prepare = staticmethod(load_compiled)
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
-        """Exactly ``ratio`` times as many points; those of the input come first, in its order without repetitions."""
+        """Exactly ``ratio`` times as many points; the distinct points of the input come first, in its order."""
         from scipy.spatial import cKDTree
 
         from .quadrics import project_to_quadrics

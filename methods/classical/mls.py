@@ -1,11 +1,11 @@
-"""Moving least squares surfaces, by MeshLab: what APSS and RIMLS share.
+"""Moving least squares surfaces, by MeshLab: the common part of APSS and RIMLS.
 
-MeshLab's filters are reached by name; ``kind`` is ``"apss"`` or ``"rimls"``, and further keyword arguments are the
-filter's own. Both need oriented normals. The support of a point is ``filterscale`` times its local spacing.
+MeshLab's filters are called by name; ``kind`` is ``"apss"`` or ``"rimls"``, and further keyword arguments are those
+of the filter. Both need oriented normals. The support of a point is ``filterscale`` times its local spacing.
 
 MeshLab 2025.7 stops its projection at an accuracy relative to a mean spacing that it never sets (``MlsSurface::
-mAveragePointSpacing``), so the result depends on what happens to be in memory: by 6e-4 where it was seen. Here the
-projection is called for one step at a time, where that accuracy is not asked for.
+mAveragePointSpacing``), so the result depends on uninitialised memory: by 6e-4 where it was observed. Here the
+projection is called for one step at a time, which does not use that accuracy.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 AT_LEAST = 20  # MeshLab measures the local spacing from 16 neighbours
-AROUND = 16  # neighbours that tell the local spacing here, too
-# The support as a polynomial of the noise: less than 2 leaves holes in a surface, points that move onto it need less.
+AROUND = 16  # neighbours for the local spacing here, too
+# The support as a polynomial of the noise: less than 2 leaves holes in a surface, but suffices for projection.
 AT_POINTS, OF_SURFACE = (1.6, 6.0, 0.0), (2.0, 3.5, 5.0)
 MOST = 6.0
 FEW = 4  # cells of the grid through the thickness of the points, at least
@@ -34,7 +34,7 @@ CONTROL, PROXY = 0, 1  # indices in the mesh set: the points that define the sur
 
 
 def check_parameters(filterscale: float | None, resolution: int, steps: int, reach: float) -> None:
-    """Raise ValueError for what MeshLab would crash or hang on."""
+    """Raise ValueError for parameters on which MeshLab would crash or hang."""
     if filterscale is not None and not filterscale > 0:
         raise ValueError(f"filterscale: expected a number above 0, got {filterscale}")
     if resolution < 2:
@@ -46,7 +46,7 @@ def check_parameters(filterscale: float | None, resolution: int, steps: int, rea
 
 
 def project(cloud: PointCloud, kind: str, run: Run, steps: int, **parameters: Any) -> PointCloud:
-    """Every point projected to the surface; isolated ones, and those beyond the support of others, stay where they are.
+    """Every point projected to the surface; isolated ones, and those beyond the support of others, do not move.
 
     Raises
     ------
@@ -85,8 +85,8 @@ def isosurface(
 ) -> Trimesh:
     """The surface by marching cubes; open where points are missing.
 
-    Between parts that are closer to each other than the support, the field has zeros where no points are: sheets
-    that join the parts. What is farther from all points than ``reach`` local spacings is dropped, unless that is 0.
+    Between parts that are closer to each other than the support, the field has zeros away from all points: sheets
+    that join the parts. Surface farther from all points than ``reach`` local spacings is dropped, unless that is 0.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def isosurface(
     if not len(faces):
         raise BadInput(
             f"{kind}: found no surface in a grid of resolution {resolution} over {len(points)} points; expected points "
-            "of a surface that fill their bounding box (raise resolution, or take distant pieces one by one)"
+            "of a surface that fill their bounding box (raise resolution, or process distant parts one by one)"
         )
     used, faces = np.unique(faces, return_inverse=True)
     return Trimesh(vertices[used] @ axes, faces.reshape(-1, 3), process=False)
@@ -136,9 +136,9 @@ def within_reach(queries: np.ndarray, points: np.ndarray, reach: float) -> np.nd
 
 
 def _upright(points: np.ndarray, resolution: int) -> np.ndarray:
-    """A rotation for the grid: none, or, where the bounding box is flatter than a few cells, its plane to the diagonal.
+    """A rotation for the grid: none, or, if the bounding box is flatter than a few cells, its plane to the diagonal.
 
-    MeshLab lays its grid over the bounding box, and a box without a thickness has no cells.
+    MeshLab's grid covers the bounding box, and a box without thickness has no cells.
     """
     extent = np.ptp(points, axis=0)
     if extent.min() > FEW * extent.max() / resolution:
@@ -158,7 +158,7 @@ def _supported(
 
 def _project(meshes: pymeshlab.MeshSet, kind: str, steps: int, parameters: dict[str, Any]) -> None:
     """Move the vertices of the proxy mesh towards the surface of the control mesh."""
-    # The filter prepares the current mesh only, and crashes when that is not the control mesh.
+    # The filter prepares only the current mesh, and crashes if that is not the control mesh.
     meshes.set_current_mesh(CONTROL)
     for _ in range(steps):
         meshes.apply_filter(
@@ -175,7 +175,7 @@ def _moved(
 
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, v_normals_matrix=normals))
-    # RIMLS starts from the normal that a query brings along.
+    # RIMLS starts from the normal of the query.
     nearest = normals if queries is points else normals[cKDTree(points).query(queries)[1]]
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=queries, v_normals_matrix=nearest))
     _project(meshes, kind, steps, parameters)

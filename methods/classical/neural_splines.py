@@ -15,8 +15,8 @@ from .isolated import without_isolated
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-MARGIN = 0.1  # around the box of the points, in half its longest side: a surface that leaves them is cut off there
-THINNEST = 0.4  # of the box, halved: the samples along its shortest side give the number along the others
+MARGIN = 0.1  # around the box of the points, in half its longest side: the surface is cut off there
+THINNEST = 0.4  # of the box, halved: the samples along its shortest side determine the number along the others
 
 
 @register("method", cite="after Williams et al. 2021", requires=("numba", "scipy", "skimage", "trimesh"))
@@ -24,19 +24,19 @@ THINNEST = 0.4  # of the box, halved: the samples along its shortest side give t
 class NeuralSplines:
     """After Neural Splines (Williams et al. 2021): the ReLU network of infinite width and least norm through points.
 
-    The network has one hidden layer, of which only the last weights are fitted: a field in the space of the arc-cosine
-    kernel of first order, which is to vanish at the points and to have their normals as its gradient. It is sought in
+    The network has one hidden layer, and only its last weights are fitted: a field in the space of the arc-cosine
+    kernel of first order, fitted to vanish at the points with their normals as its gradient. It is restricted to
     the span of the functions of some of the points (Nystrom), the value and the derivative along the normal; these
-    points are farthest from each other. Needs normals; estimates them where there are none.
+    are farthest points. Needs normals; estimates them if there are none.
 
-    Ours: the kernel of normal weights and biases, one derivative for each centre (theirs: three), and a system that is
-    so small that it is solved directly (theirs: by conjugate gradients with a preconditioner, over up to 15,000
-    centres). What detail is kept depends on ``centers``, in the square of which the time grows.
+    Ours: the kernel of normally distributed weights and biases, one derivative for each centre (theirs: three), and a
+    system small enough to be solved directly (theirs: by conjugate gradients with a preconditioner, over up to 15,000
+    centres). The detail depends on ``centers``; the time grows with their square.
     """
 
-    centers: int = 1000  # points whose functions span the field; all where a cloud has fewer
+    centers: int = 1000  # points whose functions span the field; all if a cloud has fewer
     regularisation: float = 1e-7  # weight of the squared norm, relative to that of the gradients
-    reach: float = 0.3  # mean spacings by which a gradient counts as a distance: larger smooths noise away
+    reach: float = 0.3  # mean spacings that convert a gradient to a distance: larger removes noise
     resolution: int = 96  # samples of marching cubes along the shortest side
 
     def __post_init__(self) -> None:
@@ -58,7 +58,7 @@ class NeuralSplines:
         load_kernel()
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
-        """A surface that is closed but where it leaves the box around the points."""
+        """A surface that is closed except where it leaves the box around the points."""
         from bench.geometry.farthest import farthest_points
         from bench.geometry.spacing import mean_spacing
 
@@ -87,7 +87,7 @@ class NeuralSplines:
             )
         except InvalidOutput as error:
             raise BadInput(
-                f"neural_splines: {error}; its {len(chosen)} centers do not hold the surface, or its parts are smaller "
+                f"neural_splines: {error}; {len(chosen)} centers do not resolve the surface, or its parts are smaller "
                 f"than the lattice's cells: raise method.centers or method.resolution ({self.resolution})"
             ) from error
         if mesh.metadata["coarser"] > 1:

@@ -1,4 +1,4 @@
-"""How noisy a cloud is, for parameters whose best value depends on it."""
+"""The noise of a cloud, for parameters whose best value depends on it."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from .inputs import distinct_oriented
 
 NEIGHBOURS = 8
 ON_ONE_SIDE = 0.7  # least cosine of two normals for their points to count as neighbours on the surface
-QUERIES = 10_000  # points whose neighbourhoods are looked at; more change the median in the third digit
-ROUGHNESS = 0.35  # of the turn between neighbouring normals, in radians: what rough detail leaves, over the spacing
+QUERIES = 10_000  # points whose neighbourhoods are used; more change the median in the third digit
+ROUGHNESS = 0.35  # of the angle between neighbouring normals, in radians: the residual of rough detail over the spacing
 FITTED = (16, 32, 64, 128)  # points of a quadric
-FLAT = 0.4  # of the size of a neighbourhood: with more noise a larger one is taken
+FLAT = 0.4  # of the size of a neighbourhood: for more noise a larger one is used
 FITS = 2000  # quadrics, at most
-WALLS = 0.5  # mean spacings: what thin walls leave
+WALLS = 0.5  # mean spacings: the residual of thin walls
 NORMAL_MEDIAN = 0.6745  # median |x| of a normal variable with standard deviation 1
 
 
 def noise_of(cloud: PointCloud, method: str, at_least: int) -> float:
-    """:func:`noise_to_spacing` of a cloud, with estimated normals where it has none; see :func:`distinct_oriented`."""
+    """:func:`noise_to_spacing` of a cloud, with estimated normals if it has none; see :func:`distinct_oriented`."""
     points, normals, _ = distinct_oriented(cloud, method, at_least)
     return noise_to_spacing(points, normals)
 
@@ -28,12 +28,12 @@ def noise_of(cloud: PointCloud, method: str, at_least: int) -> float:
 def noise_to_spacing(points: np.ndarray, normals: np.ndarray) -> float:
     """The standard deviation of the noise along the normals over the distance between neighbours.
 
-    For two points p, q of a smooth surface and their normals m, n, ``(m + n) . (p - q)`` vanishes but for the third
-    order of their distance: it is exactly zero on a sphere. What is left of it is noise, of which each of the two
-    points has its own. Its median over pairs of neighbours with similar normals is not moved by edges, by the other
-    side of a thin sheet or by outliers. Rough detail that is finer than the spacing leaves some too, but its normals
-    turn: the share :data:`ROUGHNESS` of the median turn between neighbours is taken off (measured on fractional
-    Brownian motion without noise, the roughest train family). With estimated normals such detail counts as noise.
+    For two points p, q of a smooth surface and their normals m, n, ``(m + n) . (p - q)`` vanishes up to third
+    order in their distance: it is exactly zero on a sphere. The residual is the independent noise of the two
+    points. Its median over pairs of neighbours with similar normals is robust to edges, to the other side of a thin
+    sheet and to outliers. Rough detail finer than the spacing leaves a residual too, but its normals differ: the share
+    :data:`ROUGHNESS` of the median angle between neighbours is subtracted (measured on fractional Brownian motion
+    without noise, the roughest train family). With estimated normals such detail counts as noise.
 
     Parameters
     ----------
@@ -67,11 +67,11 @@ def noise_to_spacing(points: np.ndarray, normals: np.ndarray) -> float:
 def noise_without_normals(points: np.ndarray) -> float:
     """The standard deviation of the noise, in the unit of the points, without any normals.
 
-    A quadric is fitted to the nearest points of each of some; what is left of them over six degrees of freedom is noise
-    and, where walls are no farther than neighbours, their other side. The median of it is taken, and the share
-    :data:`WALLS` of the spacing off, as a leg of a right triangle, which is what thin shapes without noise leave
-    (measured on the train shapes of branches and furniture). Noise that is large beside the neighbourhoods is sought
-    in larger ones.
+    A quadric is fitted to the nearest points of each of some points; the residual beyond six degrees of freedom is
+    noise and, if walls are as near as neighbours, their other side. From its median the share :data:`WALLS` of the
+    spacing is subtracted, in squares (as a leg of a right triangle): the residual of thin shapes without noise
+    (measured on the train shapes of branches and furniture). If the noise is large relative to the neighbourhoods,
+    larger ones are used.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def noise_without_normals(points: np.ndarray) -> float:
     Returns
     -------
     float
-        Between half and all of the noise where it is larger than the spacing; 0 where it cannot be told from thin
+        Between half and all of the noise if it is larger than the spacing; 0 if it cannot be distinguished from thin
         walls, and for fewer than 16 points.
     """
     from scipy.spatial import cKDTree
@@ -99,7 +99,7 @@ def noise_without_normals(points: np.ndarray) -> float:
 
 
 def _left_by_quadrics(near: np.ndarray) -> tuple[float, float]:
-    """The deviation from their quadrics of neighbourhoods (n, k, 3), and the size of these; both are medians."""
+    """The residual of quadrics in neighbourhoods (n, k, 3), and the size of these; both are medians."""
     near = near - near.mean(axis=1, keepdims=True)
     _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", near, near))
     height, u, v = np.moveaxis(np.einsum("nki,nij->nkj", near, axes), -1, 0)

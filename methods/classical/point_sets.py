@@ -1,4 +1,4 @@
-"""Arrays to CGAL's point sets and polyhedra, and back. The bindings know no arrays."""
+"""Conversion of arrays to CGAL's point sets and polyhedra, and back. The bindings do not support arrays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def to_point_set(points: np.ndarray, normals: np.ndarray | None = None) -> Point_set_3:
-    """A new point set of ``points`` (n, 3), with ``normals`` (n, 3) where they are given.
+    """A new point set of ``points`` (n, 3), with ``normals`` (n, 3) if given.
 
     New for every call: CGAL's algorithms reorder theirs in place.
     """

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 class Poisson:
     """Screened Poisson surface reconstruction: the indicator function whose gradient fits the normals.
 
-    The less noise, the more the surface is held to the points. With ``point_weight=2`` this is Open3D's plain call.
+    The less noise, the higher the point weight. With ``point_weight=2`` this is Open3D's plain call.
     """
 
     depth: int = 8  # octree depth, 5 to 12: 2^depth cells along the bounding cube
-    trim: float = 0.0  # drop this quantile of least supported vertices, 0..1; opens what the method closes
-    cut: float = 0.0  # drop vertices that lie so many octree levels below the median one; 0.7 opens holes, 0 keeps all
+    trim: float = 0.0  # drop this quantile of least supported vertices, 0..1; opens holes that the method closes
+    cut: float = 0.0  # drop vertices this many octree levels below the median one; 0.7 opens holes, 0 keeps all
     point_weight: float | None = None  # how strongly points hold the surface; 0: not; None: by their noise, 0.3 to 10
     scale: float = 1.1  # bounding cube of the reconstruction relative to that of the points
     samples_per_node: float = 1.5  # points per octree cell; 5 to 20 smooths noise away

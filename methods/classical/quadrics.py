@@ -14,7 +14,7 @@ RIDGE = 1e-6  # relative weight that keeps fits to few or collinear points at a 
 
 
 def project_to_quadrics(queries: np.ndarray, tree: cKDTree, k: int) -> np.ndarray:
-    """Move each query onto a quadric that is fitted to its nearest points, along the normal of their plane.
+    """Move each query onto a quadric fitted to its nearest points, along the normal of their plane.
 
     The height over the weighted principal plane is a polynomial of degree 2 (a Monge patch, Cazals and Pouget 2005).
     Weights are Gaussian, with the distance of the farthest neighbour as two standard deviations, so that the surface
@@ -25,7 +25,7 @@ def project_to_quadrics(queries: np.ndarray, tree: cKDTree, k: int) -> np.ndarra
     queries : (m, 3) array
     tree : cKDTree of the n points that define the surface
     k : int
-        Neighbours of a fit; all n where there are fewer.
+        Neighbours of a fit; all n if there are fewer.
 
     Returns
     -------

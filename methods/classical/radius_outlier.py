@@ -18,7 +18,7 @@ class RadiusOutlier:
     """Radius outlier removal: points with too few others around them go, and clusters of up to ``least`` points."""
 
     radius: float = 3.0  # in mean spacings
-    least: int = 2  # so many other points must lie within the radius; a plane at random has about 7 within 3
+    least: int = 2  # least number of other points within the radius; a random sample of a plane has about 7 within 3
 
     def __post_init__(self) -> None:
         if not self.radius > 0:
@@ -27,14 +27,14 @@ class RadiusOutlier:
             raise ValueError(f"least: expected at least 1, got {self.least}")
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
-        """Those points of the input that are kept, unmoved and in its order, with the normals that they came with."""
+        """The points of the input that remain, unmoved and in its order, with their own normals."""
         import open3d as o3d
 
         from bench.geometry.spacing import mean_spacing
 
         points, inverse = distinct_points(cloud.points, "radius_outlier", at_least=2)
         distinct = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-        # Open3D counts a point among its own neighbours, and keeps those with more than it is told.
+        # Open3D counts a point among its own neighbours, and keeps points with more than the given number.
         _, inliers = distinct.remove_radius_outlier(self.least, self.radius * mean_spacing(points))
         kept = np.isin(inverse, np.asarray(inliers))
         refuse_none(kept, "radius_outlier", "raise radius, or lower least")

@@ -1,6 +1,6 @@
 """Upsampling by insertion: midpoints between neighbours, moved onto the surface, thinned by farthest points.
 
-What `midpoint_jet`, `apss` and `rimls` share; they differ in the surface that points are moved onto.
+The common part of `midpoint_jet`, `apss` and `rimls`; they differ in the surface that points are moved onto.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ import numpy as np
 
 from bench.geometry.farthest import farthest_points
 
-GROWTH = 4  # a round makes at most so many points of one; a triangulation has three edges per vertex
+GROWTH = 4  # factor by which a round increases the points at most; a triangulation has three edges per vertex
 LINKS = 12  # neighbours between which midpoints are set; two rings, so that few gaps are left
-REACH = 1.6  # links longer than this many typical ones of their ends would bridge a gap
+REACH = 1.6  # links longer than this many typical links of their ends would bridge a gap
 
 
 def refine(points: np.ndarray, count: int, project: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -38,7 +38,7 @@ def refine(points: np.ndarray, count: int, project: Callable[[np.ndarray], np.nd
         target = count if done == rounds else round(start * growth**done)
         candidates = project(midpoints(points))
         pool = np.concatenate([points, candidates])
-        if len(pool) < target:  # tiny clouds have few pairs; points that coincide fill up
+        if len(pool) < target:  # tiny clouds have few pairs; copies of points fill up
             pool = np.resize(pool, (target, 3))
         points = pool[farthest_points(pool, target, taken=len(points))]
     return points

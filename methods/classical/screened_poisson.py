@@ -1,4 +1,4 @@
-"""One screened Poisson solve by Open3D, on arrays: what `poisson` and `ipsr` share."""
+"""One screened Poisson solve by Open3D, on arrays: the common part of `poisson` and `ipsr`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Solution(NamedTuple):
-    """A surface of a Poisson solve, its faces towards where the normals point."""
+    """A surface of a Poisson solve; its faces point in the direction of the normals."""
 
     vertices: np.ndarray  # (v, 3) float64
     faces: np.ndarray  # (f, 3) int
@@ -28,7 +28,7 @@ def solve(
     """The surface whose indicator function has a gradient that fits the normals (Kazhdan and Hoppe 2013).
 
     The defaults are those of ``open3d.geometry.TriangleMesh.create_from_point_cloud_poisson`` and of the executable
-    that it wraps, but for ``depth``, which is 8 there.
+    that it wraps, except for ``depth``, which is 8 there.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def solve(
     samples_per_node : float
         Points per octree cell.
     point_weight : float
-        How strongly the surface is held to the points.
+        The weight of the points in the fit.
     linear_fit : bool
         Whether vertices are set by linear interpolation along the edges of the octree.
     """
@@ -48,7 +48,7 @@ def solve(
 
     oriented = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     oriented.normals = o3d.utility.Vector3dVector(normals)
-    # "Failed to close loop" and the like are about the octree, not about anything that the caller can change.
+    # "Failed to close loop" and similar messages concern the octree, which the caller cannot change.
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         mesh, support = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
             oriented,
@@ -57,14 +57,14 @@ def solve(
             samples_per_node=samples_per_node,
             point_weight=point_weight,
             linear_fit=linear_fit,
-            n_threads=1,  # with more, order and last digits change from run to run, and it is no faster
+            n_threads=1,  # more change order and last digits from run to run, and are not faster
         )
     return Solution(np.array(mesh.vertices), np.array(mesh.triangles), np.array(support))
 
 
 def check_octree(depth: int, scale: float, point_weight: float, samples_per_node: float) -> None:
-    """Raise ValueError for parameters that the library has no answer to."""
-    # The library fills its octree to level 5; told to stop above, it reads nodes that are not there.
+    """Raise ValueError for parameters that the library does not support."""
+    # The library fills its octree to level 5; with a smaller depth, it reads nodes that do not exist.
     if not 5 <= depth <= 12:
         raise ValueError(f"depth: expected 5 to 12, got {depth}")
     if not scale >= 1:

@@ -1,4 +1,4 @@
-"""Voxels of the visual hull, carved until the views agree on the colours of what is left."""
+"""Voxels of the visual hull, carved until the views agree on the colours of the remaining ones."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ class SpaceCarving:
     """Space carving: voxels of the visual hull are taken from its surface until the views agree on those left.
 
     In rounds, every voxel of the surface is looked up in the images of the views that see it, by depth buffers of the
-    surface. It is carved if the views disagree. Under known lights they agree where one unit normal explains the
+    surface. It is carved if the views disagree. Under known lights they agree if one unit normal explains the
     colours, by diffuse shading ``ambient + sum_k max(0, n . l_k) color_k``; a view is explained if a pixel within
     ``reach`` is, as in the approximate space carving of Kutulakos (2000), and ``share`` of the views have to be.
-    Without lights, the standard deviation of the colours is below the tolerance, as in voxel colouring (Seitz and Dyer
-    1999). Unlike there, a voxel that is the last one at some pixel of a mask is kept: so the masks stay reproduced,
-    and carving does not run on along a sharp edge. Flat parts of one colour are a limit of it: a voxel before a plane
-    agrees from everywhere.
+    Without lights, they agree if the standard deviation of the colours is below the tolerance, as in voxel colouring
+    (Seitz and Dyer 1999). Unlike there, a voxel that is the last one at some pixel of a mask is kept: so the masks stay
+    reproduced, and carving does not continue along a sharp edge. Flat parts of one colour are a limitation: a voxel in
+    front of a plane agrees in all views.
 
-    What is left has a surface with the precision of the hull's field where nothing was carved, and of smoothed voxels
-    elsewhere. Where the carved shape has less than ``least_left`` of the hull's volume, the colours do not fit (other
-    lights, a shiny surface), and the hull is returned, with a note.
+    The surface has the precision of the hull's field where nothing was carved, and of smoothed voxels elsewhere. If the
+    carved shape has less than ``least_left`` of the hull's volume, the colours do not fit (other lights, a shiny
+    surface), and the hull is returned, with a note.
     """
 
     cells: int = 128  # voxels along the longest side of the hull; memory grows with the cube
@@ -35,8 +35,8 @@ class SpaceCarving:
     share: float = 0.9  # of the views of a voxel that have to agree, the best ones
     reach: int = 1  # pixels around the voxel's own in which a view may show its colour
     views: int = 2  # that must see a voxel before it may be carved
-    rounds: int = 500  # at most; it ends when nothing is carved any more
-    least_left: float = 0.02  # share of the hull's volume; where less is left, the hull is returned
+    rounds: int = 500  # at most; carving ends when no voxel is removed
+    least_left: float = 0.02  # share of the hull's volume; if less remains, the hull is returned
 
     def __post_init__(self) -> None:
         for name, least in (("cells", 8), ("reach", 0), ("views", 2), ("rounds", 0)):

@@ -16,8 +16,8 @@ from .inputs import distinct_points
 class StatisticalOutlier:
     """Statistical outlier removal: points that are farther from their neighbours than most are left out."""
 
-    k: int = 8  # neighbours whose mean distance is judged
-    threshold: float = 3.0  # standard deviations above the mean distance from which a point is an outlier
+    k: int = 8  # neighbours whose mean distance is tested
+    threshold: float = 3.0  # standard deviations above the mean distance beyond which a point is an outlier
     passes: int = 1  # far outliers hide near ones, which a second pass finds
 
     def __post_init__(self) -> None:
@@ -29,7 +29,7 @@ class StatisticalOutlier:
             raise ValueError(f"passes: expected at least 1, got {self.passes}")
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
-        """Those points of the input that are kept, unmoved and in its order, with the normals that they came with."""
+        """The points of the input that remain, unmoved and in its order, with their own normals."""
         import open3d as o3d
 
         points, inverse = distinct_points(cloud.points, "statistical_outlier", at_least=2)

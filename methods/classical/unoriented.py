@@ -1,4 +1,4 @@
-"""What methods share that find the normals of a cloud themselves: which points they take, and which way is out."""
+"""The common part of methods that find the normals of a cloud themselves: their points, and the outward side."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def points_for_poisson(cloud: PointCloud, depth: int, scale: float, method: str, run: Run) -> np.ndarray:
-    """The distinct points (n, 3) of a cloud, without isolated ones; notes on what Poisson will make of them."""
+    """The distinct points (n, 3) of a cloud, without isolated ones; with notes on the effects on Poisson."""
     cloud, _ = without_isolated(cloud, method, run)
     points, _ = distinct_points(cloud.points, method, at_least=10)
     note_coarse(points, 2**depth / scale, method, "depth", run)
@@ -27,7 +27,7 @@ def points_for_poisson(cloud: PointCloud, depth: int, scale: float, method: str,
 
 
 def outward_surface(solution: Solution, points: np.ndarray, normals: np.ndarray, method: str, run: Run) -> Trimesh:
-    """The surface of a solution, which encloses a positive volume; the points with its side are kept as ``oriented``.
+    """The surface of a solution, with a positive volume; the points with these normals are stored as ``oriented``.
 
     Raises
     ------

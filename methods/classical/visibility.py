@@ -1,25 +1,25 @@
-"""Which way a point faces, from the empty space around it: where the start of `ipsr` has its signs from.
+"""The side that a point faces, from the empty space around it: the signs of the initial normals of `ipsr`.
 
-The points are thickened into a wall, as thin as is tight. The empty space left falls into regions: the one around all,
-solids behind its walls, cavities behind theirs, and so on alternately. A normal points into the space around, or into a
-cavity. Hou et al. 2022 look for what is visible from outside, in an octree, to the same end.
+The points are thickened into a wall, the thinnest that is tight. The remaining empty space has several regions: the
+outside, solids behind its walls, cavities behind theirs, and so on alternately. A normal points into the outside, or
+into a cavity. Hou et al. 2022 use visibility from outside, in an octree, for the same purpose.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-WALLS = (2, 3, 4, 6)  # half of the thickness of the wall that is tried, in mean spacings
-LEAKY = 0.1  # the share of the points with the same region on both sides, equally near, up to which a wall is tight
-OPEN = 0.5  # and from which on the points enclose nothing
+WALLS = (2, 3, 4, 6)  # halves of the wall thicknesses to try, in mean spacings
+LEAKY = 0.1  # the largest share of points with the same region on both sides, equally near, at which a wall is tight
+OPEN = 0.5  # the share at which the points enclose nothing
 CELLS = 160  # of the grid along the longest side of the box, at most
-FAR = 5  # cells beyond the wall in which a region is looked for
-NEAR = 2  # and within which it must begin on one side: what begins beyond lies behind another wall
-LEAST = 3  # points between two regions that make them neighbours
+FAR = 5  # cells beyond the wall in which a region is searched
+NEAR = 2  # cells within which it must begin on one side: a region that begins beyond lies behind another wall
+LEAST = 3  # least number of points between two neighbouring regions
 
 
 def facing(points: np.ndarray, normals: np.ndarray) -> np.ndarray | None:
-    """The sign of each normal that makes it point out of the solid, 0 where that cannot be told.
+    """The sign of each normal that makes it point out of the solid, 0 if it is unknown.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def facing(points: np.ndarray, normals: np.ndarray) -> np.ndarray | None:
 
     spacing = mean_spacing(points)
     best, least = None, OPEN
-    # Walls thinner than the smallest cells are one and the same.
+    # Walls thinner than the smallest cells are all equal.
     for cell, wall in dict.fromkeys(_cell_and_wall(points, wall * spacing) for wall in WALLS):
         signs, leak = _signs(points, normals, cell, wall)
         if leak < least and signs.any():
@@ -45,7 +45,7 @@ def facing(points: np.ndarray, normals: np.ndarray) -> np.ndarray | None:
 
 
 def _cell_and_wall(points: np.ndarray, wall: float) -> tuple[float, float]:
-    """The side of the cells of a grid for a wall, and the wall that is as thick at least as these can tell."""
+    """The side of the cells of a grid for a wall, and the wall, made at least as thick as these resolve."""
     cell = max(wall / 3, float(np.ptp(points, axis=0).max()) / CELLS)
     return cell, max(wall, 1.5 * cell)
 
@@ -61,7 +61,7 @@ def _signs(points: np.ndarray, normals: np.ndarray, cell: float, wall: float) ->
     leak = float(((front > 0) & (front == back) & (nearer == 0)).mean())
     outward = _outward(regions.max(), regions[0, 0, 0], front, back)
     at_front, at_back = outward[front], outward[back]
-    # Between a solid and what is not, the side is clear; between two of a kind, across a thin sheet, the nearer counts.
+    # Between a solid and empty space the side is clear; between two of a kind, across a thin sheet, the nearer counts.
     signs = np.where(at_front != at_back, np.sign(at_front - at_back), nearer * at_front)
     return np.where(np.minimum(near_front, near_back) <= NEAR, signs, 0), leak
 
@@ -79,7 +79,7 @@ def _regions(points: np.ndarray, cell: float, wall: float) -> tuple[np.ndarray, 
 
 
 def _first_region(regions: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first region on the way of each point, 0 if there is none; and after how many steps.
+    """The first region on the path of each point, 0 if there is none; and the number of steps to it.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ def _first_region(regions: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _outward(count: int, around: int, front: np.ndarray, back: np.ndarray) -> np.ndarray:
-    """Of each region: 1 if normals point into it, -1 if it is solid, 0 if unknown; a (count + 1,) array.
+    """For each region: 1 if normals point into it, -1 if it is solid, 0 if unknown; a (count + 1,) array.
 
-    Regions that the wall separates, as seen at enough points, alternate.
+    Regions that the wall separates at enough points alternate.
     """
     between = (front > 0) & (back > 0) & (front != back)
     links = np.sort(np.stack([front[between], back[between]], axis=1), axis=1)

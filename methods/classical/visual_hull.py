@@ -17,10 +17,10 @@ class VisualHull:
     """The visual hull: the largest shape in the unit ball that fits all masks; colours are not used.
 
     It is the zero of a field: the maximum over the views of the signed distance to the silhouette, from the Euclidean
-    distance transform of the mask (:mod:`.carving.silhouettes`), so that its error is below a pixel. It holds every
-    shape with these masks; hollows that no silhouette shows are filled. A mask that the border of its image cuts off
-    does not cut the shape (``beyond``). Views with an empty mask are left out, with a note; masks that agree nowhere
-    are refused.
+    distance transform of the mask (:mod:`.carving.silhouettes`), so that its error is below a pixel. It contains every
+    shape with these masks; concavities that no silhouette shows are filled. A mask that the border of its image cuts
+    off does not cut the shape (``beyond``). Views with an empty mask are left out, with a note; masks without a common
+    point in space are refused.
     """
 
     resolution: int = 160  # samples of the field along the shortest side of the shape

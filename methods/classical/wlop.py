@@ -18,7 +18,7 @@ from .noise import noise_of
 class Wlop:
     """Weighted locally optimal projection: points are drawn to local medians and pushed apart evenly."""
 
-    retain: float = 100.0  # how many points come back, in percent of the input (of its distinct points)
+    retain: float = 100.0  # number of output points, in percent of the input (of its distinct points)
     radius: float | None = None  # support in mean spacings; larger smooths more; None: by the noise, 2 to 4
     iterations: int = 10  # passes; with 35 the error is the same to 2 %
     uniform: bool = False  # weigh by density, for unevenly sampled input; slower
@@ -30,7 +30,7 @@ class Wlop:
             raise ValueError(f"radius: expected a number above 0, got {self.radius}")
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
-        """As many points as differ in the input, or a share of them, in no order; isolated ones last, unmoved."""
+        """As many points as the input has distinct ones, or a share of them, unordered; isolated ones last, unmoved."""
         from CGAL.CGAL_Point_set_3 import Point_set_3
         from CGAL.CGAL_Point_set_processing_3 import wlop_simplify_and_regularize_point_set
 
@@ -41,7 +41,7 @@ class Wlop:
         rest, kept = without_isolated(cloud, "wlop", run)
         points, _ = distinct_points(rest.points, "wlop", at_least=10)
         support = radius_for(rest) if self.radius is None else self.radius
-        # CGAL's own choice of the radius was seen to leave the cloud worse than it came.
+        # CGAL's default radius was observed to leave the cloud worse than the input.
         radius = support * mean_spacing(points)
         output = Point_set_3()
         wlop_simplify_and_regularize_point_set(

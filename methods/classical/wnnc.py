@@ -24,20 +24,20 @@ SHARE = 0.5  # of the time that may go into the normals; the rest is for the sur
 class Wnnc:
     """Winding number normal consistency: normals that agree with the gradient of the winding number field they make.
 
-    Needs no normals, and ignores those that the points come with. The field is to be one half at the points; each round
-    takes a step of steepest descent towards that, and turns the normals against the field's gradient. Points nearer to
-    each other than a width do not see each other, and the width shrinks from round to round. The surface through the
-    oriented points is that of screened Poisson, and encloses a positive volume.
+    Needs no normals, and ignores those of the input. The target value of the field is one half at the points; each
+    round takes a step of steepest descent towards that, and turns the normals against the field's gradient. Pairs of
+    points nearer to each other than a width are ignored, and the width shrinks from round to round. The surface through
+    the oriented points is that of screened Poisson, and encloses a positive volume.
 
     The paper's: the iteration, from zero, its 40 rounds, and a linear schedule of the width. Ours: widths from
     the spacing and the noise of the points (theirs: a pair of numbers that the user picks by the noise), and a sum that
-    walks its tree once.
+    traverses its tree once.
     """
 
     rounds: int = 40  # of descent and turning
-    # of the last round and of the first, in mean spacings; wider forgives noise, and mixes the sides of thin walls
+    # of the last round and of the first, in mean spacings; wider tolerates noise, but mixes the sides of thin walls
     widths: tuple[float, float] = (1.0, 4.0)
-    noise: float = 1.0  # deviations of the noise that are added to the spacing, as legs of a right triangle; 0 for none
+    noise: float = 1.0  # deviations of the noise, added to the spacing in squares; 0 for none
     opening: float = 0.4  # radius over distance of clusters that count as one point; 0: exact sums, in n^2
     depth: int = 8  # octree depth of the surface, 5 to 12: 2^depth cells along the bounding cube
     point_weight: float | None = None  # how strongly points hold the surface; 0: not; None: by their noise, 0.3 to 10
@@ -62,7 +62,7 @@ class Wnnc:
         load_compiled()
 
     def reconstruct(self, cloud: PointCloud, run: Run) -> Trimesh:
-        """A closed surface, outward; the points with the normals that were found are kept as ``oriented``."""
+        """A closed surface, outward; the points with the normals found are stored as ``oriented``."""
         points = points_for_poisson(cloud, self.depth, self.scale, "wnnc", run)
         normals = self._normals(points, run)
         solution = screened_poisson.solve(
@@ -87,5 +87,5 @@ class Wnnc:
         field = WindingField(points, self.opening, run.threads)
         normals, done = consistent_normals(field, np.linspace(first, last, self.rounds), run, SHARE)
         if done < self.rounds:
-            run.note(f"wnnc: stopped after {done} of {self.rounds} rounds, before its time was gone")
+            run.note(f"wnnc: stopped after {done} of {self.rounds} rounds, to stay within its time limit")
         return normals

@@ -1,4 +1,4 @@
-"""Whether the colours in which some views see a voxel can be those of one place of a surface."""
+"""Photo-consistency: whether the colours of a voxel in several views can be those of one surface point."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numba import njit
 from bench import Views
 from bench.geometry.spiral import golden_spiral
 
-CANDIDATES = 200  # directions from which the search for a normal begins: within 8 degrees of any
-STEPS = 5  # of Gauss and Newton from the best of them
-STRAY = 0.2  # RMS of a colour's error from which on a view counts as one that sees something else
+CANDIDATES = 200  # start directions of the search for a normal: within 8 degrees of any
+STEPS = 5  # Gauss-Newton steps from the best of them
+STRAY = 0.2  # RMS error of a colour above which a view counts as seeing another surface
 
 
 def shades(directions: np.ndarray, lights: np.ndarray, colors: np.ndarray, ambient: np.ndarray) -> np.ndarray:
@@ -23,18 +23,18 @@ def shades(directions: np.ndarray, lights: np.ndarray, colors: np.ndarray, ambie
 
 
 def agreement(views: Views, share: float, reach: int) -> Callable[[np.ndarray], np.ndarray]:
-    """How much the colours of voxels disagree, as a function of the pixels (n, v) in which the views see them.
+    """The disagreement of the colours of voxels, as a function of the pixels (n, v) in which the views see them.
 
-    With known lights it is the error of a colour, RMS over the three channels, by the normal that explains the views
-    best: that of the worst of the best ``share`` of the views. Without, it is the standard deviation of the colours of
-    as many views, those nearest to the median, RMS over the channels.
+    With known lights it is the error of a colour, RMS over the three channels, for the normal that explains the views
+    best: that of the worst of the best ``share`` of the views. Without lights, it is the standard deviation of the
+    colours of the same number of views, those nearest to the median, RMS over the channels.
 
     Parameters
     ----------
     views : Views
     share : float
     reach : int
-        With known lights: a view shows its colour best in one of the pixels up to so many rows and columns away.
+        With known lights: the best pixel within this number of rows and columns counts as the colour of a view.
     """
     images = np.ascontiguousarray(views.images.reshape(len(views), -1, 3))
     if views.light_directions is None or views.light_colors is None:
@@ -43,7 +43,7 @@ def agreement(views: Views, share: float, reach: int) -> Callable[[np.ndarray], 
     directions = golden_spiral(CANDIDATES)
     table = shades(directions, views.light_directions, views.light_colors, ambient)
     known = (views.light_directions, views.light_colors, ambient, directions, table)
-    # Writeable, too: as the loops were compiled for.
+    # Writeable, because the loops are compiled for writeable arrays.
     lights, colors, ambient, directions, table = (np.array(array, order="C") for array in known)
     return lambda pixels: one_normal(
         pixels, images, lights, colors, ambient, directions, table, float(share), views.width, int(reach)
@@ -101,7 +101,7 @@ def one_color(pixels: np.ndarray, images: np.ndarray, share: float) -> np.ndarra
 
 @njit(cache=True, nogil=True, inline="always")
 def _gather(pixels, images, views, seen):
-    """The views that see a voxel, and the colours there, 0 to 1; returns how many they are."""
+    """The views that see a voxel, and the colours there, 0 to 1; returns their number."""
     m = 0
     for v in range(len(pixels)):
         if pixels[v] >= 0:
@@ -147,12 +147,12 @@ def _shade(normal, lights, colors, ambient, shade):
 
 @njit(cache=True, nogil=True)
 def _improve(normal, least, views, seen, lights, colors, ambient, shade):
-    """A Gauss-Newton step on the sphere, halved until the sum of squares falls below ``least``; returns what it is.
+    """A Gauss-Newton step on the sphere, halved until the sum of squares falls below ``least``; returns that sum.
 
-    Views that are off by ``STRAY`` have no part, and lights that are behind have no slopes.
+    Views with an error of ``STRAY`` or more are ignored, and lights behind the surface have no slope.
     """
     square, side, slope = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-    for a in range(3):  # loops: expressions of arrays take many times as long to compile
+    for a in range(3):  # loops: array expressions take many times as long to compile
         square[a, a] = 1e-6
     for s in range(len(views)):
         v = views[s]

@@ -1,4 +1,4 @@
-"""Carving, round by round: what views do not agree on is taken from the surface."""
+"""Carving, round by round: voxels on which the views disagree are removed from the surface."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ SLACK = 1.5  # cells that a voxel may lie behind the nearest one of a pixel and 
 
 @dataclass(frozen=True, eq=False)
 class Carver:
-    """What decides on a voxel.
+    """The test of a voxel.
 
     Parameters
     ----------
     silhouettes : Silhouettes
     voxels : Voxels
     error : function of pixels (n, v)
-        How much the colours of each voxel disagree, see :func:`.agreement.agreement`.
+        The disagreement of the colours of each voxel, see :func:`.agreement.agreement`.
     tolerance : float
-        Of the error.
+        The largest error of a voxel that stays.
     least : int
         Views that must see a voxel before it may be carved.
     """
@@ -39,10 +39,10 @@ class Carver:
     least: int
 
     def carve(self, filled: np.ndarray, rounds: int, run: Run) -> np.ndarray:
-        """What is left of the filled voxels once nothing on the surface is carved any more, or the time is over."""
+        """The filled voxels that remain when no voxel of the surface is carved any more, or the time is over."""
         filled = filled.copy()
         masks = self.silhouettes.views.masks
-        # A voxel is asked again only where other views see it than last time; their set is known by a sum of numbers.
+        # A voxel is tested again only if other views see it than last time; a sum of numbers identifies their set.
         keys = np.random.SeedSequence(0).generate_state(len(masks), np.uint64)
         asked = np.zeros(filled.shape, dtype=np.uint64)
         camera = self.silhouettes.matrices, self.silhouettes.focal, self.voxels.cell
@@ -50,7 +50,7 @@ class Carver:
         for done in range(rounds):
             if not run.time_for_more():
                 run.note(
-                    f"space_carving: {done} rounds were done in limit.seconds={run.seconds:g}; it was not finished"
+                    f"space_carving: {done} rounds were done in limit.seconds={run.seconds:g}; carving is not finished"
                 )
                 break
             index, pixels = self.seen(filled)
@@ -67,7 +67,7 @@ class Carver:
         return filled
 
     def seen(self, filled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The indices (n, 3) of the voxels of the surface, and in which pixel each view sees them: (n, v)."""
+        """The indices (n, 3) of the voxels of the surface, and the pixel in which each view sees them: (n, v)."""
         index, masks = surface_of(filled), self.silhouettes.views.masks
         middles, matrices, cell = self.voxels.middles(index), self.silhouettes.matrices, self.voxels.cell
         buffers = depth_buffers(middles, matrices, self.silhouettes.focal, cell, *masks.shape[1:])

@@ -10,7 +10,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def depth_buffers(points, matrices, focal, cell, height, width):
-    """How far the nearest voxel is at every pixel: (v, h, w) float32 array, infinite where there is none.
+    """The depth of the nearest voxel at every pixel: (v, h, w) float32 array, infinite if there is none.
 
     A voxel is drawn as a square as wide as the cell, half a pixel more on each side, so that no gap is left between
     neighbours.
@@ -60,7 +60,7 @@ def pixels_seen(points, matrices, buffers, masks, slack):
 
 @njit(cache=True, nogil=True)
 def count_covers(points, matrices, focal, cell, height, width):
-    """How many voxels lie before or behind every pixel: (v, h, w) int32 array; arguments as :func:`depth_buffers`."""
+    """The number of voxels that project to every pixel: (v, h, w) int32 array; arguments as :func:`depth_buffers`."""
     covers = np.zeros((len(matrices), height, width), dtype=np.int32)
     for v in range(len(matrices)):
         for k in range(len(points)):
@@ -73,9 +73,9 @@ def count_covers(points, matrices, focal, cell, height, width):
 
 @njit(cache=True, nogil=True)
 def take(points, matrices, focal, cell, covers, masks):
-    """Which of some voxels go, one after the other: those that are not the last one at a pixel of a mask.
+    """Which of some voxels to remove, one after the other: those that are not the last one at a pixel of a mask.
 
-    ``covers`` of :func:`count_covers` becomes that of the voxels that are left.
+    ``covers`` of :func:`count_covers` is updated to the remaining voxels.
     """
     count, height, width = covers.shape
     gone = np.zeros(len(points), dtype=np.bool_)

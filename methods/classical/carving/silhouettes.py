@@ -1,4 +1,4 @@
-"""The visual hull as a field: how far points lie outside the silhouettes."""
+"""The visual hull as a field: the distance of points to the silhouettes."""
 
 from __future__ import annotations
 
@@ -17,20 +17,19 @@ if TYPE_CHECKING:
 class Silhouettes:
     """Signed distances to the silhouettes of a shape in the unit ball; their maximum over the views is the field.
 
-    Where a view sees a point, its value is the distance in the image from there to the border of the mask, times depth
-    by focal length: about the distance in space to the cone of the silhouette. In pixels it is the Euclidean distance
+    The value of a view is the distance in the image from the projected point to the border of the mask, times depth
+    over focal length: about the distance in space to the cone of the silhouette. In pixels it is the Euclidean distance
     between the middles of pixels, less the half pixel from the border to the first of them, and bilinear in between.
-    The unit ball counts like one more silhouette, so that the hull is bounded whatever the images show.
+    The unit ball counts as one more silhouette, so that the hull is bounded for any images.
 
     Parameters
     ----------
     views : Views
     run : Run
-        A view with an empty mask says nothing of the shape (it may be out of the image, or was not found): it is left
-        out, and noted.
+        A view with an empty mask (the shape may be outside of the image, or was not found) is left out, with a note.
     beyond : "auto", "keep" or "carve"
-        Whether what lies beyond the border of an image can be of the shape: "auto" says so for images whose masks touch
-        the border. So a mask that the border cuts off does not cut the shape, and one that it does not is all of it.
+        Whether the shape may extend beyond the border of an image: with "auto", if the mask touches the border. So a
+        mask that the border cuts off does not cut the shape, and any other mask shows all of it.
 
     Raises
     ------
@@ -66,7 +65,7 @@ class Silhouettes:
         resolution : int
             Samples along the shortest side of its box.
         run : Run
-            Is told where the time was too short for the resolution.
+            Receives a note if the time was too short for the resolution.
 
         Raises
         ------
@@ -84,11 +83,11 @@ class Silhouettes:
                 seconds=run.seconds_left(),
                 on_progress=run.progress,
             )
-        except InvalidOutput as error:  # of a field that is finite this can only be the lack of a zero
+        except InvalidOutput as error:  # the field is finite, so this can only be a missing zero
             raise disagree() from error
         if (coarser := mesh.metadata["coarser"]) > 1:
             run.note(
-                f"the hull has 1/{coarser} of the resolution asked for: limit.seconds={run.seconds:g} is too short"
+                f"the hull has 1/{coarser} of the requested resolution: limit.seconds={run.seconds:g} is too short"
             )
         return mesh
 
@@ -104,7 +103,7 @@ def disagree() -> BadInput:
 def mask_distances(mask: np.ndarray) -> np.ndarray:
     """The signed distance of the middle of each pixel to the border of a mask, in pixels: (h, w) float32 array.
 
-    Negative in the mask. A mask that fills the image has no border: there it is minus the image's diagonal.
+    Negative inside the mask. A mask that fills the image has no border: then it is minus the image's diagonal.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -126,7 +125,7 @@ def hull_values(points, matrices, focal, distances, beyond):
     focal : (v,) float64 array
     distances : (v, h, w) float32 array
     beyond : (v,) bool array
-        Whether the shape may go on beyond the border of an image.
+        Whether the shape may extend beyond the border of an image.
     """
     count, height, width = distances.shape
     values = np.empty(len(points))
@@ -152,7 +151,7 @@ def hull_values(points, matrices, focal, distances, beyond):
 
 @njit(cache=True, nogil=True, inline="always")
 def bilinear(image, column, row):
-    """Between the four nearest entries; beyond the border it is that at the border."""
+    """Bilinear interpolation of the four nearest entries; beyond the border the value at the border."""
     height, width = image.shape
     column, row = min(max(column, 0.0), width - 1.0), min(max(row, 0.0), height - 1.0)
     j, i = min(int(column), max(width - 2, 0)), min(int(row), max(height - 2, 0))

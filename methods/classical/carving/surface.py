@@ -1,4 +1,4 @@
-"""The surface of what is left: the hull's own where nothing was carved, and of smoothed voxels elsewhere."""
+"""The surface after carving: that of the hull where nothing was carved, and of smoothed voxels elsewhere."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ SMOOTH = 1.0  # standard deviation of the Gaussian, in cells
 def surface(voxels: Voxels, filled: np.ndarray) -> Trimesh:
     """The closed surface of the filled voxels, with outward faces.
 
-    It bounds what lies in the hull, by its field, and not in the carved part. The latter is the zero of a smoothed
-    signed distance, to the carved voxels and to those outside the hull that lie nearer to them than to filled ones: so
-    smoothing changes only what was carved, and where nothing was, the error stays below a pixel.
+    It bounds the hull, by its field, without the carved part. The latter is bounded by the zero of a smoothed signed
+    distance, to the carved voxels and to those outside the hull that are nearer to them than to filled ones: so
+    smoothing changes only the carved part, and elsewhere the error stays below a pixel.
     """
     from scipy.ndimage import distance_transform_edt, gaussian_filter
     from skimage.measure import marching_cubes

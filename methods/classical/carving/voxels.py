@@ -8,7 +8,7 @@ import numpy as np
 
 from .silhouettes import Silhouettes, disagree
 
-COARSE = 48  # cells along an axis of the look for the hull's box
+COARSE = 48  # cells along an axis for finding the hull's box
 MARGIN = 4  # cells around the hull
 
 
@@ -32,7 +32,7 @@ class Voxels:
 
     @classmethod
     def over(cls, silhouettes: Silhouettes, cells: int) -> Voxels:
-        """Over the visual hull, with so many cubes along its longest side.
+        """Over the visual hull, with ``cells`` cubes along its longest side.
 
         Raises
         ------
@@ -42,7 +42,7 @@ class Voxels:
         step = 2.2 / COARSE
         axis = -1.1 + step * (np.arange(COARSE) + 0.5)
         look = silhouettes.values(np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3))
-        # A point of the hull is within half a diagonal of the middle of its cube, where the field is at most so much.
+        # A point of the hull is within half a diagonal of the middle of its cube, which bounds the field there.
         near = np.argwhere((look < 1.5 * step).reshape(COARSE, COARSE, COARSE))
         if not len(near):
             raise disagree()
@@ -63,7 +63,7 @@ class Voxels:
 
 
 def surface_of(filled: np.ndarray) -> np.ndarray:
-    """The indices (n, 3) of filled cubes with a side that is free; the border of the grid is not filled."""
+    """The indices (n, 3) of filled cubes with a free side; the border of the grid is not filled."""
     inner = filled.copy()
     for axis in range(3):
         ahead, behind = np.moveaxis(inner, axis, 0), np.moveaxis(filled, axis, 0)

@@ -8,7 +8,7 @@ from bench import Run, Views
 
 
 def load_compiled() -> None:
-    """Load the loops of space carving from where they are cached, or compile them."""
+    """Load the loops of space carving from the cache, or compile them."""
     from .agreement import agreement
     from .rounds import Carver
     from .silhouettes import Silhouettes

@@ -1,4 +1,4 @@
-"""The arc-cosine kernel of first order with its derivatives, compiled: what infinitely many ReLU units make.
+"""The arc-cosine kernel of first order with its derivatives, compiled: the limit of infinitely many ReLU units.
 
 With u = (x, 1) and v = (z, 1), theta the angle between them, C = u . v, S = |u| |v| sin(theta), and w normal in R^4,
 

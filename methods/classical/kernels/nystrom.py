@@ -50,19 +50,19 @@ def fitted(
         mean_i f(x_i)^2 + reach^2 |grad f(x_i) - n_i|^2  +  regularisation |f|^2
 
     with the norm of the kernel's space. The functions are made orthonormal by a Cholesky factor of their Gram matrix,
-    so that the normal equations are as well conditioned as the regularisation says.
+    so that the regularisation bounds the condition of the normal equations.
 
     Parameters
     ----------
     points, normals : (n, 3) float64 arrays
     chosen : (m,) int array
     regularisation, reach : float
-        ``reach`` is the length by which a gradient counts as a value.
+        ``reach`` is the length that converts a gradient to a value.
     method : str
         Named in the note.
     run : Run
-        Told of the progress. Where more than half of its time is gone, the points that are left are left out, and a
-        note says so: give them in random order.
+        Receives the progress. When more than half of its time is used, the remaining points are left out, with a
+        note: pass the points in random order.
     """
     from scipy.linalg import cho_solve, cholesky, solve_triangular
     from scipy.linalg.blas import dsyrk
@@ -75,7 +75,7 @@ def fitted(
     used, reserve = 0, run.seconds_left() / 2 if np.isfinite(run.seconds_left()) else 0.0
     for first in range(0, len(points), BLOCK):
         if first and (run.seconds_left() < reserve or not run.time_for_more()):
-            run.note(f"{method}: {used:,} of {len(points):,} points were fitted, before the time was gone")
+            run.note(f"{method}: only {used:,} of {len(points):,} points were fitted in half of the time limit")
             break
         part = slice(first, first + BLOCK)
         rows = np.empty((4, len(points[part]), count))
@@ -109,6 +109,6 @@ def _gram(centers: np.ndarray, directions: np.ndarray) -> np.ndarray:
 
 
 def load_compiled() -> None:
-    """Load the compiled loops, or compile them: so that no measured call has to."""
+    """Load the compiled loops, or compile them, so that no measured call has to."""
     arc_cosine.rows(np.eye(3), np.eye(3), np.eye(3), np.empty((4, 3, 6)))
     KernelField(np.eye(3), np.eye(3), np.ones(3), np.ones(3))(np.eye(3))

@@ -12,27 +12,27 @@ INSIDE = 0.5  # the winding number of a point on the surface
 
 
 def consistent_normals(field: WindingField, widths: np.ndarray, run: Run, share: float = 1.0) -> tuple[np.ndarray, int]:
-    """Outward normals, up to the sign of all together.
+    """Outward normals, up to a common sign.
 
-    The moments m of the points begin as 0. Each round takes one step of steepest descent, of the best length, on
+    The moments m of the points start at 0. Each round takes one step of steepest descent, of the best length, on
     |A m - 1/2|^2, where A m are the winding numbers at the points (the system of parametric Gauss reconstruction); then
-    each moment is turned against the gradient of its field, and keeps its length.
+    each moment is turned against the gradient of its field, with its length unchanged.
 
     Parameters
     ----------
     field : WindingField of n points
     widths : (rounds,) array
-        Of each round: points nearer to each other do not see each other.
+        Of each round: pairs of points nearer to each other are ignored.
     run : Run
-        Asked for time before each round, and told of progress.
+        Gives the time before each round, and receives the progress.
     share : float
-        Of the time that is left at the beginning: no round begins beyond it, but for the first.
+        Of the time that is left at the beginning: no round except the first starts after it.
 
     Returns
     -------
     normals : (n, 3) array of unit length, or 0 where the field has no slope
     done : int
-        The rounds that were taken.
+        The number of rounds.
     """
     moments = np.zeros((len(field), 3))
     normals, done, reserve = moments, 0, (1 - share) * run.seconds_left() if share < 1 else 0.0
@@ -51,7 +51,7 @@ def consistent_normals(field: WindingField, widths: np.ndarray, run: Run, share:
 
 
 def descent(field: WindingField, moments: np.ndarray, width: float) -> np.ndarray:
-    """One step of steepest descent on |A m - 1/2|^2: what is added to the moments (n, 3)."""
+    """One step of steepest descent on |A m - 1/2|^2: the increment (n, 3) of the moments."""
     direction = field.adjoint(INSIDE - field.number(moments, width), width)
     change = field.number(direction, width)
     squared = float(change @ change)

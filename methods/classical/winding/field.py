@@ -15,8 +15,8 @@ from .tree import Tree
 class WindingField:
     """The field w(x) = sum_i m_i . (p_i - x) / (4 pi |p_i - x|^3) of moments m_i (normals times areas), at the points.
 
-    Points nearer to each other than the width do not see each other. A cluster that is seen under a small angle counts
-    as one source at its centre. With an opening of 0.4 the root mean square of the error is at most 4 % of the numbers,
+    Pairs of points nearer to each other than the width are ignored. A cluster seen under a small angle counts as one
+    source at its centre. With an opening of 0.4 the root mean square of the error is at most 4 % of the numbers,
     and falls at least as fast as the opening.
 
     Parameters
@@ -45,7 +45,7 @@ class WindingField:
         return self._sum(sums.adjoint, values[:, None], 3, width) / (4 * np.pi * self._unit**2)
 
     def steepest(self, moments: np.ndarray, width: float) -> np.ndarray:
-        """The negative gradient of w, (n, 3): the way out of what moments (n, 3) that point outward enclose."""
+        """The negative gradient of w, (n, 3): it points out of the volume that outward moments (n, 3) enclose."""
         return self._sum(sums.steepest, moments, 3, width) / (4 * np.pi * self._unit**3)
 
     def _sum(self, function: Callable[..., None], values: np.ndarray, rows: int, width: float) -> np.ndarray:
@@ -71,6 +71,6 @@ class WindingField:
 
 
 def load_compiled() -> None:
-    """Load the compiled loops, or compile them: so that no measured call has to."""
+    """Load the compiled loops, or compile them, so that no measured call has to."""
     field = WindingField(np.eye(3))
     field.number(np.eye(3), 0.1), field.adjoint(np.ones(3), 0.1), field.steepest(np.eye(3), 0.1)

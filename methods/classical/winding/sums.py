@@ -1,6 +1,6 @@
-"""The sums over sources that a winding number field is made of, compiled; each for the points of some leaves.
+"""The sums over sources of a winding number field, compiled; each for the points of some leaves.
 
-With d from a target to a source, and a source left out where |d| is below the width:
+With d from a target to a source, and without sources for which |d| is below the width:
 
     number    w = sum m . d / |d|^3
     adjoint   a = -sum s d / |d|^3

@@ -1,6 +1,6 @@
-"""A balanced binary tree of points, and which of its nodes each leaf may take as a whole.
+"""A balanced binary tree of points, and the nodes that count as one source for each leaf.
 
-The points stay where they are while normals are sought, so this is found once. A node is seen from a leaf as a whole if
+The points do not move while normals are computed, so this is done once. A node counts as one source for a leaf if
 its radius is at most ``opening`` times the least distance that any point of the leaf can have to its centre.
 """
 
@@ -24,11 +24,11 @@ class Tree:
     points: np.ndarray
     """(n, 3) float64 array: in that order"""
     levels: int
-    """So often the points are halved; there are ``2 ** levels`` leaves"""
+    """The number of times the points are halved; there are ``2 ** levels`` leaves"""
 
     @classmethod
     def over(cls, points: np.ndarray, leaf: int = LEAF) -> Tree:
-        """The tree of points (n, 3): each node is cut across its longest side into halves of equal numbers."""
+        """The tree of points (n, 3): each node is split across its longest side into halves of equal numbers."""
         count, levels = len(points), 0
         while count > leaf << levels:
             levels += 1
@@ -72,7 +72,7 @@ class Tree:
         return np.concatenate(radii)
 
     def runs(self, opening: float) -> tuple[np.ndarray, np.ndarray]:
-        """What each leaf sums over: runs of sources, which are the n points followed by all nodes.
+        """The sources of each leaf: runs in the list of the n points followed by all nodes.
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class Tree:
         Returns
         -------
         begins : (leaves + 1,) int64 array
-            Where the runs of each leaf begin in ``runs``.
+            The index in ``runs`` of the first run of each leaf.
         runs : (r, 2) int32 array
             The first source of each run, and the one after its last.
         """
@@ -97,7 +97,7 @@ class Tree:
 
 @njit(cache=True)
 def _walk(centers, radii, starts, opening, begins, runs):
-    """Count the runs of each leaf, or write them where there is room for them."""
+    """Count the runs of each leaf, or write them if there is room for them."""
     leaves = len(starts) - 1
     nodes, count = len(radii), starts[-1]
     stack = np.empty(nodes, np.int64)

@@ -72,7 +72,7 @@ def test_normals_are_estimated_where_there_are_none():
 def test_a_short_time_is_kept_and_said():
     run = Run(seconds=0.05)
     mesh = NeuralSplines(centers=250, resolution=64).reconstruct(cloud_of("sphere"), run)
-    assert len(mesh.faces) and "were fitted, before the time was gone" in run.notes[0]
+    assert len(mesh.faces) and "were fitted in half of the time limit" in run.notes[0]
 
 
 @pytest.mark.parametrize("wrong", [{"centers": 3}, {"regularisation": 0.0}, {"reach": -1.0}, {"resolution": 4}])
