@@ -1,4 +1,4 @@
-"""Meshes in another order, so that what a method copies by index lands anywhere."""
+"""Meshes in another order, so that copying by index does not work."""
 
 from __future__ import annotations
 

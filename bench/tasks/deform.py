@@ -32,14 +32,14 @@ class Deform(Task):
 
     A method is called as ``deform(source, target, run)`` and returns a mesh with the faces of ``source``, in order.
     Cases come from the ``pairs`` of a dataset. No sensor takes part, and no correspondence is given: the target is a
-    cloud sampled from it, or a mesh whose vertices and faces are in a random order (seeded), so that what a method
-    copies by index lands anywhere; or, with ``depth``, the points of one depth image and their mirror image at x = 0,
-    for what is seen from one side alone (in figure 5.7 of the thesis, a network guesses a cloud from an image). The
-    reference is the pair's target; where its vertices correspond to the source's, metrics may compare them one by one.
+    cloud sampled from it, or a mesh whose vertices and faces are in a random order (seeded), so that copying by index
+    does not work; or, with ``depth``, the points of one depth image and their mirror image at x = 0, for a target that
+    is seen from one side only (in figure 5.7 of the thesis, a network predicts a cloud from an image). The reference
+    is the pair's target; where its vertices correspond to the source's, metrics may compare them one by one.
 
-    All is in the frame of the target (box centre at the origin, farthest vertex at radius 1). The source has its own
-    box centre at the origin, and with ``scaled`` its box has the longest edge of the target's box, as both fit a unit
-    box in Neural Cages (Wang et al. 2020). Without it, the source is as large as it is beside the target (bodies).
+    Everything is in the frame of the target (box centre at the origin, farthest vertex at radius 1). The source has its
+    own box centre at the origin. With ``scaled``, its box gets the longest edge of the target's box, since both fit a
+    unit box in Neural Cages (Wang et al. 2020); without, the source keeps its size relative to the target (bodies).
     """
 
     output: ClassVar[str] = "mesh"
@@ -48,9 +48,9 @@ class Deform(Task):
     primary: ClassVar[tuple[str, ...]] = ("chamfer_l2_sum", "cot_laplacian_per_area")
     files: ClassVar[tuple[int, ...]] = (2,)
 
-    target: Literal["cloud", "mesh", "depth"] = "cloud"  # what is given of the target
+    target: Literal["cloud", "mesh", "depth"] = "cloud"  # the form in which the target is given
     points: int = 5000  # of that cloud
-    vertices: int = 5000  # of the source, at least: its faces are divided into four until it has them
+    vertices: int = 5000  # of the source, at least: its faces are divided into four until it has that many
     scaled: bool = True  # whether the source is made as large as the target
 
     def __post_init__(self) -> None:
@@ -90,7 +90,7 @@ class Deform(Task):
         )
 
     def _target(self, reference: Shape, seed: int, id: str) -> Trimesh | PointCloud:
-        """What is given of a target in its frame."""
+        """The target in the form that a method gets, in its frame."""
         rng = generator(seed, id, "target")
         if self.target == "cloud":
             return PointCloud(*reference.surface.sample(self.points, rng))
@@ -115,7 +115,7 @@ class Deform(Task):
         return {"source": plain_mesh((source.vertices - own.center) / scale, source.faces), "target": target}
 
     def expected(self, input: Mapping[str, Any]) -> int:
-        """As many vertices as the faces of the source have."""
+        """The number of vertices that the faces of the source use."""
         from ..geometry.used import used_vertices
 
         return len(used_vertices(input["source"]))
@@ -184,7 +184,7 @@ class Deform(Task):
 
 
 def _rounds(mesh: Trimesh, least: int) -> int:
-    """How often to divide the faces to reach this number of vertices; a division adds one for each edge."""
+    """How often to divide the faces to reach ``least`` vertices; a division adds one for each edge."""
     from ..geometry.used import used_vertices
 
     count, edges, faces, rounds = len(used_vertices(mesh)), len(mesh.edges_unique), len(mesh.faces), 0

@@ -28,20 +28,20 @@ class DetailTransfer(Task):
     """A detailed mesh, its base and another base -> that other base with the same details.
 
     A method is called as ``detail_transfer(source, source_base, target_base, run)`` with three meshes, and returns a
-    mesh; how many vertices and faces it has is left to the method. Cases come from the ``pairs`` of a dataset whose
+    mesh with any number of vertices and faces. Cases come from the ``pairs`` of a dataset whose
     shapes have the attribute ``base_vertices`` (v, 3): the source's mesh and base, and the target's base; the pair's
     target, with its exact surface where one is known, is the reference. No sensor takes part.
 
-    All is in the frame of the reference (box centre at the origin, farthest vertex at radius 1). The source is scaled
-    by the same factor, so that a displacement is as long on it as on the target, and has its own box centre at the
-    origin. It is also turned: what is transferred is defined for aligned shapes (the descriptors of implicit
-    displacement fields are normals, which turn with a shape), and a dataset may turn each shape at random. The source
-    gets the rotation that brings its base vertices nearest to the target's, which correspond to them one to one
-    (:func:`bench.geometry.alignment.rotation_between`).
+    Everything is in the frame of the reference (box centre at the origin, farthest vertex at radius 1). The source is
+    scaled by the same factor, so that a displacement has the same length on source and target, and has its own box
+    centre at the origin. It is also rotated: detail transfer is defined for aligned shapes (the descriptors of
+    implicit displacement fields are normals, which rotate with a shape), and a dataset may rotate each shape at random.
+    The source gets the rotation that brings its base vertices nearest to the target's, which correspond to them one to
+    one (:func:`bench.geometry.alignment.rotation_between`).
 
-    Without ``bases``, ``source_base`` is None and a method has to tell base from details itself. The target is a bare
-    base all the same, since a dataset's target has the source's details and would be the answer; in the literature's
-    version of that problem the target has details of its own, which are replaced.
+    Without ``bases``, ``source_base`` is None and a method has to separate base and details itself. The target is still
+    a bare base, since a dataset's target has the source's details and would be the answer; in the literature's version
+    of that problem the target has details of its own, which are replaced.
     """
 
     output: ClassVar[str] = "mesh"
@@ -50,7 +50,7 @@ class DetailTransfer(Task):
     primary: ClassVar[tuple[str, ...]] = ("surface_distance_mean",)
     files: ClassVar[tuple[int, ...]] = (2, 3)
 
-    bases: bool = True  # whether the source's base is given; without it, it is to be estimated from the source
+    bases: bool = True  # whether the source's base is given; if not, a method has to estimate it from the source
 
     def recipes(self, dataset: Any, sensor: Any, *, split: str, count: int, seed: int) -> Iterator[CaseRecipe]:
         """The first ``count`` pairs of a dataset's split."""
@@ -60,8 +60,8 @@ class DetailTransfer(Task):
                 "their base, like dataset=reliefs"
             )
         for pair in islice(dataset.pairs(split), count):
-            # Not the pair's own id: the cache of a case, and the file of its reference, use the id, and a
-            # shape, or a case of another task over the same pairs, may have that one.
+            # Not the pair's own id: the id names the cache of a case and the file of its reference, and a
+            # shape, or a case of another task over the same pairs, may use the pair's id.
             id = f"{pair.id}-transfer"
             yield CaseRecipe(id, partial(self._case_of, id, pair, seed))
 
@@ -102,7 +102,7 @@ class DetailTransfer(Task):
         }
 
     def expected(self, input: Mapping[str, Any]) -> int:
-        """As many vertices as the faces of the target's base have."""
+        """The number of vertices that the faces of the target's base use."""
         from ..geometry.used import used_vertices
 
         return len(used_vertices(input["target_base"]))
@@ -143,9 +143,9 @@ class DetailTransfer(Task):
     def read(self, paths: Sequence[str]) -> tuple[dict[str, Any], Frame]:
         """The meshes of ``SOURCE SOURCE_BASE TARGET_BASE``, or of ``SOURCE TARGET_BASE``, and the target's frame.
 
-        There is no reference, so the frame is that of the target's base, which the source is scaled by too; its radius
-        differs from that of a case by the details alone. Nothing is turned: vertices of different files need not
-        correspond. Align the shapes first.
+        There is no reference, so the frame is that of the target's base, and the source is scaled by it, too; its
+        radius differs from that of a case only by the details. Nothing is rotated, since vertices of different files
+        need not correspond. Align the shapes first.
 
         Raises
         ------
@@ -159,7 +159,7 @@ class DetailTransfer(Task):
 
         if len(paths) not in self.files:
             raise UsageError(
-                "expected the mesh files SOURCE SOURCE_BASE TARGET_BASE, or SOURCE TARGET_BASE where the source has no "
+                "expected the mesh files SOURCE SOURCE_BASE TARGET_BASE, or SOURCE TARGET_BASE if the source has no "
                 f"base; got {len(paths)}: {', '.join(map(str, paths)) or 'none'}"
             )
         if len(paths) == 3 and not self.bases:
@@ -173,7 +173,7 @@ class DetailTransfer(Task):
         validate_mesh(output, self.promise)
 
     def toy(self) -> Case:
-        """A small case for the conformance kit: bumps of a ball of 642 vertices, asked for on an egg."""
+        """A small case for the conformance kit: bumps of a ball of 642 vertices, to be transferred to an egg."""
         from trimesh.creation import icosphere
 
         ball = icosphere(subdivisions=3)

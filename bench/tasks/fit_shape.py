@@ -1,4 +1,4 @@
-"""Shape fitting: points that look like images."""
+"""Shape fitting: points whose renderings match images."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class FitShape(Task):
     """Images of a shape and an initial cloud -> a cloud of the shape's surface.
 
     A method is called as ``fit_shape(views, cloud, run)``: images with masks, cameras and known lights, and oriented
-    points that have nothing to do with the shape. It returns a cloud of any number of points. The task ``multiview``
+    points that do not depend on the shape. It returns a cloud of any number of points. The task ``multiview``
     asks for a mesh instead.
     """
 
@@ -49,13 +49,13 @@ class FitShape(Task):
             raise ValueError(f"size: expected a number above 0, got {self.size}")
 
     def input(self, sensed: Views) -> dict[str, Any]:
-        """The views, and the points to begin with."""
+        """The views, and the initial points."""
         return {"views": sensed, "cloud": self.beginning(sensed.extrinsics[0, :, :3])}
 
     def beginning(self, axes: np.ndarray | None = None) -> PointCloud:
-        """The points to begin with, evenly spread, with normals outwards.
+        """The initial points, evenly spread, with normals outwards.
 
-        A Fibonacci sphere, six lattices, or one that faces a camera with ``axes`` (3, 3), in rows.
+        A Fibonacci sphere, six lattices, or one lattice that faces a camera with the rows ``axes`` (3, 3).
         """
         if self.start == "square":
             axes = np.eye(3) if axes is None else axes

@@ -20,8 +20,8 @@ from ..plugins.registry import register
 class Multiview(Task):
     """Images of a shape with masks and cameras, and lights where they are known -> a triangle mesh.
 
-    A method is called as ``multiview(views, run)``. The shape lies within the unit ball around the origin; that is all
-    that is known of it besides the images.
+    A method is called as ``multiview(views, run)``. The shape lies within the unit ball around the origin; nothing else
+    is known about it besides the images.
     """
 
     takes: ClassVar[str] = "views"

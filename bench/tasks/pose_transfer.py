@@ -1,4 +1,4 @@
-"""Pose transfer: a character takes the pose in which somebody else is seen."""
+"""Pose transfer: a character takes the pose of another figure."""
 
 from __future__ import annotations
 
@@ -34,14 +34,13 @@ class PoseTransfer(Task):
 
     A method is called as ``pose_transfer(source, template, landmarks, target, run)`` and returns a mesh with the faces
     of ``source``, the character, in order. ``landmarks`` are (2, 3) arrays by name: the same place on template and
-    character, at rest. ``target`` is a cloud of somebody in the pose, whose build is another than the template's; or a
+    character, at rest. ``target`` is a cloud of a figure in the pose, whose build differs from the template's; or a
     mesh in random order; or, with ``corresponding``, the template itself in the pose, vertex by vertex (what
     deformation transfer needs). Cases come from the ``transfers`` of a dataset. No sensor takes part. Vertices and
-    faces of the character are in a random order (seeded), so that no index of the template means anything there.
+    faces of the character are in a random order (seeded), so that indices of the template have no meaning there.
 
-    All is as large as in the frame of the posed character, upright, and has its own box centre at the origin. Where in
-    the room an output stands is not asked for: :class:`~bench.metrics.pose_distance_mean.PoseDistanceMean` does not
-    look at it.
+    Everything has the scale of the frame of the posed character, is upright, and has its own box centre at the origin.
+    Where an output stands does not count: :class:`~bench.metrics.pose_distance_mean.PoseDistanceMean` ignores it.
     """
 
     output: ClassVar[str] = "mesh"
@@ -50,7 +49,7 @@ class PoseTransfer(Task):
     primary: ClassVar[tuple[str, ...]] = ("pose_distance_mean",)
     files: ClassVar[tuple[int, ...]] = (4,)
 
-    target: Literal["cloud", "mesh", "corresponding"] = "cloud"  # what is given of who is in the pose
+    target: Literal["cloud", "mesh", "corresponding"] = "cloud"  # the form in which the posed figure is given
     points: int = 5000  # of that cloud
 
     def __post_init__(self) -> None:
@@ -94,7 +93,7 @@ class PoseTransfer(Task):
         return Case(id, given, _with_template(reference, problem, frame), frame, seed, problem.character_posed.tags)
 
     def _target(self, problem: Problem, size: float, seed: int, id: str) -> Trimesh | PointCloud:
-        """What is given of who is in the pose."""
+        """The posed figure in the form that a method gets."""
         if self.target == "corresponding":
             return _placed(problem.template_posed.mesh, size)
         rng, mesh = generator(seed, id, "target"), problem.target.mesh
@@ -104,7 +103,7 @@ class PoseTransfer(Task):
         return PointCloud((points - _middle(mesh)) / size, normals)
 
     def expected(self, input: Mapping[str, Any]) -> int:
-        """As many vertices as the faces of the character have."""
+        """The number of vertices that the faces of the character use."""
         from ..geometry.used import used_vertices
 
         return len(used_vertices(input["source"]))
@@ -183,7 +182,7 @@ class PoseTransfer(Task):
         validate_deformed(output, input["source"], self.promise)
 
     def toy(self) -> Case:
-        """A small case for the conformance kit: a long ball bends, and so is a long block to do."""
+        """A small case for the conformance kit: a long ball bends, and a long block has to bend in the same way."""
         from trimesh.creation import box, icosphere
 
         from ..geometry.subdivision import divided

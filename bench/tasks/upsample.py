@@ -19,7 +19,7 @@ class Upsample(Task):
 
     primary: ClassVar[tuple[str, ...]] = ("chamfer_l1_mean",)  # sensitive to the spacing of the points as well
 
-    ratio: int = 4  # how many points for each one of the input
+    ratio: int = 4  # number of points for each one of the input
 
     def __post_init__(self) -> None:
         if self.ratio < 1:
