@@ -20,13 +20,13 @@ class BoxScaledDistances:
     """Chamfer and Hausdorff distances as shares of the diagonal, and of the longest edge, of the reference's box.
 
     ``chamfer_l1_mean_by_diagonal`` and ``hausdorff_by_diagonal`` divide the metrics of these names by the diagonal of
-    the reference's axis-aligned bounding box: dsr-benchmark (Sulzer et al. 2024) prints them in per cent, the latter of
-    samples alone, so that here too the vertices of meshes have no part in it.
+    the reference's axis-aligned bounding box: dsr-benchmark (Sulzer et al. 2024) prints them in per cent, the latter
+    from samples only, so here, too, the vertices of meshes do not count in it.
     ``chamfer_l1_mean_by_edge`` divides by the box's longest edge, the unit of Occupancy Networks (Mescheder et al.
     2019), which prints it in tenths. ``chamfer_l2_sum_by_diagonal`` and ``hausdorff_sq_sum_by_diagonal`` are squared
     distances and divided by the square of the diagonal, for papers whose shapes share a diagonal, as those of DSS
-    (Wang et al. 2019) do. Dimensionless. The box turns with the axes, so a rotation of everything changes
-    them a little; else all that is said of the two metrics holds.
+    (Wang et al. 2019) do. Dimensionless. The box depends on the axes, so a rotation of everything changes the scores a
+    little; otherwise the remarks on the two metrics hold.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:

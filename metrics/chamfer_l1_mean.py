@@ -17,7 +17,7 @@ class ChamferL1Mean:
     """Mean unsquared nearest-neighbour distance, average of both directions.
 
     ``(mean_p min_q |p - q| + mean_q min_p |p - q|) / 2`` over output points p and reference samples q, in frame units.
-    The "Chamfer-L1" of Occupancy Networks (Mescheder et al. 2019) and of those who follow it; the distances are
+    The "Chamfer-L1" of Occupancy Networks (Mescheder et al. 2019) and of later papers; the distances are
     Euclidean, the L1 is in the sum. Two samples of one surface of area A, with N points each, score
     ``0.5 sqrt(A / N)``: see the floor.
     """

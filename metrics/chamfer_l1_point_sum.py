@@ -32,19 +32,19 @@ class ChamferL1PointSum:
     With N samples a side: ``chamfer_l1_point_sum@N = sum_p min_q |p - q| + sum_q min_p |p - q|``, uniform samples, in
     frame units; it grows with N. ``chamfer_l1_sum_by_edge@N = (mean_p min_q |p - q| + mean_q min_p |p - q|) / e``, with
     e the longest edge of the reference's box, is dimensionless: the distance in the frame where the box fits the unit
-    cube. ``rejection_chamfer_l1_sum_by_edge@N`` is the same with the samples of Points2Surf (Erler et al. 2020): 3 N
-    uniform ones, without one point of each pair closer than ``sqrt(A / (3 N))``, for a surface of area A, and of these
-    N. They are spaced more evenly, and the floor is some 15 % lower. The paper prints this mean, times 100; its script
-    sums over the points, in the coordinates of the files, which the data set has in the unit cube.
+    cube. ``rejection_chamfer_l1_sum_by_edge@N`` is the same with the samples of Points2Surf (Erler et al. 2020): of 3 N
+    uniform ones on a surface of area A, one point of each pair closer than ``sqrt(A / (3 N))`` is removed, and N of the
+    rest are used. They are spaced more evenly, and the floor is about 15 % lower. The paper prints this mean, times
+    100; its script sums over the points, in the coordinates of the files, which lie in the unit cube in its data set.
 
-    A cloud is taken as it is. The first two, divided by 2 N and by 2, are ``chamfer_l1_mean`` with N samples, in frame
-    units and in edges; what is said there holds here.
+    A cloud is used as it is. The first two, divided by 2 N and by 2, are ``chamfer_l1_mean`` with N samples, in frame
+    units and in edges; the remarks there hold here.
     """
 
     samples: int = 10_000  # N, of the reference and of an output that is a mesh
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
-        """The three scores, each with ``@N`` behind its name: frame units, and dimensionless."""
+        """The three scores, each with ``@N`` after its name: frame units, and dimensionless."""
         pair = compare(output, case, self.samples)
         forward, backward = pair.to_reference.distance, pair.to_output.distance
         edge = float(np.ptp(used_vertices(case.reference.mesh), axis=0).max())
@@ -67,7 +67,7 @@ class ChamferL1PointSum:
         return P.nearest_in(Q).distance.mean() + Q.nearest_in(P).distance.mean()
 
     def _sample(self, mesh: Trimesh, case: Case, stream: str) -> np.ndarray:
-        """(N, 3) samples by rejection, mostly; trimesh may give fewer. A cloud's own points."""
+        """(N, 3) samples by rejection, sometimes fewer, as trimesh gives them; for a cloud its own points."""
         from trimesh.sample import sample_surface_even
 
         if not len(mesh.faces):

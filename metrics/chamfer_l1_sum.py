@@ -19,8 +19,8 @@ class ChamferL1Sum:
 
     ``mean_p min_q |p - q| + mean_q min_p |p - q|`` over output points p and reference samples q, in frame units: twice
     ``chamfer_l1_mean``. The "Chamfer distance" of IDF (Wang et al. 2022) and of point-cloud-utils. Robust: one outlier
-    among N moves it by its distance / N. It rewards even spacing: two samples of one surface of area A, with N points
-    each, score ``sqrt(A / N)``, see the floor; IDF's own tables, made with millions of points, are mostly that.
+    among N changes it by its distance / N. It rewards even spacing: two samples of one surface of area A, with N points
+    each, score ``sqrt(A / N)``, see the floor; this is most of the scores in IDF's tables, despite millions of points.
     """
 
     samples: int = 0  # N of each surface, then part of the score's name (IDF: 5,000,000); 0 for the usual number

@@ -1,4 +1,4 @@
-"""What a deformation does to the details of its source."""
+"""How much a deformation changes the details of its source."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ class CotLaplacian:
     ``cot_laplacian_per_area = sum_i e_i / A`` with A the source's area, in 1 / frame units.
 
     The mean over vertices falls as the mesh is refined; the last form is the area-weighted mean of the change of
-    ``|L V|_i / A_i``, twice the mean curvature, and converges with the resolution. L is not built anew on the output:
-    how its triangles are stretched would enter the weights. Lengths are compared, not vectors, so a rotation of any
-    part costs nothing; scaling costs in proportion, and shearing along a flat part nothing. No target is asked for: the
-    source itself is perfect. Robust as a mean is.
+    ``|L V|_i / A_i``, twice the mean curvature, and converges with the resolution. L is not rebuilt on the output:
+    the stretch of its triangles would change the weights. Lengths are compared, not vectors, so a rotation of any
+    part costs nothing; scaling costs in proportion, and shearing along a flat part nothing. No target is needed: the
+    unchanged source scores 0. As robust as a mean.
 
     Slivers of the source (:func:`bench.geometry.laplacian.slivers`: far thinner than the faces that make up its area)
     are left out, with a notice: their cotangents have no bound, so that one would decide the score. The code of Neural
     Cages adds 1e-10 under the root of Heron's formula instead. Vertices that no face with an area uses do not count.
 
-    Scores ``{}`` without a ``source`` mesh in the case's input, or where the output has other faces than it.
+    Scores ``{}`` without a ``source`` mesh in the case's input, or where the faces of the output differ from its faces.
     """
 
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:
@@ -57,7 +57,7 @@ class CotLaplacian:
             notice(
                 f"cot_laplacian: {thin} of the {len(source.faces)} faces of the source are slivers; they are left out"
             )
-        count = int(source.faces.max()) + 1  # behind these there may be vertices that no face uses, in either mesh
+        count = int(source.faces.max()) + 1  # after these, either mesh may have vertices that no face uses
         L = cotangent_laplacian(source.vertices[:count], source.faces)
         before, after = (np.linalg.norm(L @ np.asarray(mesh.vertices)[:count], axis=1) for mesh in (source, output))
         change = np.abs(before - after)[is_used(source)[:count]]

@@ -1,4 +1,4 @@
-"""How much of the reference an output reaches."""
+"""How much of the reference an output covers."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Coverage:
 
     ``mean_q [min_p |p - q| <= reach sqrt(A / N)]`` over reference samples q, with A the area of the reference and N the
     number of output points (of samples, for a mesh): in 0..1. ``sqrt(A / N)`` is the side of the square that each of N
-    points has to serve, so outputs of any size can reach 1. Independent uniform points cover ``1 - exp(-pi reach^2)``,
-    0.957 at reach 1 (the floor); a lattice or Poisson-disk samples cover all. A hole, a missing part and a clump cost
-    their area. Robust: an outlier costs nothing but its share of N; noise smaller than the spacing costs little, and
+    points has to cover, so outputs of any size can reach 1. Independent uniform points cover ``1 - exp(-pi reach^2)``,
+    0.957 at reach 1 (the floor); a lattice or Poisson-disk samples cover everything. A hole, a missing part and a clump
+    cost their area. Robust: an outlier costs only its share of N; noise smaller than the spacing costs little, and
     points far inside a solid cover nothing.
     """
 

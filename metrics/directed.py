@@ -22,16 +22,16 @@ PERCENTILES = (50, 90, 95, 99)
 class Directed:
     """Mean, percentiles and maximum of each directed nearest-neighbour distance, unsquared.
 
-    ``to_reference_*``: of each output point p, ``min_q |p - q|`` (accuracy: what the output has too much);
-    ``to_output_*``: of each reference sample q, ``min_p |p - q|`` (completeness: what it lacks). In frame units;
+    ``to_reference_*``: of each output point p, ``min_q |p - q|`` (accuracy: surplus parts of the output);
+    ``to_output_*``: of each reference sample q, ``min_p |p - q|`` (completeness: missing parts). In frame units;
     percentiles are interpolated linearly. In the maxima the vertices of meshes count too, as in ``hausdorff``. Berger
     et al. 2013 report such distributions for both directions. A median ignores the worst half of an output, a maximum
-    is decided by one point; each direction alone can be perfect for an output that is a single right point, or that
-    fills space.
+    is decided by one point; one direction alone can be perfect: the first for a single right point, the second for an
+    output that fills space.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
-        """``to_reference_*`` and ``to_output_*`` with mean, p50, p90, p95, p99 and max in the place of the star."""
+        """``to_reference_*`` and ``to_output_*`` with mean, p50, p90, p95, p99 and max in place of the star."""
         pair = case.compare(output)
         directions = {
             "to_reference": (pair.to_reference.distance, pair.to_reference_max),

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 class DtuDistances:
     """Accuracy, completeness and their mean as the DTU benchmark measures them, in the units of its files (mm).
 
-    The output is thinned until no two points are within ``thin`` of each other; a mesh is first covered with a grid of
-    this spacing on each triangle, and its vertices. ``dtu_accuracy``: the mean distance of its points to the nearest
-    reference point, of the points in observed cells of the mask. ``dtu_completeness``: the mean distance of the
-    reference points above the ground plane to the nearest output point, of those in the box of the mask, widened by
+    The output is thinned until no two points are within ``thin`` of each other; a mesh is first sampled with a grid of
+    this spacing on each triangle, and at its vertices. ``dtu_accuracy``: the mean distance to the nearest reference
+    point, over the output points in observed cells of the mask. ``dtu_completeness``: the mean distance of the
+    reference points above the ground plane to the nearest output point, among those in the box of the mask, widened by
     ``margin`` below and twice that above. ``dtu_overall``: the mean of both. Distances of ``cut`` and more are left
     out, so a part that is missing altogether does not count; inf where none is left. ``..._median``: of the same
     distances. After the MATLAB code of Aanaes et al. 2016 and DTUeval-python, which agrees with it to 0.02 %.
@@ -44,7 +44,7 @@ class DtuDistances:
     thin: float = 0.2  # smallest distance between two points of the output, in the units of the file
     cut: float = 20.0  # distances from here on are left out
     margin: float = 60.0  # by which the box of the mask is widened
-    thin_reference: float = 0.0  # the same of the reference; 0: it is thinned already, as the files of DTU are
+    thin_reference: float = 0.0  # the same for the reference; 0: it is thinned already, as the files of DTU are
 
     def __post_init__(self) -> None:
         for name in ("thin", "cut"):
@@ -74,7 +74,7 @@ class DtuDistances:
 
     def why_not(self, output: PointCloud | Trimesh, case: Case) -> str:
         """Why an output has no score."""
-        if case.reference.cloud is None:  # most references have no mask, and nobody asks for one
+        if case.reference.cloud is None:  # most references have no mask, and no reason need be given
             return ""
         return "the reference has no observation mask; name it with dataset.mask=FILE, or score --mask FILE"
 

@@ -24,11 +24,11 @@ class EvenDistances:
     |p - q|^2 + max_q min_p |p - q|^2`` over the N output points p and N Poisson-disk samples q of the reference
     (Yuksel 2015), in squared frame units. The ground truth of the papers on upsampling (MPU, Wang et al. 2019; PU-GAN,
     Li et al. 2019) and on denoising (ScoreDenoise, Luo and Hu 2021) is such a cloud. The floor is the score of another
-    one; it is a little over half of that of uniform samples, ``2 A / (pi N)`` for an area A.
+    one; it is a little over half of the floor of uniform samples, ``2 A / (pi N)`` for an area A.
 
-    Most of it is the spacing of the output: points on the surface in clumps score worse than evenly spread ones with
-    some noise. The output chooses the size of the ground truth, so compare outputs of equal size. Samples are at most
-    200,000. A reference that is a cloud is taken as it is.
+    The spacing of the output dominates the score: points on the surface in clumps score worse than evenly spread ones
+    with some noise. The output determines the size of the ground truth, so compare outputs of equal size. There are at
+    most 200,000 samples. A reference that is a cloud is used as it is.
     """
 
     samples: int = 0  # of the reference; 0: as many as the output has points

@@ -18,7 +18,7 @@ class Fscore:
 
     ``F = 2 P R / (P + R)``, and 0 when P = R = 0. P is the share of output points whose nearest reference sample is no
     farther than t, R the share of reference samples whose nearest output point is no farther than t: Knapitsch et al.
-    2017 (Tanks and Temples). The threshold is a plain distance, not a squared one. Mind the floor: where t is not
+    2017 (Tanks and Temples). The threshold is a plain distance, not a squared one. Note the floor: where t is not
     much larger than the spacing of the samples, a perfect output scores below 1.
     """
 

@@ -20,8 +20,8 @@ class Hausdorff:
 
     ``max(max_p min_q |p - q|, max_q min_p |p - q|)`` over output points p and reference samples q, in frame units. The
     vertices of meshes count too, by their exact distance to the other mesh (or to the nearest point of a cloud), as in
-    Metro (Cignoni et al. 1998): a spike without an area is missed by all samples. Points2Surf (Erler et al. 2020)
-    reports it of samples alone, which is ``hausdorff@N``; MPU's tables hold the sum of both squared maxima of samples,
+    Metro (Cignoni et al. 1998): samples miss a spike without an area. Points2Surf (Erler et al. 2020) reports it from
+    samples only, which is ``hausdorff@N``; MPU's tables hold the sum of both squared maxima of samples,
     ``hausdorff_sq_sum``. One outlier decides it.
 
     Example

@@ -1,4 +1,4 @@
-"""Hausdorff distance as the tables of MPU hold it."""
+"""Hausdorff distance as the tables of MPU report it."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class HausdorffSqSum:
 
     ``max_p min_q |p - q|^2 + max_q min_p |p - q|^2`` over output points p and reference samples q, in squared frame
     units. What PU-Net, MPU (Wang et al. 2019), DSS (Wang et al. 2019) and PU-GAN print as "Hausdorff distance"; the
-    Hausdorff distance itself is :mod:`hausdorff`. As there, samples alone count: a spike without an area is missed.
-    One outlier decides it, by its square.
+    Hausdorff distance itself is :mod:`hausdorff`. As in these papers, only samples count: they miss a spike without an
+    area. One outlier decides it, by its square.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:

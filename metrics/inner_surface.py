@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 class InnerSurface:
     """How much surface an output has deep inside the reference, and how many pieces of it stand alone there.
 
-    Images do not show what is inside a shape, and a neural implicit may have any structure there (thesis, figure 4.20).
+    Images do not show the inside of a shape, and a neural implicit may have any structure there (thesis, figure 4.20).
     ``inner_area`` is the area of the output that lies deeper than ``depth`` inside the reference, divided by the area
     of the reference: the share of uniform samples of the output with a signed distance below ``-depth``, times the
     area of the output. With n samples, a share p of them inside, its standard error is ``A sqrt(p (1 - p) / n)``, A the
-    quotient of the areas. ``inner_components`` is the number of components (faces that hang together through edges,
-    equal positions being one) all of whose vertices and samples lie so deep.
+    quotient of the areas. ``inner_components`` is the number of connected components (faces connected through edges,
+    vertices at equal positions merged) all of whose vertices and samples lie that deep.
 
-    Only where the reference is closed. What is filled or missing is not seen here. A part of the surface that is off
-    inwards by more than ``depth`` counts in ``inner_area`` like a structure that was made up; ``inner_components``
-    counts only those that do not touch the surface.
+    Only where the reference is closed. Filled or missing parts are not measured here. A part of the surface that is
+    more than ``depth`` too far inside counts in ``inner_area`` like a spurious structure; ``inner_components`` counts
+    only structures that do not touch the surface.
     """
 
-    depth: float = 0.02  # in frame units; what lies less deep is the surface itself, with its error
+    depth: float = 0.02  # in frame units; parts less deep count as the surface itself, with its error
     samples: int = 20_000  # points on the output
 
     def __post_init__(self) -> None:
@@ -74,7 +74,7 @@ class InnerSurface:
         position = distinct_positions(vertices)[corners]
         sound = without_repeats(position)
         count, parts = components_of_faces(int(sound.sum()), Edges(position[sound]))
-        part = np.full(len(corners), count)  # those that name a position twice are of none
+        part = np.full(len(corners), count)  # faces that use a position twice belong to no component
         part[sound] = parts
         inside = np.ones(count + 1, dtype=bool)
         inside[part[faces[~deep]]] = False

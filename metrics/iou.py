@@ -27,11 +27,11 @@ class Iou:
     one half in absolute value. In 0..1; with n points in the union the standard error is ``sqrt(iou (1 - iou) / n)``.
     Occupancy Networks (Mescheder et al. 2019) report it from 100,000 points.
 
-    Only where the reference is closed. An open output counts with the volume that its winding number closes in: a
+    Only where the reference is closed. An open output counts with the volume that its winding number encloses: a
     sphere with a small hole is nearly whole, a half sphere is closed by a soft lid, a flat sheet has none and scores 0.
     Faces are first wound consistently and outward where they are not, and copies of a face count once
     (:func:`bench.geometry.orientation.oriented`); where that cannot be done, the score is left out. Robust to small
-    floating pieces and to all that is thin, which it hardly sees; a single far vertex blows up the box and leaves few
+    floating pieces and to all thin parts, which hardly change it; a single far vertex enlarges the box and leaves few
     points for the shape, in the end none, which scores 0.
     """
 

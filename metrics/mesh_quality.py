@@ -26,8 +26,8 @@ class MeshQuality:
     equilateral triangles, 0 for degenerate ones (Pebay and Baker 2003). ``triangle_min_angle_deg``: mean of each
     triangle's smallest angle, at most 60. ``triangle_aspect_ratio``: median of longest edge / shortest altitude, times
     ``sqrt(3) / 2`` so that 1 is equilateral. ``triangle_sliver_share``: triangles whose smallest angle is below
-    ``sliver`` degrees. Faces count alike, whatever their size. All are independent of scale and position, and of the
-    reference: its own values stand in the place of the floor, and good triangles say nothing of the shape.
+    ``sliver`` degrees. Every face counts the same, whatever its size. All are independent of scale and position, and of
+    the reference: its own values take the place of the floor, and good triangles say nothing about the shape.
     """
 
     sliver: float = 5.0  # degrees; a triangle with a smaller angle is a sliver

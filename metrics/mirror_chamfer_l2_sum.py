@@ -25,7 +25,7 @@ class MirrorChamferL2Sum:
     ``2 mean_p min_q |p - Mq|^2`` over N uniform samples p and q of the output, ``M = diag(-1, 1, 1)``: the plane is x =
     0 of the frame, in which a reference whose dataset says ``symmetry: mirror x`` is symmetric. In squared frame
     units; the floor is the reference's own. The symmetry loss of 3DN and Neural Cages (Wang et al. 2019, 2020) as a
-    score: a deformation of a symmetric shape to a symmetric shape should stay symmetric. It says nothing of the
+    score: a deformation of a symmetric shape to a symmetric shape should stay symmetric. It says nothing about the
     distance to the reference. Scores ``{}`` where the reference has no such plane.
     """
 

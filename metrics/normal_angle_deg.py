@@ -21,8 +21,8 @@ class NormalAngleDeg:
     ``(mean_p angle(n_p, n(x_p)) + mean_q angle(n_q, n_p(q))) / 2`` with ``angle(a, b) = arccos |a . b|``: forward, the
     normal of each output point p against that of the reference surface at its exact closest point x_p; backward, the
     normal of each reference sample q against that of its nearest output point p(q). The pairing of the normal
-    consistency of Occupancy Networks (Mescheder et al. 2019), forward without its sampling, and as an angle, in which
-    small errors can be told apart. Random normals score 57.3 degrees (one radian).
+    consistency of Occupancy Networks (Mescheder et al. 2019), forward without its sampling, and as an angle, which
+    resolves small errors. Random normals score 57.3 degrees (one radian).
 
     A surface that the dataset knows exactly has its own normals, not those of the faces of its tessellation. Where the
     closest point lies on an edge, the normal of any one of its faces counts. Normals of length zero have no direction

@@ -23,12 +23,12 @@ class NormalAngleOrientedDeg:
     ``normal_angle_deg`` with ``angle(a, b) = arccos(a . b)`` in 0..180: forward against the exact closest point of the
     reference surface, backward against the nearest output point. A surface turned inside out scores 180, random normals
     90. ``normal_flipped_share`` is the share of output points whose normal is more than 90 degrees from the surface's:
-    0.5 for normals that were never oriented. A thin sheet flips normals for free: the closest point of a point that has
-    passed to the other side has the opposite normal. A cloud without normals gets no score.
+    0.5 for normals that were never oriented. On a thin sheet, right normals may count as flipped: the closest point of
+    a point that has passed to the other side has the opposite normal. A cloud without normals gets no score.
 
-    Faces are taken as they are wound, in the output and in the reference: that a result has them wrong is what is
-    measured here. Where it is the reference that has, its count of ``flipped_faces`` says so (:mod:`topology`), and the
-    unoriented ``normal_angle_deg`` is the one to read.
+    The winding of faces is used as it is, in the output and in the reference: a wrong winding of a result is what this
+    metric measures. If the winding of the reference is wrong, its count of ``flipped_faces`` shows it
+    (:mod:`topology`); then read the unoriented ``normal_angle_deg``.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:

@@ -27,7 +27,7 @@ class NormalCosine:
     Random normals score 0.5. ``normal_cosine_oriented`` is the same without the absolute value, in -1..1: a surface
     turned inside out scores -1, random normals 0. Normals of a mesh are those of its faces.
 
-    Both ends are samples, so that near edges and where samples are sparse even a perfect output loses something: see
+    Both ends are samples, so near edges and where samples are sparse even a perfect output does not score 1: see
     the floor, and ``normal_angle_deg`` for exact closest points. Cosines hide small errors: 1 - cos of 8 degrees is
     0.01. A cloud without normals gets no score; normals of length zero are left out.
     """

@@ -32,7 +32,7 @@ class NormalCosineDistance:
     samples: int = 0  # N of each surface, then part of the scores' names (IDF: 5,000,000); 0 for the usual number
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
-        """Both forms, in 0..2, or ``{}`` for a cloud without normals; with N samples ``@N`` is behind their names."""
+        """Both forms, in 0..2, or ``{}`` for a cloud without normals; with N samples their names end in ``@N``."""
         pair = compare(output, case, self.samples)
         at = f"@{self.samples}" if self.samples else ""
         oriented, unoriented = (f"normal_cosine_distance_{form}{at}" for form in ("oriented_mean", "sum"))

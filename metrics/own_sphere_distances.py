@@ -1,4 +1,4 @@
-"""Distances after each shape was normalised by itself, as the upsampling papers do."""
+"""Distances after each shape is normalised on its own, as the upsampling papers do."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class OwnSphereDistances:
     ``own_sphere_chamfer_l2_sum = mean_p' min_q' |p' - q'|^2 + mean_q' min_p' |p' - q'|^2`` and
     ``own_sphere_hausdorff_sq_sum = max_p' min_q' |p' - q'|^2 + max_q' min_p' |p' - q'|^2``; dimensionless. The
     evaluation script of MPU (Wang et al. 2019) and PU-GAN (Li et al. 2019), whose ground truth is a Poisson-disk cloud
-    as large as the output: so are the reference samples, at most 200,000. Of a mesh, and of its reference, samples are
-    uniform. A reference that is a cloud is taken as it is.
+    as large as the output: so are the reference samples, at most 200,000. A mesh and its reference get uniform samples.
+    A reference that is a cloud is used as it is.
 
-    Fragile, and kept for comparison only: the output chooses its own frame. One outlier shrinks the whole output, and
-    a result of the wrong size or place is forgiven. ``even_distances`` are the same in the frame of the reference.
+    Fragile, and meant for comparison with papers only: the output determines its own frame. One outlier shrinks the
+    whole output, and a wrong size or place costs nothing. ``even_distances`` are the same in the reference's frame.
     """
 
     samples: int = 0  # of the reference; 0: as many as the output has points

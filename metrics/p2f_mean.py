@@ -17,8 +17,8 @@ class P2fMean:
     """Mean exact distance of the output's points to the reference mesh (point to face).
 
     ``mean_p min_(x on the mesh) |p - x|`` over the points of a cloud, or over uniform samples of a mesh, unsquared, in
-    frame units: the P2F of PU-Net and MPU. Exact to rounding, without sampling of the reference. It looks one way: an
-    output that covers half of the shape can be perfect. Where the dataset knows a smooth surface, its mesh is a fine
+    frame units: the P2F of PU-Net and MPU. Exact to rounding, without sampling of the reference. It is one-sided: an
+    output that covers half of the shape can be perfect. Where the dataset has a smooth surface, its mesh is a fine
     tessellation, and the floor is the distance of exact points to that mesh.
     """
 

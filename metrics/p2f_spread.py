@@ -20,10 +20,10 @@ class P2fSpread:
 
     With ``d_p = min_(x on the mesh) |p - x|`` over the points of a cloud, or over uniform samples of a mesh, in frame
     units: ``p2f_rms = sqrt(mean d^2)``, ``p2f_std = sqrt(mean (d - mean d)^2)``, ``p2f_max = max d``, where the
-    vertices of an output mesh count beside its samples: a spike without an area has none. MPU's tool prints mean and
-    std, there pooled over the points of all shapes, here of each case. All look one way, like ``p2f_mean``; the maximum
-    is decided by one outlier, the other two by a few. A low ``p2f_std`` alone means nothing: an output that is off by
-    the same amount everywhere has none.
+    vertices of an output mesh count beside its samples, since a spike without an area gets no samples. MPU's tool
+    prints mean and std pooled over the points of all shapes; here they are per case. All are one-sided, like
+    ``p2f_mean``; one outlier decides the maximum, a few decide the other two. A low ``p2f_std`` alone means nothing: it
+    is 0 for an output that is off by the same amount everywhere.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:

@@ -24,12 +24,11 @@ class P2mSqSum:
 
     ``mean_p min_f d(p, f)^2 + mean_f min_p d(p, f)^2`` over output points p and faces f of the reference mesh, with
     d the exact distance of a point to a triangle, in squared frame units: the "P2M" of ScoreDenoise (Luo and Hu 2021),
-    IterativePFN and StraightPCF. Theirs is pytorch3d's, which takes small triangles (area below 0.005) for segments and
-    so measures distances to edges on dense meshes; here a triangle is a triangle.
+    IterativePFN and StraightPCF. They use pytorch3d's, which treats small triangles (area below 0.005) as segments and
+    so measures distances to edges on dense meshes; here every triangle counts as a triangle.
 
-    Faces count alike whatever their area, but for those that have none: finely tessellated parts weigh more, and the
-    number depends on the mesh. The second term rewards dense outputs. One outlier among N adds its squared distance /
-    N.
+    Every face with an area counts the same, whatever its size: finely tessellated parts weigh more, and the score
+    depends on the mesh. The second term rewards dense outputs. One outlier among N adds its squared distance / N.
     """
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:

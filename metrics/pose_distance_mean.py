@@ -1,4 +1,4 @@
-"""How far each vertex of a posed character is from the same vertex of the truth, wherever the two stand."""
+"""How far each vertex of a posed character is from the same vertex of the truth, after both are centred."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class PoseDistanceMean:
     """Mean distance between a vertex of the output and the same vertex of the reference, once both have one centre.
 
     ``mean_i |(v_i - v) - (r_i - r)|`` over the vertices that a face uses, in frame units, with v and r the means of
-    these vertices. Like ``vertex_distance_mean``, but it does not matter where in the room a character stands; how it
-    is turned does. Robust as a mean is. Scores ``{}`` where output and reference have other faces.
+    these vertices. Like ``vertex_distance_mean``, but translations do not count; rotations do. As robust as a mean.
+    Scores ``{}`` where the faces of output and reference differ.
     """
 
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:

@@ -28,19 +28,19 @@ class ProjectedUniformity:
     the mean. In frame units. Disks are Euclidean balls where the script has geodesic ones: on thin sheets and near
     contacts they collect both sides. The floor is that of a Poisson-disk sample.
 
-    Projected, noise no longer spreads the points, so that a noisy cloud scores worse than by ``uniformity``. What is
-    left out flatters: an output with a hole loses the disks within it. Not defined, and left out, where no disk holds
-    ``least`` points: an output of fewer than some 1,000 points, for the smallest shares.
+    After the projection, noise no longer spreads the points, so a noisy cloud scores worse than by ``uniformity``.
+    Leaving out disks favours holes: the disks within them do not count. Not defined, and left out, where no disk holds
+    ``least`` points: for the smallest shares, with outputs of fewer than about 1,000 points.
     """
 
     shares: tuple[float, ...] = SHARES  # areas of the disks as shares of the surface
-    disks: int = 1000  # how many of each size
+    disks: int = 1000  # number of disks of each size
     least: int = 5  # points that a disk must hold to count
 
     def __post_init__(self) -> None:
         check_disks(self.shares, self.disks)
         if self.least < 2:
-            raise ValueError(f"least: expected at least 2, which have a spacing, got {self.least}")
+            raise ValueError(f"least: expected at least 2 (fewer points have no spacing), got {self.least}")
 
     def score(self, output: PointCloud, case: Case) -> dict[str, float]:
         """``projected_uniformity@s`` for each share s that has a disk with enough points: frame units."""

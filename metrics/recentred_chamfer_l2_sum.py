@@ -24,8 +24,8 @@ class RecentredChamferL2Sum:
     ``mean_p' min_q' |p' - q'|^2 + mean_q' min_p' |p' - q'|^2`` with ``p' = (p - c_output) / s``, ``q' = (q -
     c_reference) / s``, c the centres of the shapes' own boxes and s half of the longest edge of the reference's box, so
     that it has a longest side of 2; N uniform samples of each mesh. The evaluation of Neural Cages (Wang et al. 2020)
-    as its script saves and samples the meshes, dimensionless. A result in the wrong place is forgiven, and one outlier
-    vertex moves all of an output; ``chamfer_l2_sum`` is the same in the frame of the reference.
+    as its script saves and samples the meshes, dimensionless. A wrong place costs nothing, and one outlier vertex
+    shifts the whole output; ``chamfer_l2_sum`` is the same in the frame of the reference.
     """
 
     samples: int = 5000  # N, of the reference and of an output that is a mesh

@@ -20,9 +20,9 @@ class S2f:
 
     With ``d_q = min_(x on the output) |q - x|`` over uniform samples q of the reference surface, in frame units:
     ``s2f_mean``, ``s2f_rms = sqrt(mean d^2)`` and ``s2f_max``, the one-sided Hausdorff distance from these samples and
-    the vertices of the reference mesh. The way back of ``p2f_mean`` (Metro, Cignoni et al. 1998, takes the larger of
-    both): what the output lacks. It has no sampling error beyond the choice of q, but it rewards surplus surface: a
-    mesh that fills space is near everything.
+    the vertices of the reference mesh. The reverse of ``p2f_mean`` (Metro, Cignoni et al. 1998, takes the larger of
+    both): it measures what the output lacks. It has no sampling error beyond the choice of q, but it rewards surplus
+    surface: a mesh that fills space is near everything.
     """
 
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:

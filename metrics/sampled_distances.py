@@ -31,14 +31,14 @@ class SampledDistances:
 
     ``chamfer_l1_mean@N``, ``chamfer_l2_sum@N``, ``hausdorff@N`` and ``normal_cosine_distance_sum@N`` are the metrics of
     these names (there with the usual 100,000 samples) over N uniform samples of the reference, and of an output that is
-    a mesh; a cloud is taken as it is. Vertices have no part in ``hausdorff@N``. Their floors fall with N: like ``1 /
-    sqrt(N)`` for l1, ``1 / N`` for l2. The default is the number of iso-points (Wang et al. 2021).
+    a mesh; a cloud is used as it is. Vertices do not count in ``hausdorff@N``. The floors fall with N: like ``1 /
+    sqrt(N)`` for l1, ``1 / N`` for l2. The default is the number in iso-points (Wang et al. 2021).
     """
 
     samples: int = 50_000  # N, of the reference and of an output that is a mesh
 
     def score(self, output: PointCloud | Trimesh, case: Case) -> dict[str, float]:
-        """The four scores, each with ``@N`` behind its name; no normal distance for a cloud without normals."""
+        """The four scores, each with ``@N`` after its name; no normal distance for a cloud without normals."""
         pair = compare(output, case, self.samples)
         forward, backward = pair.to_reference.distance, pair.to_output.distance
         scores = {

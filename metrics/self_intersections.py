@@ -21,7 +21,7 @@ class SelfIntersections:
     meet elsewhere too; :mod:`bench.geometry.self_intersections` has the predicate. In float64: touching and coplanar
     overlap do not count, so two copies of one sheet are not found. Vertices at equal positions count as one.
     ``self_intersecting_share`` is over all faces. A finer mesh has more faces along the same crossing: compare counts
-    at like resolution. It says nothing of the shape: a perfect sphere in the wrong place has none.
+    at similar resolution. It says nothing about the shape: a perfect sphere in the wrong place has none.
     """
 
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:

@@ -18,9 +18,9 @@ class SpacingVariation:
     dimensionless, and the same at any scale. Independent uniform points on a surface score ``sqrt(4 / pi - 1) = 0.523``
     (the floor), a lattice 0, Poisson-disk samples about 0.1 to 0.2. All points in one place score infinity.
 
-    It needs no reference and says nothing of accuracy: noise across the surface spreads points evenly in space and can
-    lower it, pairs of points at equal distances score 0, and a dense and a sparse half weigh by their counts. One far
-    point among N adds its squared distance / N to the variance: a few decide it.
+    It needs no reference and says nothing about accuracy: noise across the surface spreads points evenly in space and
+    can lower it, pairs of points at equal distances score 0, and a dense and a sparse half weigh by their counts. One
+    far point among N adds its squared distance / N to the variance: a few such points decide it.
     """
 
     def score(self, output: PointCloud, case: Case) -> dict[str, float]:

@@ -17,8 +17,8 @@ class SurfaceDistanceMean:
     """Exact two-way distance between an output mesh and the reference: the mean of p2f_mean and s2f_mean.
 
     ``(mean_p min_(x on the reference mesh) |p - x| + mean_q min_(x on the output) |q - x|) / 2`` over uniform samples
-    p of the output and q of the reference, in frame units. It counts both what is wrong in the output and what it
-    lacks: the mean distance of Metro (Cignoni et al. 1998), which takes the larger of the two ways, here their mean.
+    p of the output and q of the reference, in frame units. It counts both wrong and missing parts of the output: the
+    mean distance of Metro (Cignoni et al. 1998), which takes the larger of the two directions; this takes their mean.
     Unlike ``chamfer_l1_mean`` it measures to the surfaces and not to samples of them, so it has no floor of
     ``0.5 sqrt(A / N)``: the reference itself scores 0 up to its tessellation, and differences between good methods
     stay visible.

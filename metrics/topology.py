@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 class Topology:
     """Connected components, genus, boundary edges, watertightness and flipped faces.
 
-    The nearer to the reference's own counts (in the place of the floor) the better. Vertices at exactly equal
-    positions count as one; formulas in :mod:`bench.geometry.topology`. The genus is left out where it is not defined:
-    for surfaces that are not manifold or not orientable. ``flipped_faces`` is the smallest number of faces to turn so
-    that neighbours agree which side is outside; 0 says nothing of whether that side is the right one. It is left out
-    for a surface that has no sides, as a Moebius strip.
+    The nearer to the reference's own counts (in place of the floor) the better. Vertices at exactly equal positions
+    count as one; formulas in :mod:`bench.geometry.topology`. The genus is left out where it is not defined: for
+    surfaces that are not manifold or not orientable. ``flipped_faces`` is the smallest number of faces to flip so that
+    neighbours agree which side is outside; 0 does not mean that this side is the right one. It is left out for a
+    surface that is not orientable, such as a Moebius strip.
     """
 
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from bench import Case, PointCloud, generator, register
 
 SHARES = (0.004, 0.006, 0.008, 0.010, 0.012)  # of the tables of PU-GAN
-NEIGHBOURS = 8  # of a point, among which the nearest inside a disk mostly is
+NEIGHBOURS = 8  # of a point; the nearest one inside a disk is mostly among them
 
 
 @register("metric", version=1, length=1, better="lower", outputs=("cloud",), floor=True, requires=("scipy",))
@@ -25,14 +25,14 @@ class Uniformity:
     loss: on thin sheets and near contacts they collect both sides.
 
     PU-GAN's script first projects the points to the mesh, and leaves out disks with fewer than five points: that is
-    ``projected_uniformity``. Here points count where they are, and so does every disk: one with fewer than two points
-    has d = r and the d_hat of n_hat points, for a hole must not count as even. The floor is that of uniform random
-    points; a lattice or blue noise scores below it. It says nothing of the distance to the surface, and a little noise
-    spreads random points and lowers it. A point far away is in no disk and only takes part in N.
+    ``projected_uniformity``. Here points count where they are, and every disk counts: one with fewer than two points
+    has d = r and the d_hat of n_hat points, since a hole must not count as even. The floor is that of uniform random
+    points; a lattice or blue noise scores below it. It says nothing about the distance to the surface, and a little
+    noise spreads random points and lowers it. A point far away is in no disk and counts only in N.
     """
 
     shares: tuple[float, ...] = SHARES  # areas of the disks as shares of the surface
-    disks: int = 1000  # how many of each size
+    disks: int = 1000  # number of disks of each size
 
     def __post_init__(self) -> None:
         check_disks(self.shares, self.disks)
@@ -47,7 +47,7 @@ class Uniformity:
 
 
 def check_disks(shares: tuple[float, ...], disks: int) -> None:
-    """Raise ValueError for shares or a number of disks that make no sense."""
+    """Raise ValueError for invalid shares or an invalid number of disks."""
     if not shares or not all(0 < s < 1 for s in shares):
         raise ValueError(f"shares: expected numbers between 0 and 1, got {shares}")
     if disks < 1:
@@ -109,5 +109,5 @@ class Disks:
 
 
 def _hexagonal(radius: float, count: float) -> float:
-    """The distance of neighbours when so many points share a disk as a hexagonal lattice."""
+    """The distance of neighbours when ``count`` points fill a disk as a hexagonal lattice."""
     return float(np.sqrt(2 * np.pi * radius**2 / (np.sqrt(3) * count)))

@@ -20,8 +20,8 @@ class VertexDistanceMean:
     """Mean distance between a vertex of the output and the vertex of the reference with the same number.
 
     ``mean_i |v_i - r_i|`` over the vertices that a face uses, in frame units: the error of correspondence of a
-    deformation. It knows of slipping along the surface, which distances between surfaces do not. Robust as a mean is.
-    Scores ``{}`` where output and reference have other faces: then nothing is known to correspond.
+    deformation. It detects slipping along the surface, which distances between surfaces do not. As robust as a mean.
+    Scores ``{}`` where the faces of output and reference differ: then no correspondence is known.
     """
 
     def score(self, output: Trimesh, case: Case) -> dict[str, float]:
@@ -29,7 +29,7 @@ class VertexDistanceMean:
         reference = case.reference.mesh
         if not len(output.faces) or not np.array_equal(output.faces, reference.faces):
             return {}
-        count = int(reference.faces.max()) + 1  # behind these there may be vertices that no face uses, in either mesh
+        count = int(reference.faces.max()) + 1  # after these, either mesh may have vertices that no face uses
         ours, theirs = (np.asarray(mesh.vertices)[:count] for mesh in (output, reference))
         apart = np.linalg.norm(ours - theirs, axis=1)
         return {"vertex_distance_mean": float(apart[is_used(reference)[:count]].mean())}
