@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 EXPECTED = f"expected a mesh file, a folder of them, or a pattern such as 'scans/*.ply' ({' '.join(SUFFIXES)})"
-# Parameters that came later: cells that do without them are called as before (docs/write-a-plugin.md).
+# Parameters that were added later: cells that do not use them keep their id (docs/write-a-plugin.md).
 LATER = {"since": "0.2"}
 CLOUDS = (
-    "Points alone have no truth to be scored against: name them as the scans of dataset=paired beside their references "
-    "(dataset.input=SCANS dataset.reference=TRUTHS), or apply a method to them: detailbench apply method=NAME IN OUT"
+    "A point cloud has no reference to be scored against: give it as a scan of dataset=paired with its reference "
+    "(dataset.input=SCANS dataset.reference=TRUTHS), or apply a method to it: detailbench apply method=NAME IN OUT"
 )
 
 
@@ -32,12 +32,12 @@ class Files:
     """Your meshes: a file, a folder or a glob pattern of PLY, OBJ, STL and OFF.
 
     A folder means the mesh files in it, not those in its sub-folders; use ``folder/**/*.ply`` for these. Shapes are
-    sorted by path, and named after their files. Each is read when its turn comes, so that a damaged file fails as its
-    own case and the others go on.
+    sorted by path, and named after their files. Each file is read when its case runs, so a damaged file fails only its
+    own case.
 
-    All files are test data unless you say which are for training: ``train_path`` names others, and ``train_share``
-    takes a share of ``path``, chosen by the files' contents, so that it depends neither on names nor on what else is
-    there, and copies of a file stay together. A file whose content is in both splits is refused.
+    All files are test data unless you choose some for training: ``train_path`` names other files, and ``train_share``
+    takes a share of ``path``, chosen by the files' contents, so that it depends neither on names nor on the other
+    files, and copies of a file stay together. A file whose content is in both splits is refused.
 
     For tasks over pairs (``deform``) each mesh is a source. Its target is the mesh of the same name in ``target_path``
     (a single file there is the target of all); without that, the next mesh, and the first one after the last.
@@ -48,7 +48,7 @@ class Files:
     train_share: float = field(default=0.0, metadata=LATER)  # of path, for the train split: 0 to 1, by content
 
     target_path: str = field(default="", metadata=LATER)  # of tasks over pairs: the targets, named as their sources
-    corresponding: bool = field(default=False, metadata=LATER)  # both meshes of a pair have the same faces, in order
+    corresponding: bool = field(default=False, metadata=LATER)  # whether both meshes of a pair have the same faces
 
     def __post_init__(self) -> None:
         if not 0 <= self.train_share <= 1:
@@ -62,7 +62,7 @@ class Files:
         Raises
         ------
         UsageError
-            Where the split has none, or where a content is in both.
+            Where the split has none, or where a mesh is in both splits.
         """
         self.check(split)
         for id, found in self._named().items():
@@ -75,7 +75,7 @@ class Files:
         Raises
         ------
         UsageError
-            As of :meth:`shapes`; where a source has no target, and where there is one mesh alone.
+            As for :meth:`shapes`; where a source has no target, and where there is only one mesh.
         """
         sources = list(self.shapes(split))
         for source, target in zip(sources, self._targets(sources, split), strict=True):
@@ -87,7 +87,7 @@ class Files:
         if not self.target_path:
             if len(sources) < 2:
                 raise UsageError(
-                    f"dataset files: a pair takes two meshes, and dataset.path={self.path} has one; name targets with "
+                    f"dataset files: a pair takes two meshes, but dataset.path={self.path} has one; name targets with "
                     "dataset.target_path=FILE or FOLDER"
                 )
             return sources[1:] + sources[:1]
@@ -108,7 +108,7 @@ class Files:
         return [shapes[source.id] for source in sources]
 
     def check(self, split: str = "test") -> None:
-        """Raise :class:`bench.UsageError` unless the split has at least one mesh file, and none of the other split."""
+        """Raise :class:`bench.UsageError` unless the split has a mesh file, and shares none with the other split."""
         found = self._named().values()
         if self.train_path:
             _refuse_common(found)
@@ -125,11 +125,11 @@ class Files:
         )
 
     def count(self, split: str) -> int:
-        """How many meshes a split has."""
+        """The number of meshes in a split."""
         return sum(found.split == split for found in self._named().values())
 
     def ignored(self) -> str:
-        """What ``path`` names besides meshes: files of points, which have no truth to be scored against."""
+        """The point clouds among the files of ``path``, which have no reference to be scored against."""
         from bench.geometry.io.files import CLOUD_READERS
 
         points = sorted(
@@ -139,7 +139,7 @@ class Files:
             if file.suffix.lower() in set(CLOUD_READERS) - {*SUFFIXES, *TEXTS} and file.is_file()
         )
         shown = ", ".join(points[:3]) + (", ..." if len(points) > 3 else "")
-        return f"{len(points)} files of points left out ({shown}); scans go with dataset=paired" if points else ""
+        return f"{len(points)} files of points left out ({shown}); use dataset=paired for scans" if points else ""
 
     def state(self) -> dict[str, str]:
         """The SHA-256 of each file's content by the id of its shape, so that an edited file is a changed input."""
@@ -170,7 +170,7 @@ def _by_id(found: list[_Found]) -> dict[str, _Found]:
 
 
 def _refuse_common(found: Iterable[_Found]) -> None:
-    """Raise :class:`UsageError` with both names for a content that is in both splits."""
+    """Raise :class:`UsageError` with both names for two files of equal content in different splits."""
     files: dict[str, dict[str, Path]] = {"test": {}, "train": {}}
     for one in found:
         files[one.split].setdefault(sha256(one.file), one.file)
@@ -187,7 +187,7 @@ def _parts(key: str, path: str) -> list[str]:
     parts = [part for part in path.split(os.pathsep) if part.strip()]
     if not parts:
         raise UsageError(f"dataset.{key} is empty; {EXPECTED}")
-    # A file whose name holds the separator is meant as it stands.
+    # A file whose name contains the separator is one file, not several.
     return [path] if expanded(path).exists() else parts
 
 
@@ -197,7 +197,7 @@ def _files(key: str, path: str) -> list[Path]:
 
 
 def _candidates(path: Path) -> list[Path]:
-    """All that a file, a folder or a pattern names, whatever it is."""
+    """All files that a file, a folder or a pattern names, of any kind."""
     return [path, *(path.iterdir() if path.is_dir() else map(Path, glob.iglob(str(path), recursive=True)))]
 
 
@@ -234,7 +234,7 @@ def _same_faces(source: Shape, target: Shape) -> Callable[[], Trimesh]:
             raise BadInput(
                 f"dataset.corresponding=true, but {source.info['file']} ({len(theirs):,} faces) and "
                 f"{target.info['file']} ({len(mesh.faces):,} faces) do not have the same faces in the same order; "
-                "expected that, or dataset.corresponding=false"
+                "expected the same faces, or dataset.corresponding=false"
             )
         return mesh
 
@@ -242,6 +242,6 @@ def _same_faces(source: Shape, target: Shape) -> Callable[[], Trimesh]:
 
 
 def _share(file: Path) -> float:
-    """A number from 0 to 1 that depends on a file's content alone; 1 for a file that cannot be read."""
+    """A number from 0 to 1 that depends only on a file's content; 1 for a file that cannot be read."""
     content = sha256(file)
     return 1.0 if content.startswith(UNREADABLE) else int(content[:13], 16) / 16**13

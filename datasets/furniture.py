@@ -40,7 +40,7 @@ class Furniture:
         expect_kind("category", self.category, CATEGORIES)
 
     def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        """The endless shapes of a split; ``train`` and ``test`` come from different seeds."""
         for index in count():
             category = self._category(index)
             rng = generator("furniture", split, index)

@@ -24,7 +24,7 @@ class Multiscale:
     """
 
     def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        """The endless shapes of a split; ``train`` and ``test`` come from different seeds."""
         families = [_fine(family().shapes(split)) for family in FAMILIES]
         while True:
             for shapes in families:

@@ -1,4 +1,4 @@
-"""The user's own scans, each with its truth."""
+"""The user's own scans, each with its reference."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ EXPECTED = {
 class Paired:
     """Your scans, each with its truth: a mesh, or a point cloud of a better scanner.
 
-    ``input`` and ``reference`` are patterns, folders or files. A scan and a reference belong together where their names
-    do: by what the ``*`` of both patterns stand for (``scans/*_noisy.xyz`` and ``truth/*.obj``), or by the names
-    without suffixes where folders are given. A reference that is the name of one file is the truth of all scans. Both
-    are in the same coordinates; the case is in the frame of the reference, and the scan is not normalised by itself.
+    ``input`` and ``reference`` are patterns, folders or files. A scan and a reference are paired by their names: by
+    the text that each ``*`` of both patterns matches (``scans/*_noisy.xyz`` and ``truth/*.obj``), or by the names
+    without suffixes where folders are given. If ``reference`` is one file, it is the reference of all scans. Both
+    are in the same coordinates; the case is in the frame of the reference, and the scan is not normalised on its own.
 
-    What a method gets is the scan as it is (``sensor=scan``, which need not be said). Where the truth is a cloud,
-    metrics that need a surface are left out, and the message of the row says so.
+    A method gets the scan as it is (``sensor=scan``, the default here). If the reference is a cloud, metrics that need
+    a surface are left out, and the message of the row says so.
 
-    Where names do not match, ``table`` says what belongs together. All pairs are test data unless lists say which are:
-    text files with a name a line, of the scans without suffixes.
+    If names do not match, list the pairs in ``table``. All pairs are test data unless ``test_names`` or ``train_names``
+    lists the scans of a split: text files with one name without suffix on each line.
     """
 
     path: str = ""  # a folder that all others are relative to; the current one if empty
     input: str = ""  # the scans
-    reference: str = ""  # their truths
-    test_names: str = ""  # a file that lists the scans of the test split; without it, all that train_names does not
+    reference: str = ""  # their references
+    test_names: str = ""  # a file that lists the scans of the test split; default: all that are not in train_names
     train_names: str = ""  # a file that lists the scans of the train split
-    table: str = ""  # instead of all these: a file with a line a pair, "scan,reference" or "scan,reference,split"
+    table: str = ""  # instead of these: a file with one pair a line, "scan,reference" or "scan,reference,split"
     units: str = ""  # of the coordinates, as text: mm
     licence: str = ""  # of the data, as text
-    crop: list[float] = field(default_factory=list)  # x y z, x y z: corners of a box to which both are cut; whole if []
+    crop: list[float] = field(default_factory=list)  # x y z, x y z: corners of a box that both are cut to; [] cuts none
     mask: str = ""  # observation masks of DTU, named like the scans
     plane: str = ""  # ground planes of DTU
 
@@ -71,7 +71,7 @@ class Paired:
         Raises
         ------
         UsageError
-            Where there is none, where a scan has no reference or two, or where a list names what is not there.
+            Where there is none, where a scan has no reference or two, or where a list names a missing scan.
         """
         self.check(split)
         for id, pair in self._named().items():
@@ -81,17 +81,17 @@ class Paired:
                 yield Shape(id, self._reference(pair), info=info, scan=self._scan(pair), attributes=_attributes(pair))
 
     def check(self, split: str = "test") -> None:
-        """Raise :class:`bench.UsageError` unless the split has at least one pair, and every file of it is there."""
+        """Raise :class:`bench.UsageError` unless the split has at least one pair, and all its files exist."""
         pairs = self._named().values()
         if any(pair.split == split for pair in pairs):
             return
         raise UsageError(
             f"dataset paired: split={split} has none of the {len(pairs)} pairs. Without lists all are test data; list "
-            f"the names of the scans of this split in a text file, one a line: dataset.{split}_names=FILE"
+            f"the scans of this split in a text file, one name on each line: dataset.{split}_names=FILE"
         )
 
     def count(self, split: str) -> int:
-        """How many pairs a split has."""
+        """The number of pairs in a split."""
         return sum(pair.split == split for pair in self._named().values())
 
     def state(self) -> dict[str, str]:
@@ -117,8 +117,8 @@ class Paired:
             if missing := [file for file in inputs if file not in files]:
                 raise UsageError(
                     f"dataset.{part}={getattr(self, part)}: {len(missing)} of {len(inputs)} scans have none "
-                    f"({_shown(missing)}); name them as their scans, or list "
-                    "those that have one: dataset.test_names=FILE"
+                    f"({_shown(missing)}); give these files the names of their scans, or list "
+                    "the scans that have one: dataset.test_names=FILE"
                 )
         pairs = [_Pair(splits[file], file, **{part: files[file] for part, files in found.items()}) for file in inputs]
         ids = safe_ids("-".join(inputs[pair.input]) for pair in pairs)
@@ -131,26 +131,26 @@ class Paired:
         return dict(zip(safe_ids(stem(pair.input) for pair in pairs), pairs, strict=True))
 
     def _partners(self, inputs: Mapping[Path, Key], part: str) -> dict[Path, Path]:
-        """The file of a parameter that belongs to each scan; one that is named itself belongs to all."""
+        """The file of a parameter that belongs to each scan; a single file belongs to all."""
         files = self._found(part)
         if self._at(getattr(self, part)).is_file():
             return dict.fromkeys(inputs, next(iter(files)))
         return partners(inputs, files, part)
 
     def _found(self, part: str) -> dict[Path, Key]:
-        """The files of a parameter, sorted, with what they are matched by."""
+        """The files of a parameter, sorted, with the keys that they are matched by."""
         pattern = getattr(self, part)
         if not pattern.strip():
             raise UsageError(f"dataset.{part} is empty; {EXPECTED[part]}")
         path = self._at(pattern)
-        if not path.exists():  # a pattern, in a folder whose own name may look like one
+        if not path.exists():  # a pattern; the name of its folder may look like a pattern, too
             path = Path(glob.escape(str(expanded(self.path)))) / pattern if self.path else path
         given = f"dataset.{part}={pattern}" + (f" (in dataset.path={self.path})" if self.path else "")
         expected = EXPECTED[part]
         if self.path and not expanded(self.path).is_dir():
             raise UsageError(f"dataset.path={self.path}: no such folder; expected one that holds {self._layout}")
         if self.path:
-            expected += f"; the folder is to hold {self._layout}"
+            expected += f"; the folder should hold {self._layout}"
         files = sorted(find(given, path, _suffixes(part), expected, "file that can be read"))
         if path.is_dir():  # notes and lists beside the data
             files = [file for file in files if file.suffix.lower() not in TEXTS] or files
@@ -191,18 +191,18 @@ class Paired:
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(
                 f"dataset.{parameter}={given}: cannot be read ({getattr(error, 'strerror', None) or 'no text'}); "
-                "expected a text file with the name of a scan a line"
+                "expected a text file with the name of one scan on each line"
             ) from error
         names = [line.strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
         found = {name: by_name.get(name) or by_name.get(stem(Path(name)), []) for name in names}
         if missing := [name for name, files in found.items() if not files]:
             raise UsageError(
-                f"dataset.{parameter}={given}: {len(missing)} of {len(names)} names are of no scan "
+                f"dataset.{parameter}={given}: {len(missing)} of {len(names)} names match no scan "
                 f"({_shown(missing)}); expected names of dataset.input={self.input} without suffixes"
             )
         return [file for files in found.values() for file in files]
 
-    # -- reading, when the turn of a pair comes ------------------------------------------------------------------------
+    # -- reading, when the case of a pair runs -------------------------------------------------------------------------
 
     def _reference(self, pair: _Pair) -> Callable[[], Trimesh | PointCloud]:
         def read() -> Trimesh | PointCloud:
@@ -221,7 +221,7 @@ class Paired:
         return read
 
     def _cropped(self, geometry: Any, file: Path) -> Any:
-        """What lies in the box: points of a cloud, faces of a mesh with all corners."""
+        """The part in the box: the points of a cloud, the faces of a mesh that have all corners in it."""
         if not self.crop:
             return geometry
         is_cloud = isinstance(geometry, PointCloud)
@@ -230,14 +230,14 @@ class Paired:
         kept = inside if is_cloud else inside[geometry.faces].all(axis=1)
         if not kept.any():
             low, high = points.min(axis=0).round(6).tolist(), points.max(axis=0).round(6).tolist()
-            raise BadInput(f"{file}: has nothing within dataset.crop={self.crop}; it reaches from {low} to {high}")
+            raise BadInput(f"{file}: has nothing within dataset.crop={self.crop}; it extends from {low} to {high}")
         if is_cloud:
             return PointCloud.of({name: array[kept] for name, array in geometry.arrays().items()})
         return geometry.submesh([np.flatnonzero(kept)], append=True, repair=False)
 
 
 class _Pair(NamedTuple):
-    """A scan, its truth, and what else belongs to them."""
+    """A scan, its reference, and its other files."""
 
     split: str
     input: Path
@@ -247,13 +247,13 @@ class _Pair(NamedTuple):
 
     @property
     def files(self) -> dict[str, Path]:
-        """The files by what they are."""
+        """The files by their kind."""
         named = {"scan": self.input, "reference": self.reference, "mask": self.mask, "plane": self.plane}
         return {part: file for part, file in named.items() if file is not None}
 
 
 def _attributes(pair: _Pair) -> Mapping[str, np.ndarray] | Callable[[], Mapping[str, np.ndarray]]:
-    """What a DTU mask and a ground plane say, where there are any."""
+    """The contents of a DTU mask and a ground plane, if the pair has any."""
     if pair.mask is None and pair.plane is None:
         return {}
 

@@ -47,17 +47,17 @@ class Real:
 
     31 closed meshes without self-intersections, no two of one object: scans and models of animals and figures, machine
     parts, a molecule, a cortex. ``which=all`` adds six closed ones of which some faces cross others, and six with
-    borders. The files are those of CGAL's demos (Debian's package ``libcgal-demo``) and of nilearn; each is held
-    against a frozen SHA-256 when it is read. The mesh is all that is known of a shape.
+    borders. The files come from CGAL's demos (Debian's package ``libcgal-demo``) and from nilearn; the SHA-256 of each
+    is checked when it is read. The mesh is all that is known of a shape.
 
     ``pairs``: the folds of one half of an average brain on the inflated other half (``base_vertices``), mirrored and in
-    one vertex order by FreeSurfer's registration; the two halves of a brain differ, so that no transfer is perfect. Or,
+    one vertex order by FreeSurfer's registration; the two halves of a brain differ, so no transfer is perfect. With
     ``pairing=surfaces``, two surfaces of one half with the same faces: white, pial (outer) and inflated.
     """
 
     which: str | list[str] = "closed"  # closed, crossing, open, all, or names of meshes: [bunny,fandisk]
     path: str = ""  # where `detailbench fetch real` put the files; by default ~/.cache/detailbench/real
-    pairing: Literal["hemispheres", "surfaces"] = "hemispheres"  # what pairs are made of
+    pairing: Literal["hemispheres", "surfaces"] = "hemispheres"  # pairs of both halves, or of surfaces of one half
 
     def __post_init__(self) -> None:
         self._chosen()
@@ -70,7 +70,7 @@ class Real:
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "detailbench" / "real"
 
     def shapes(self, split: str) -> Iterator[Shape]:
-        """The meshes that were chosen, always in the same order.
+        """The chosen meshes, always in the same order.
 
         Raises
         ------
@@ -89,13 +89,13 @@ class Real:
         Raises
         ------
         MissingData, UsageError
-            As of :meth:`shapes`.
+            As for :meth:`shapes`.
         """
         self._require(split, [("nilearn", file) for file in _table()[1]])
         return self._hemispheres() if self.pairing == "hemispheres" else self._surfaces()
 
     def check(self, split: str = "test") -> None:
-        """Raise :class:`bench.MissingData` unless all files are there, UsageError for the train split."""
+        """Raise :class:`bench.MissingData` unless all files exist, UsageError for the train split."""
         self._require(split, [(package, file) for package, file, _ in _files()])
 
     def state(self) -> dict[str, str]:
@@ -107,12 +107,12 @@ class Real:
 
         Parameters
         ----------
-        say : is called with each line that a person may want to read
+        say : is called with each line for the user
 
         Raises
         ------
         UsageError, BadInput
-            Where that is not possible, with what to do.
+            If that fails, with what to do.
         """
         wanted: dict[str, dict[str, str]] = {package: {} for package in PACKAGES}
         for package, file, sha256 in _files():
@@ -125,7 +125,7 @@ class Real:
         Raises
         ------
         ValueError
-            For a name that is not in it.
+            For a name that is not in the table.
         """
         meshes, which = _table()[0], self.which
         names = which.split(",") if isinstance(which, str) else which
@@ -142,8 +142,8 @@ class Real:
     def _require(self, split: str, files: list[tuple[str, str]]) -> None:
         if split != "test":
             raise UsageError(
-                f"dataset real: split={split} has no meshes, since all are for tests, so that nothing is tuned on "
-                "them; train on procedural shapes, or on files of yours (dataset=files)"
+                f"dataset real: split={split} has no meshes, since all are test data, so that nothing is tuned on "
+                "them; train on procedural shapes, or on your own files (dataset=files)"
             )
         missing = sum(not (self.folder / package / file).is_file() for package, file in files)
         if missing:
@@ -174,7 +174,7 @@ class Real:
         return load_mesh(self.folder / mesh.package / mesh.file)
 
     def _content(self, package: str, file: str, sha256: str) -> bytes:
-        """A file's bytes, held against what was frozen."""
+        """A file's bytes, checked against the frozen SHA-256."""
         path = self.folder / package / file
         try:
             data = path.read_bytes()
@@ -182,8 +182,8 @@ class Real:
             raise BadInput(f"{path}: cannot be read ({error.strerror}); fetch it with: make real") from None
         if hashlib.sha256(data).hexdigest() != sha256:
             raise BadInput(
-                f"{path}: is not the file that this test set is made of (expected SHA-256 {sha256}): it was changed, "
-                "or is of another version. Remove it and run: make real"
+                f"{path}: is not the file of this test set (expected SHA-256 {sha256}): it was changed, "
+                "or is another version. Remove it and run: make real"
             )
         return data
 
@@ -191,7 +191,7 @@ class Real:
         return _surface(self._content("nilearn", file, _table()[1][file]), file)
 
     def _hemispheres(self) -> Iterator[ShapePair]:
-        """The folds of one half on the other: outer and inner surface, either way."""
+        """The folds of one half on the other: outer and inner surface, in both directions."""
         made = {"left": cortex.left, "right": cortex.mirrored_right}
         for source, target in (HALVES, HALVES[::-1]):
             for kind in ("pial", "white"):
@@ -200,7 +200,7 @@ class Real:
                 yield ShapePair(id, one, other)
 
     def _surfaces(self) -> Iterator[ShapePair]:
-        """Two surfaces of one half: grey matter added, and folds taken away."""
+        """Two surfaces of one half: with grey matter added, and with folds removed."""
         for source, target in (("white", "pial"), ("white", "inflated"), ("pial", "inflated")):
             for half in HALVES:
                 id = f"real-cortex-{half}-{source}-to-{target}"
@@ -210,7 +210,7 @@ class Real:
     def _half(self, id: str, kind: str, half: str, made: Callable[..., cortex.Surface]) -> Shape:
         origin = PACKAGES["nilearn"]
         info = {"surface": kind, "half": half, "source": origin.source, "licence": origin.licence, "genus": 0}
-        # Each surface is made when it is asked for: a base is of no use where only the shape is looked at.
+        # Each surface is made on first use: whoever needs only the shape does not need the base.
         return Shape(
             id,
             lambda: _mesh(*made(kind, self._surface_of)),
@@ -231,7 +231,7 @@ def _table() -> tuple[tuple[Mesh, ...], dict[str, str]]:
 
 
 def _files() -> list[tuple[str, str, str]]:
-    """Package, file and SHA-256 of all that is fetched, each once."""
+    """Package, file and SHA-256 of all fetched files, each once."""
     meshes, surfaces = _table()
     files = [(mesh.package, mesh.file, mesh.sha256) for mesh in meshes]
     return list(dict.fromkeys([*files, *(("nilearn", file, sha256) for file, sha256 in surfaces.items())]))

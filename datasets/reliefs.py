@@ -57,7 +57,7 @@ class Reliefs:
             raise ValueError(f"amplitude: expected 0.1, 0.01, 0.001, or 0 for each in turn, got {self.amplitude}")
 
     def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        """The endless shapes of a split; ``train`` and ``test`` come from different seeds."""
         for index in count():
             yield _shape(f"reliefs-{split}-{index:03d}", *self._draw(split, index)[:2])
 

@@ -1,1 +1,1 @@
-"""What all families share."""
+"""Code that all families share."""

@@ -1,7 +1,7 @@
-"""What is wrong with the meshes that people have, put into a clean one without moving its surface.
+"""Defects of real-world meshes, added to a clean mesh without moving its surface.
 
-Every kind leaves the set of points that the faces cover as it is, to the last digit but for the middles of edges. So
-the truth stays known, and a score of distances may not change.
+Every kind of defect keeps the set of points that the faces cover, to the last digit except at the middles of edges. So
+the truth stays known, and distance scores must not change.
 """
 
 from __future__ import annotations
@@ -12,31 +12,31 @@ import numpy as np
 
 Kind = Literal["unreferenced", "duplicates", "t_junctions", "flipped", "unwelded", "degenerate"]
 KINDS: tuple[Kind, ...] = ("unreferenced", "duplicates", "t_junctions", "flipped", "unwelded", "degenerate")
-FAR = 10.0  # half the box in which vertices of no face lie, in boxes of the mesh
+FAR = 10.0  # half the size of the box in which unreferenced vertices lie, in boxes of the mesh
 PATCHES = 2  # of faces that are doubled, flipped or cut loose
 PATCHED = ("duplicates", "flipped", "unwelded")
 
 
 class Dirt(NamedTuple):
-    """A recipe for a dirty mesh, which goes for every mesh with the same faces."""
+    """The description of a dirty mesh, valid for every mesh with the same faces."""
 
     parents: np.ndarray  # (v, 2): each vertex is the mean of two clean ones; the first are the clean ones themselves
-    stray: np.ndarray  # (v, 3): how far it is from there, in boxes of the mesh
+    stray: np.ndarray  # (v, 3): its offset from there, in boxes of the mesh
     faces: np.ndarray  # (f, 3)
     origin: np.ndarray  # (f,): the clean face that each comes from
 
     def vertices(self, clean: np.ndarray) -> np.ndarray:
-        """The vertices (v, 3) for those of the clean mesh."""
+        """The vertices (v, 3) of the dirty mesh, from those of the clean one."""
         return self.of_vertices(clean) + self.stray * np.linalg.norm(np.ptp(clean, axis=0))
 
     def of_vertices(self, values: np.ndarray) -> np.ndarray:
-        """Values at the vertices for those at the clean ones; of labels the first of the two."""
+        """Values at the vertices, from those at the clean vertices; of two labels the first."""
         if values.dtype.kind != "f":
             return values[self.parents[:, 0]]
         return (values[self.parents[:, 0]] + values[self.parents[:, 1]]) / 2
 
     def spread(self, values: np.ndarray, vertices: int, faces: int) -> np.ndarray:
-        """An attribute of the clean mesh, which has so many ``vertices`` and ``faces``, for the dirty one."""
+        """An attribute for the dirty mesh, from that of the clean one with so many ``vertices`` and ``faces``."""
         if len(values) == vertices:
             return self.of_vertices(values)
         return values[self.origin] if len(values) == faces else values
@@ -45,7 +45,7 @@ class Dirt(NamedTuple):
 def make_dirt(
     vertices: np.ndarray, faces: np.ndarray, kinds: tuple[str, ...], share: float, rng: np.random.Generator
 ) -> Dirt:
-    """Some of each of ``kinds``.
+    """Defects of each of ``kinds``.
 
     Parameters
     ----------
@@ -53,10 +53,10 @@ def make_dirt(
     faces : (f, 3) int array
     kinds : of :data:`KINDS`
     share : float
-        Of the area, of each kind that concerns patches of faces; of the faces or vertices, of the others; at least one.
-        A mesh all of whose faces are larger than its patches would be has no patches.
+        For each kind that affects patches of faces, the share of the area; for the others, of the faces or vertices,
+        at least one. A mesh gets no patches if all its faces are larger than a patch.
     rng : numpy Generator
-        Each kind has a stream of its own: what one draws does not depend on the others.
+        Each kind has its own stream, so its draws do not depend on the others.
     """
     streams = dict(zip(KINDS, rng.spawn(len(KINDS)), strict=True))
     dirt = Dirt(np.repeat(np.arange(len(vertices))[:, None], 2, axis=1), np.zeros((len(vertices), 3)),
@@ -80,7 +80,7 @@ def make_dirt(
 
 
 def _patch(faces: np.ndarray, areas: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """Faces (k,) around a random one, as many as make up a share of the area."""
+    """Faces (k,) around a random one that cover a share of the area."""
     small = np.flatnonzero((areas > 0) & (areas <= share * areas.sum()))
     if not len(small):
         return small
@@ -101,7 +101,7 @@ def _more(dirt: Dirt, faces: np.ndarray, origin: np.ndarray) -> Dirt:
 
 
 def _copied(dirt: Dirt, used: np.ndarray) -> tuple[Dirt, np.ndarray]:
-    """Copies of the vertices ``used``, and the number (v,) of each vertex's copy."""
+    """Copies of the vertices ``used``, and the index (v,) of each vertex's copy."""
     number = np.zeros(len(dirt.parents), dtype=np.int64)
     number[used] = len(dirt.parents) + np.arange(len(used))
     parents, stray = (np.concatenate([array, array[used]]) for array in (dirt.parents, dirt.stray))
@@ -109,13 +109,13 @@ def _copied(dirt: Dirt, used: np.ndarray) -> tuple[Dirt, np.ndarray]:
 
 
 def _flipped(dirt: Dirt, patches: list[np.ndarray]) -> Dirt:
-    """Patches whose faces look the other way."""
+    """Patches whose faces are wound the other way."""
     rows = np.isin(dirt.origin, np.concatenate(patches))
     return dirt._replace(faces=np.where(rows[:, None], dirt.faces[:, ::-1], dirt.faces))
 
 
 def _unwelded(dirt: Dirt, patches: list[np.ndarray]) -> Dirt:
-    """Patches with vertices of their own: cracks of no width around them."""
+    """Patches with their own vertices: cracks of zero width around them."""
     for patch in patches:
         rows = np.isin(dirt.origin, patch)
         dirt, number = _copied(dirt, np.unique(dirt.faces[rows]))
@@ -124,7 +124,7 @@ def _unwelded(dirt: Dirt, patches: list[np.ndarray]) -> Dirt:
 
 
 def _doubled(dirt: Dirt, patches: list[np.ndarray]) -> Dirt:
-    """Patches that are there twice: by turns on the same vertices, and turned over on vertices of their own."""
+    """Patches whose faces occur twice: in turn on the same vertices, and flipped on their own vertices."""
     for k, patch in enumerate(patches):
         rows = np.flatnonzero(np.isin(dirt.origin, patch))
         faces, origin = dirt.faces[rows], dirt.origin[rows]
@@ -136,12 +136,13 @@ def _doubled(dirt: Dirt, patches: list[np.ndarray]) -> Dirt:
 
 
 def _t_junctions(dirt: Dirt, vertices: np.ndarray, count: int, rng: np.random.Generator) -> Dirt:
-    """Faces that are divided at the middle of their longest edge, while the face beyond it is not."""
+    """Faces that are divided at the middle of their longest edge, while the neighbour across it is not."""
     rows = rng.permutation(len(dirt.faces))[:count]
     corners = vertices[dirt.faces[rows]]
     longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).argmax(axis=1)
     a, b, c = (dirt.faces[rows, (longest + k) % 3] for k in range(3))
-    _, first = np.unique(np.sort(np.stack([a, b]), axis=0), axis=1, return_index=True)  # of two faces at an edge, one
+    # Of the two faces at an edge, only one is divided.
+    _, first = np.unique(np.sort(np.stack([a, b]), axis=0), axis=1, return_index=True)
     rows, a, b, c = rows[first], a[first], b[first], c[first]
     middle = len(dirt.parents) + np.arange(len(rows))
     faces = dirt.faces.copy()
@@ -155,7 +156,7 @@ def _t_junctions(dirt: Dirt, vertices: np.ndarray, count: int, rng: np.random.Ge
 
 
 def _unreferenced(dirt: Dirt, count: int, rng: np.random.Generator) -> Dirt:
-    """Vertices of no face, anywhere around the mesh."""
+    """Vertices that no face uses, anywhere around the mesh."""
     one = rng.integers(dirt.parents.max() + 1, size=count)
     stray = rng.uniform(-FAR, FAR, size=(count, 3))
     return dirt._replace(

@@ -1,4 +1,4 @@
-"""What the families share: shapes without end, kinds that take turns, and parameters spread evenly over their range."""
+"""What the families share: endless shapes, kinds in turn, and parameters spread evenly over their range."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Family:
     """Base of the families; a subclass defines :meth:`_shape`."""
 
     def shapes(self, split: str) -> Iterator[Shape]:
-        """The shapes of a split, without end; ``train`` and ``test`` come from seeds that never meet."""
+        """The endless shapes of a split; ``train`` and ``test`` come from different seeds."""
         for index in count():
             yield self._shape(split, index)
 
@@ -36,5 +36,5 @@ def expect_kind(name: str, value: str, kinds: Collection[str]) -> None:
 
 
 def kind_of(value: str, kinds: Collection[str], index: int) -> str:
-    """The kind that was asked for, or where that is ``all``, each in turn."""
+    """The chosen kind, or each in turn if that is ``all``."""
     return value if value != "all" else list(kinds)[index % len(kinds)]

@@ -14,7 +14,7 @@ from bench import UsageError
 from bench.geometry.io.scenes import companions
 
 UNREADABLE = "unreadable"
-TEXTS = (".txt", ".csv")  # which may be points, and mostly are notes and lists beside them
+TEXTS = (".txt", ".csv")  # may hold points, but are mostly notes and lists
 
 
 def safe_ids(stems: Iterable[str]) -> list[str]:
@@ -33,7 +33,7 @@ def safe_ids(stems: Iterable[str]) -> list[str]:
 
 
 def find(given: str, path: Path, suffixes: tuple[str, ...], expected: str, what: str = "mesh file") -> list[Path]:
-    """The files that one name, folder or pattern means, in any order.
+    """The files of one name, folder or pattern, in any order.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def find(given: str, path: Path, suffixes: tuple[str, ...], expected: str, what:
     path : Path
         The name, folder or pattern.
     suffixes : tuple of str
-        Of the files that count, in lower case.
+        Of the wanted files, in lower case.
     expected, what : str
         For messages.
 
@@ -57,7 +57,7 @@ def find(given: str, path: Path, suffixes: tuple[str, ...], expected: str, what:
         return [path]
     if path.is_dir():
         try:
-            # Hidden files are no one's data: macOS leaves ._a.ply beside a.ply.
+            # Hidden files are not data: macOS leaves ._a.ply beside a.ply.
             found, where = [file for file in path.iterdir() if not file.name.startswith(".")], "the folder"
         except OSError as error:
             raise UsageError(f"{given}: the folder cannot be read ({error.strerror})") from error
@@ -72,15 +72,15 @@ def find(given: str, path: Path, suffixes: tuple[str, ...], expected: str, what:
 
 
 def sha256(file: Path) -> str:
-    """The SHA-256 of a file's content; a text that begins with :data:`UNREADABLE` where it cannot be read.
+    """The SHA-256 of a file's content; a text that begins with :data:`UNREADABLE` if it cannot be read.
 
-    The places of a ``.gltf`` lie in files beside it: there it is that of the digests of all of them.
+    The arrays of a ``.gltf`` lie in files beside it; its SHA-256 is that of the digests of all these files.
     """
     try:
         digests = [_sha256_now(part) for part in (file, *(companions(file) if file.suffix.lower() == ".gltf" else ()))]
         return digests[0] if len(digests) == 1 else hashlib.sha256(" ".join(digests).encode()).hexdigest()
     except OSError as error:
-        return f"{UNREADABLE} ({error.strerror})"  # its case says so; the others go on
+        return f"{UNREADABLE} ({error.strerror})"  # its case reports it; the others run
 
 
 def _sha256_now(file: Path) -> str:
@@ -89,7 +89,7 @@ def _sha256_now(file: Path) -> str:
 
 
 def expanded(path: str) -> Path:
-    """A path with the user's home in place of ``~``."""
+    """A path with ``~`` replaced by the user's home folder."""
     return Path(os.path.expanduser(path))
 
 

@@ -1,9 +1,9 @@
-"""Which file belongs to which: files of two patterns are matched by what the ``*`` of their patterns stand for.
+"""Pairs files of two patterns by the text that each ``*`` matches.
 
-``scans/*_noisy.ply`` and ``truth/*.obj`` match ``a_noisy.ply`` with ``a.obj``. Where a folder or a file is named, the
-file's name without its suffix stands for it. Numbers match whatever zeros they begin with: ``stl024_total.ply`` and
-``ObsMask24_10.mat``. Of patterns with several ``*`` the last ones count, as many as both have; ``**`` counts
-where there is no ``*``.
+``scans/*_noisy.ply`` and ``truth/*.obj`` match ``a_noisy.ply`` with ``a.obj``. For a folder or a single file, the
+file's name without its suffix is used. Leading zeros of numbers do not count: ``stl024_total.ply`` matches
+``ObsMask24_10.mat``. If the patterns have several ``*``, the last ones count, as many as both have; ``**`` counts
+if there is no ``*``.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from bench import UsageError
 from .own_files import expanded
 
 TITLES = ("input", "scan", "noisy")  # of the first column of a table
-Key = tuple[str, ...]  # what the stars of a pattern stand for
+Key = tuple[str, ...]  # the texts that the stars of a pattern match
 
 
 def keys_of(pattern: Path, files: Iterable[Path]) -> dict[Path, Key]:
-    """What the stars of a pattern stand for in each of its files; the stem of a file where the pattern has none."""
+    """The texts that the stars of a pattern match in each of its files; the stem of a file if it has no star."""
     text = str(pattern)
     if not (glob.has_magic(text) and "*" in text) or pattern.exists():
         return {file: (_plain(stem(file)),) for file in files}
@@ -59,7 +59,7 @@ def partners(inputs: Mapping[Path, Key], others: Mapping[Path, Key], what: str) 
         fitting = known.get(key[-depth:], [])
         if len(fitting) > 1:
             raise UsageError(
-                f"{file}: two files belong to it as its {what}, {fitting[0]} and {fitting[1]}; make the pattern of "
+                f"{file}: two files match it as its {what}, {fitting[0]} and {fitting[1]}; make the pattern of "
                 f"dataset.{what} narrower"
             )
         if fitting:
@@ -77,18 +77,18 @@ def pairs_of_table(file: Path, folder: Path) -> list[tuple[Path, Path, str]]:
     ----------
     file : Path
     folder : Path
-        That the names in the table are relative to.
+        The folder that the names in the table are relative to.
 
     Raises
     ------
     UsageError
-        Naming the line, and what was expected of it.
+        Naming the line, and what was expected.
     """
-    expected = "expected a line a pair, scan and reference with a comma between them, and test or train if you like"
+    expected = "expected one pair on each line: scan,reference or scan,reference,split (test or train)"
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
+        why = getattr(error, "strerror", None) or "it is not text"
         raise UsageError(f"dataset.table={file}: cannot be read ({why}); {expected}") from error
     separator = next((letter for letter in "\t;," if letter in text), ",")
     pairs = []
@@ -102,7 +102,7 @@ def pairs_of_table(file: Path, folder: Path) -> list[tuple[Path, Path, str]]:
         scan, reference = (folder / expanded(name) for name in cells[:2])
         for path in (scan, reference):
             if not path.is_file():
-                raise UsageError(f"{file}: line {number} names {path}, and there is no such file")
+                raise UsageError(f"{file}: line {number} names {path}, but there is no such file")
         pairs.append((scan, reference, split))
     if not pairs:
         raise UsageError(f"{file}: has no pairs; {expected}")
@@ -119,7 +119,7 @@ def _parts(pattern: str) -> list[str]:
 
 
 def _expression(parts: Iterable[str], counts: str) -> str:
-    """A regular expression of the parts of a pattern, with a group for each of those that count."""
+    """A regular expression for the parts of a pattern, with a group for each part equal to ``counts``."""
     out = []
     for part in parts:
         if part.startswith("*"):

@@ -1,1 +1,1 @@
-"""What datasets that are fetched at set-up are made of: downloads, packages, and their formats."""
+"""Building blocks of datasets that are fetched at set-up: downloads, packages, and their formats."""

@@ -1,7 +1,7 @@
 """Read single files out of Debian packages and wheels, without root and without the tools of either.
 
-Nothing is unpacked to a path that an archive names: files are asked for by their exact names, and their content is
-handed over, so no name in an archive (``../``, ``/etc``, a link) decides where something is written.
+Nothing is unpacked to a path that an archive names: callers request files by their exact names and get their content,
+so no name in an archive (``../``, ``/etc``, a link) decides where something is written.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ BROKEN = (tarfile.TarError, lzma.LZMAError, zlib.error, EOFError, OSError)
 
 
 def files_of_deb(deb: Path, wanted: Collection[str], inner: str = "") -> Iterator[tuple[str, bytes]]:
-    """Name and content of those files of a Debian package that are wanted, in the order of the archive.
+    """Name and content of the wanted files of a Debian package, in the order of the archive.
 
     Parameters
     ----------
     deb : Path
         An ``ar`` archive whose member ``data.tar``, compressed or not, has the files.
     wanted : collection of str
-        Names as in ``usr/share/doc/x``, without a leading ``./``; what is not there is not given.
+        Names as in ``usr/share/doc/x``, without a leading ``./``; missing files are left out.
     inner : str
         The name of a ``tar.gz`` in the package that has the files instead.
 
     Raises
     ------
     BadInput
-        For a file that is no such package, or a damaged one.
+        For a file that is not such a package, or is damaged.
     """
     with deb.open("rb") as file:
         name, content = _member(file, "data.tar", deb)
@@ -57,12 +57,12 @@ def files_of_deb(deb: Path, wanted: Collection[str], inner: str = "") -> Iterato
 
 
 def files_of_wheel(wheel: Path, wanted: Collection[str]) -> Iterator[tuple[str, bytes]]:
-    """Name and content of those files of a wheel that are wanted.
+    """Name and content of the wanted files of a wheel.
 
     Raises
     ------
     BadInput
-        For a file that is no zip archive, or a damaged one.
+        For a file that is not a zip archive, or is damaged.
     """
     try:
         with zipfile.ZipFile(wheel) as archive:
@@ -71,13 +71,13 @@ def files_of_wheel(wheel: Path, wanted: Collection[str]) -> Iterator[tuple[str, 
                 if name in there:
                     yield name, archive.read(name)
     except (zipfile.BadZipFile, *BROKEN) as error:
-        raise BadInput(f"{wheel}: is damaged, cut off or no wheel ({error}); remove it and fetch it again") from None
+        raise BadInput(f"{wheel}: is damaged, cut off or not a wheel ({error}); remove it and fetch it again") from None
 
 
 def _member(file: IO[bytes], start: str, path: Path) -> tuple[str, IO[bytes]]:
-    """The first member of an ar archive whose name begins so: its name, and its content as a stream."""
+    """The first member of an ar archive whose name begins with ``start``: its name, and its content as a stream."""
     if file.read(len(MAGIC)) != MAGIC:
-        raise BadInput(f"{path}: is no Debian package; expected an ar archive, which begins with '!<arch>'")
+        raise BadInput(f"{path}: is not a Debian package; expected an ar archive, which begins with '!<arch>'")
     while header := file.read(HEADER):
         digits = header[48:58].strip()
         if len(header) < HEADER or header[58:] != b"`\n" or not digits.isdigit():
@@ -106,7 +106,7 @@ class _Window(io.RawIOBase):
 
 
 def _streams(content: IO[bytes], mode: Mode, wanted: Collection[str]) -> Iterator[tuple[str, IO[bytes]]]:
-    """The regular files of a tar stream that are wanted; each is to be read before the next."""
+    """The wanted regular files of a tar stream; each must be read before the next."""
     with tarfile.open(fileobj=content, mode=mode) as tar:
         for member in tar:
             name = member.name.removeprefix("./")

@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-KINDS = {"white": "white", "pial": "pial", "inflated": "infl"}  # as they are called here, and in the files
-MIRROR = np.array([-1.0, 1.0, 1.0])  # x is from left to right
+KINDS = {"white": "white", "pial": "pial", "inflated": "infl"}  # names used here: names in the files
+MIRROR = np.array([-1.0, 1.0, 1.0])  # x runs from left to right
 
 Surface = tuple[np.ndarray, np.ndarray]  # vertices (v, 3), faces (f, 3)
 Reader = Callable[[str], Surface]  # of a file's name
@@ -25,15 +25,15 @@ def file_of(kind: str, half: str) -> str:
 
 
 def left(kind: str, read: Reader) -> Surface:
-    """A surface of the left half as it is."""
+    """A surface of the left half, unchanged."""
     return read(file_of(kind, "left"))
 
 
 def mirrored_right(kind: str, read: Reader) -> Surface:
     """A surface of the right half, mirrored to the left, with the faces and the vertex order of the left half.
 
-    Vertex i is where the mirrored right half has what vertex i of the left half has, by the place on the sphere: a
-    point in a triangle of the right half, by linear interpolation.
+    Vertex i lies at the point of the mirrored right half that corresponds to vertex i of the left half on the sphere:
+    a point in a triangle of the right half, by linear interpolation.
     """
     from bench.geometry.closest import TriangleTree
     from bench.geometry.mesh_surface import barycentric

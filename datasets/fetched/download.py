@@ -1,4 +1,4 @@
-"""Download a pinned file: resumed where it was cut off, and believed only when its SHA-256 is right."""
+"""Download a pinned file: resumes interrupted downloads, and accepts a file only if its SHA-256 is right."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bench import BadInput, UsageError
 
 TIMEOUT = 30  # seconds without a byte
 BLOCK = 1 << 18
-TOLD = 10  # how often a download reports its progress
+TOLD = 10  # number of progress reports in a download
 
 
 @dataclass(frozen=True)
@@ -22,18 +22,18 @@ class Archive:
     sha256: str
     size: int  # bytes
     urls: tuple[str, ...]  # tried in turn
-    by_hand: str  # a command that brings the same file by other means
+    by_hand: str  # a command that gets the same file by other means
 
 
 def fetch_archive(archive: Archive, folder: Path, say: Callable[[str], None]) -> Path:
-    """The archive in ``folder``: the file that is there, or the rest of one that was cut off, or all of it.
+    """The archive in ``folder``: an existing file, or else the missing rest of the file, or all of it, is downloaded.
 
     Raises
     ------
     BadInput
-        Where a file of this name is there and is another one.
+        Where a different file of this name exists.
     UsageError
-        Where no address gives the file, with the reason of each and what to do.
+        Where no address gives the file, with the reason for each and what to do.
     """
     folder.mkdir(parents=True, exist_ok=True)
     target, part = folder / archive.name, folder / f"{archive.name}.part"
@@ -41,31 +41,31 @@ def fetch_archive(archive: Archive, folder: Path, say: Callable[[str], None]) ->
         if sha256_of(target) != archive.sha256:
             raise BadInput(
                 f"{target}: is not {archive.name} as it was published (expected SHA-256 {archive.sha256}): it is cut "
-                f"off, or of another version. Remove it, or replace it: {archive.by_hand}"
+                f"off, or another version. Remove it, or replace it: {archive.by_hand}"
             )
         return target
     reasons = []
     for url in archive.urls:
-        # What was resumed may have begun with other bytes; then it is taken anew, once.
+        # A resumed file may have begun with other bytes; then it is downloaded again, once.
         for _ in range(2 if part.exists() else 1):
             reason = _try(archive, url, part, say)
             if not reason:
                 part.replace(target)
                 return target
-            if part.exists():  # cut off: the next address, or the next run, goes on from there
+            if part.exists():  # interrupted: the next address, or the next run, resumes there
                 break
         reasons.append(f"  {url}: {reason}")
     raise UsageError(
-        f"{archive.name} could not be downloaded:\n" + "\n".join(reasons) + "\nWithout a network here, or where it is "
-        f"gone from these places, bring the file by other means, for instance\n  {archive.by_hand}\nput it into "
+        f"{archive.name} could not be downloaded:\n" + "\n".join(reasons) + "\nWithout a network here, or if these "
+        f"addresses no longer have it, get the file by other means, for instance\n  {archive.by_hand}\nput it into "
         f"{folder}, and run the same command again."
     )
 
 
 def _try(archive: Archive, url: str, part: Path, say: Callable[[str], None]) -> str:
-    """Download what ``part`` lacks; the reason why it is not complete and right, empty if it is.
+    """Download the rest of ``part``; return the reason why it is not complete and right, empty if it is.
 
-    A complete file of other bytes is removed.
+    A complete file with other bytes is removed.
     """
     from http.client import HTTPException
 
@@ -83,7 +83,7 @@ def _try(archive: Archive, url: str, part: Path, say: Callable[[str], None]) -> 
 
 
 def _append(archive: Archive, url: str, part: Path, say: Callable[[str], None]) -> None:
-    """Append to ``part`` what it lacks; start again where the server does not resume."""
+    """Append the missing bytes to ``part``; start again if the server does not resume."""
     from urllib.request import Request, urlopen
 
     done = part.stat().st_size if part.exists() else 0
@@ -94,7 +94,7 @@ def _append(archive: Archive, url: str, part: Path, say: Callable[[str], None]) 
         done = done if answer.status == 206 else 0
         say(f"{url} ({archive.size / 1e6:.0f} MB{f', from {done / 1e6:.0f} MB on' if done else ''})")
         with part.open("ab" if done else "wb") as file:
-            # A byte more than there should be is enough to see that it is another file.
+            # One byte too many is enough to show that it is another file.
             while done <= archive.size and (block := answer.read(min(BLOCK, archive.size + 1 - done))):
                 file.write(block)
                 before, done = done, done + len(block)

@@ -22,14 +22,14 @@ def read_surface(data: bytes, name: str) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     data : bytes
-        The file. It is to be one that is trusted: the XML parser expands what a file defines.
+        The content of a trusted file: the XML parser expands the entities that a file defines.
     name : str
         For messages.
 
     Raises
     ------
     BadInput
-        If the file is damaged, holds no surface, or is encoded in another way than base64 with zlib.
+        If the file is damaged, holds no surface, or has an encoding other than base64 with zlib.
     """
     try:
         text = gzip.decompress(data) if data[:2] == b"\x1f\x8b" else data
@@ -39,7 +39,7 @@ def read_surface(data: bytes, name: str) -> tuple[np.ndarray, np.ndarray]:
         what = f"{type(error).__name__}: {error}"
         raise BadInput(f"{name}: cannot be read as a GIFTI surface ({what}); fetch it again") from None
     if faces.min(initial=0) < 0 or faces.max(initial=-1) >= len(vertices):
-        raise BadInput(f"{name}: faces name vertices that do not exist; fetch it again")
+        raise BadInput(f"{name}: faces refer to vertices that do not exist; fetch it again")
     return vertices.astype(np.float64), faces.astype(np.int64)
 
 

@@ -1,4 +1,4 @@
-"""The packages that real shapes come from: where they are, what is in them, and under which terms."""
+"""The packages that real shapes come from: their addresses, contents and licences."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bench import BadInput, UsageError
 from .archives import files_of_deb, files_of_wheel
 from .download import Archive, fetch_archive, sha256_of
 
-DOWNLOADS = "downloads"  # in the folder of the data: what was begun, or was put there by hand
+DOWNLOADS = "downloads"  # in the folder of the data: unfinished downloads, and files put there by hand
 CC0 = "https://creativecommons.org/publicdomain/zero/1.0/"
 POOL = "pool/main/c/cgal/libcgal-demo_5.5.1-2_all.deb"
 
@@ -24,15 +24,15 @@ class Package:
     """A published package with meshes in it."""
 
     archive: Archive
-    inside: str  # what its files' names begin with
+    inside: str  # the common beginning of its files' names
     source: str
     licence: str  # in a line
     notice: str  # in full
     inner: str = ""  # the archive in the archive
-    notices: tuple[str, ...] = ()  # files of it that are kept beside the meshes, in full
+    notices: tuple[str, ...] = ()  # files of it that are stored beside the meshes, in full
 
     def read(self, path: Path, files: Mapping[str, str]) -> Iterator[tuple[str, bytes]]:
-        """Those of ``files`` that it has, and its notices, with their content."""
+        """Those of ``files`` that it contains, and its notices, with their content."""
         wanted = {f"{self.inside}{file}": file for file in files} | {name: Path(name).name for name in self.notices}
         found = files_of_wheel(path, wanted) if path.suffix == ".whl" else files_of_deb(path, wanted, self.inner)
         return ((wanted[name], content) for name, content in found)
@@ -97,8 +97,8 @@ Human Brain Mapping 8, 1999.
 def fetch_packages(folder: Path, wanted: Mapping[str, Mapping[str, str]], say: Callable[[str], None]) -> None:
     """Put the wanted files of each package into ``folder/PACKAGE/``, with the terms in ``folder/LICENCES.txt``.
 
-    What is there and right is left as it is. A download that was cut off goes on; one that was put by hand into
-    ``folder/downloads`` is taken, and left there.
+    Files that exist and are right are left as they are. An interrupted download is resumed; an archive that was put by
+    hand into ``folder/downloads`` is used, and left there.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def fetch_packages(folder: Path, wanted: Mapping[str, Mapping[str, str]], say: C
     UsageError
         Where a package cannot be downloaded, or the folder cannot be written.
     BadInput
-        For an archive or a file in it that is not the one that was published.
+        For an archive, or a file in it, that differs from the published one.
     """
     try:
         for name, files in wanted.items():
@@ -126,7 +126,7 @@ def fetch_packages(folder: Path, wanted: Mapping[str, Mapping[str, str]], say: C
 
 
 def _fetch(folder: Path, name: str, files: Mapping[str, str], say: Callable[[str], None]) -> None:
-    """One package: nothing where all its files are there and right."""
+    """Fetch one package, unless all its files exist and are right."""
     package, place = PACKAGES[name], folder / name
     missing = {file: sha256 for file, sha256 in files.items() if not _is(place / file, sha256)}
     if not missing:
@@ -137,13 +137,13 @@ def _fetch(folder: Path, name: str, files: Mapping[str, str], say: Callable[[str
     for file, content in package.read(archive, missing):
         expected = missing.pop(file, None)
         if expected and hashlib.sha256(content).hexdigest() != expected:
-            raise BadInput(f"{archive}: its {file} is not the one that was frozen (expected SHA-256 {expected})")
+            raise BadInput(f"{archive}: its {file} differs from the published one (expected SHA-256 {expected})")
         _write(place / file, content)
     if missing:
         raise BadInput(f"{archive}: lacks {', '.join(missing)}; expected {package.source}")
     if not by_hand:
         archive.unlink()
-        with contextlib.suppress(OSError):  # something else is in it
+        with contextlib.suppress(OSError):  # the folder is not empty
             archive.parent.rmdir()
 
 
@@ -152,7 +152,7 @@ def _is(file: Path, sha256: str) -> bool:
 
 
 def _write(file: Path, content: bytes) -> None:
-    """Write a file so that nobody sees half of it."""
+    """Write a file atomically."""
     file.parent.mkdir(parents=True, exist_ok=True)
     temporary = file.with_name(f".{file.name}.{os.getpid()}")
     temporary.write_bytes(content)

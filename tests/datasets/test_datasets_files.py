@@ -273,7 +273,7 @@ def test_pairs_are_neighbours_or_have_one_name(folder, tmp_path):
 
 
 def test_pairs_without_targets_are_refused(folder, tmp_path):
-    with pytest.raises(UsageError, match=r"a pair takes two meshes, and dataset.path=.*b.ply has one; name targets"):
+    with pytest.raises(UsageError, match=r"a pair takes two meshes, but dataset.path=.*b.ply has one; name targets"):
         paired(path=str(folder / "b.ply"))
     targets = tmp_path / "targets"
     targets.mkdir()
@@ -307,7 +307,7 @@ def test_points_are_told_where_to_go(folder, tmp_path):
     (folder / "lone").mkdir()
     (folder / "lone" / "scan.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n")
     assert ids(folder) == ["a", "b", "c", "d"]
-    says = "1 files of points left out (scan.xyz); scans go with dataset=paired"
+    says = "1 files of points left out (scan.xyz); use dataset=paired for scans"
     assert Files(str(folder)).ignored() == Files(str(folder / "*")).ignored() == says
     assert Files(str(folder / "*.ply")).ignored() == ""
     for path in (folder / "scan.xyz", folder / "lone", folder / "lone" / "*"):

@@ -127,10 +127,10 @@ def test_the_last_stars_count_where_one_pattern_has_more(tmp_path):
         ({"input": ""}, "dataset.input is empty; expected a point cloud"),
         ({"reference": ""}, "dataset.reference is empty; expected a mesh or a point cloud"),
         ({"path": "nowhere"}, r"dataset.path=nowhere: no such folder; expected one that holds scans/\*_noisy.ply"),
-        ({"input": "scan/*.ply"}, r"scan/\*.ply \(in dataset.path=.*no file matches.*the folder is to hold"),
+        ({"input": "scan/*.ply"}, r"scan/\*.ply \(in dataset.path=.*no file matches.*the folder should hold"),
         ({"reference": "mesh/[ab].off"}, r"1 of 3 scans have none \(c_noisy.ply\).*test_names=FILE"),
         ({"reference": "mesh/[a].off"}, r"2 of 3 scans have none \(b_noisy.ply, c_noisy.ply\)"),
-        ({"reference": "**/*.off"}, "two files belong to it as its reference"),
+        ({"reference": "**/*.off"}, "two files match it as its reference"),
     ],
 )
 def test_what_does_not_fit_is_told(folder, given, says):
@@ -172,7 +172,7 @@ LAYOUTS = {
 def test_layouts_of_published_data(tmp_path, monkeypatch, layout):
     monkeypatch.setitem(CLOUD_READERS, ".npy", CLOUD_READERS.get(".npy"))
     names, ids = LAYOUTS[layout]
-    with pytest.raises(UsageError, match=r"no file matches.*the folder is to hold .*, "):
+    with pytest.raises(UsageError, match=r"no file matches.*the folder should hold .*, "):
         planned(layout, tmp_path)
     for name in names.split():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -209,13 +209,13 @@ def test_lists_make_the_splits(folder):
 
 def test_wrong_lists_are_told(folder):
     (folder / "test.txt").write_text("a\nz\n")
-    with pytest.raises(UsageError, match=r"test_names=test.txt: 1 of 2 names are of no scan \(z\)"):
+    with pytest.raises(UsageError, match=r"test_names=test.txt: 1 of 2 names match no scan \(z\)"):
         paired(folder, test_names="test.txt").check()
     (folder / "train.txt").write_text("a\n")
     (folder / "test.txt").write_text("a\n")
     with pytest.raises(UsageError, match="a_noisy.ply: is in both lists"):
         paired(folder, test_names="test.txt", train_names="train.txt").check()
-    with pytest.raises(UsageError, match="test_names=none.txt: cannot be read .*a text file with the name of a scan"):
+    with pytest.raises(UsageError, match="test_names=none.txt: cannot be read .*a text file with the name of one scan"):
         paired(folder, test_names="none.txt").check()
 
 
@@ -237,9 +237,9 @@ def test_a_table_says_what_belongs_together(folder, separator):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("a.ply\n", "line 1 is 'a.ply'; expected a line a pair"),
+        ("a.ply\n", "line 1 is 'a.ply'; expected one pair on each line"),
         ("# x\nscans/a_noisy.ply,mesh/a.off,val\n", "line 2 is 'scans/a_noisy.ply,mesh/a.off,val'; expected"),
-        ("scans/a_noisy.ply,mesh/z.off\n", "line 1 names .*z.off, and there is no such file"),
+        ("scans/a_noisy.ply,mesh/z.off\n", "line 1 names .*z.off, but there is no such file"),
         ("# nothing\n", "has no pairs"),
         (None, "cannot be read"),
     ],
@@ -303,7 +303,7 @@ def test_both_are_cropped(folder):
         shape = next(paired(folder, reference=reference, crop=box).shapes("test"))
         assert 0 < len(shape.scan) < 100 and shape.scan.points[:, 0].min() >= 1000 <= shape.mesh.vertices[:, 0].min()
         assert shape.scan.normals.shape == shape.scan.points.shape
-    with pytest.raises(BadInput, match=r"a.off: has nothing within dataset.crop=.*it reaches from \[950"):
+    with pytest.raises(BadInput, match=r"a.off: has nothing within dataset.crop=.*it extends from \[950"):
         _ = next(paired(folder, crop=[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]).shapes("test")).mesh
     with pytest.raises(ValueError, match="crop: expected six numbers"):
         paired(folder, crop=[0.0, 1.0])
