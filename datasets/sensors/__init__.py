@@ -1,1 +1,1 @@
-"""Sensors: how a shape becomes a point cloud."""
+"""Sensors: point clouds and images of a shape."""

@@ -1,4 +1,4 @@
-"""Cameras that are not quite known."""
+"""Errors of camera poses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .views import rotation_about
 @register("sensor", gives="views")
 @dataclass(frozen=True)
 class CameraNoise(Effect[Views]):
-    """Every camera is said to stand and to look a little elsewhere than it did; images and masks stay as they are.
+    """Small errors of every camera's position and direction; images and masks stay as they are.
 
     Its centre is moved by independent Gaussians in x, y and z. It is then turned about its centre and a random axis,
     uniform on the sphere, by an angle that is Gaussian. Lights stay where they are in the world.

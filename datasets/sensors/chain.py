@@ -1,4 +1,4 @@
-"""A sensor that is made of others."""
+"""A sensor that combines others."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class Chain:
-    """Sensors one after the other: a source of points, or a rig of cameras, then effects that spoil what it gives.
+    """Sensors one after the other: a source of points or a rig of cameras, then effects that degrade its output.
 
-    The same as calling the parts by hand, with one generator for each: ``rng.spawn(len(steps))``. So a step's
-    randomness does not depend on what the steps before it drew.
+    The same as calling the steps one by one, each with its own generator: ``rng.spawn(len(steps))``. So a step's
+    randomness does not depend on the draws of the steps before it.
     """
 
     steps: tuple[Any, ...] = ("poisson_disk", {"gaussian": {"sigma": 0.005}})  # names, or {name: {parameter: value}}
 
     def __post_init__(self) -> None:
-        _ = self._built  # mistakes are refused here, not when the first cloud is made
+        _ = self._built  # reports mistakes here, not when the first cloud is made
 
     @cached_property
     def _built(self) -> tuple[Step, ...]:
@@ -36,7 +36,7 @@ class Chain:
 
     @property
     def gives(self) -> str:
-        """What the first step gives."""
+        """The kind of output of the first step."""
         return given_by(*self._built[0])
 
     @property
@@ -45,7 +45,7 @@ class Chain:
         return tuple(step.plugin for step in self._built)
 
     def sense(self, shape: Shape, rng: np.random.Generator) -> PointCloud | Views:
-        """What the first step gives, spoiled by the others."""
+        """The output of the first step, degraded by the others."""
         streams = rng.spawn(len(self._built))
         (source, *effects) = (step.sensor for step in self._built)
         given = source.sense(shape, streams[0])

@@ -1,4 +1,4 @@
-"""What the sensors expect of their parameters, in one wording."""
+"""Checks of the sensors' parameters, with uniform messages."""
 
 from __future__ import annotations
 

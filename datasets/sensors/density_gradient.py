@@ -26,9 +26,9 @@ class DensityGradient:
     """
 
     count: int = 5000  # points, exactly
-    ratio: float = 10.0  # the highest density by the lowest; 1 is uniform
-    profile: Literal["linear", "exponential"] = "exponential"  # how the density falls from the one to the other
-    direction: tuple[float, ...] | None = None  # along which it falls, three numbers; without it a random one
+    ratio: float = 10.0  # the highest density divided by the lowest; 1 is uniform
+    profile: Literal["linear", "exponential"] = "exponential"  # how the density falls from the highest to the lowest
+    direction: tuple[float, ...] | None = None  # along which it falls, three numbers; null: a random one
 
     def __post_init__(self) -> None:
         expect_count("count", self.count)
@@ -43,7 +43,7 @@ class DensityGradient:
         low, extent = heights.min(), max(float(np.ptp(heights)), 1e-300)
         points, normals, found = [], [], 0
         while found < self.count:
-            # At worst, with all of the area at the thin end, 1 of `ratio` candidates is accepted.
+            # At worst, with all of the area at the sparse end, 1 of `ratio` candidates is accepted.
             drawn, normal = shape.surface.sample(2 * self.count + 100, rng)
             s = np.clip((drawn @ direction - low) / extent, 0, 1)
             accepted = rng.random(len(s)) < self._density(s)
@@ -53,5 +53,5 @@ class DensityGradient:
         return PointCloud(np.concatenate(points)[: self.count], np.concatenate(normals)[: self.count])
 
     def _density(self, s: np.ndarray) -> np.ndarray:
-        """The density by the highest, at s in 0..1."""
+        """The density divided by the highest, at s in 0..1."""
         return self.ratio**-s if self.profile == "exponential" else 1 - (1 - 1 / self.ratio) * s

@@ -18,9 +18,9 @@ from .views import Pose
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class DepthCamera(Scanner):
-    """Depth images without error: only what is visible, denser where it is near and faces the camera.
+    """Depth images without error: only visible points, denser where the surface is near and faces the camera.
 
-    The points lie on the mesh. Put effects behind it in a ``chain`` for noise of any kind.
+    The points lie on the mesh. Add effects after it in a ``chain`` for noise of any kind.
     """
 
     resolution: int = 64  # pixels along each side of the image, which the bounding sphere fills

@@ -15,10 +15,10 @@ from .spoiling import kept, unit
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class HalfSpace(Effect):
-    """Only the points on one side of a plane are left; the plane lies where it leaves the share that was asked for."""
+    """Only the points on one side of a plane are left; the position of the plane follows from the share ``keep``."""
 
     keep: float = 0.5  # fraction of the points that is left, at least one point
-    direction: tuple[float, ...] | None = None  # normal of the plane, towards the side that is left; else random
+    direction: tuple[float, ...] | None = None  # normal of the plane, towards the side that is left; null: random
 
     def __post_init__(self) -> None:
         expect(0 < self.keep <= 1, "keep", "more than 0 and at most 1", self.keep)

@@ -15,14 +15,14 @@ from .spoiling import kept
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class Holes(Effect):
-    """Balls around random points of the surface are emptied.
+    """Removes the points in balls around random points of the surface.
 
     Distances are straight, not along the surface: a hole goes through both sides of a sheet thinner than its radius,
-    as a hole in a scan that a nearby obstacle left does. So thin shapes lose more than round ones: with the defaults
+    like the hole that a nearby obstacle leaves in a scan. So thin shapes lose more than round ones: with the defaults
     about 13 % of the points of ``bumps``, 30 % of ``furniture`` and half of ``humanoids``.
     """
 
-    count: int = 8  # holes; they may overlap
+    count: int = 8  # number of holes; they may overlap
     radius: float = 0.2  # of each, relative to the bounding-sphere radius
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ from .views import Pose
 
 FOCAL = 585.0  # of the depth camera, in pixels
 BASELINE = 0.075  # from camera to projector, in metres
-STEPS = 8  # of the disparity in a pixel
+STEPS = 8  # of the disparity per pixel
 NEAR, FAR = 0.4, 3.0  # metres between which the noise was measured
 
 
@@ -40,14 +40,14 @@ def lateral_sigma(angle: np.ndarray) -> np.ndarray:
 class Kinect(Scanner):
     """Kinect v1: structured light with the axial and lateral noise that Nguyen et al. (2012) measured.
 
-    The device works in metres, so ``size`` says how large the object is; the image has the device's pixels (585 per
+    The device works in metres, so ``size`` gives the size of the object; the image has the device's pixels (585 per
     unit of the tangent), as many as the object covers. A pixel is lost in the projector's shadow (7.5 cm beside the
     camera), outside 0.4 to 3 m and at grazing angles. The disparity, focal * 7.5 cm / z, is rounded to 1/8 pixel, which
     gives the device's steps in depth: 2.8 mm at 1 m. (The measured noise includes some of that rounding.)
     """
 
     size: float = 0.4  # bounding-sphere radius of the object, in metres
-    max_angle: float = 80.0  # degrees between ray and normal above which nothing comes back; below 90
+    max_angle: float = 80.0  # degrees between ray and normal above which pixels are lost; below 90
     quantised: bool = True  # whether disparities are rounded to 1/8 pixel
 
     def __post_init__(self) -> None:
@@ -57,7 +57,7 @@ class Kinect(Scanner):
         expect(self.max_angle < 90, "max_angle", "less than 90", self.max_angle)
 
     def measure(self, scene: Scene, pose: Pose, rng: np.random.Generator) -> Scan:
-        """The pixels that come back."""
+        """The pixels that have a depth."""
         width = int(np.ceil(2 * FOCAL / np.sqrt(self.distance**2 - 1)))
         view = see(scene, pose, FOCAL, width)
         metre = scene.radius / self.size
@@ -72,7 +72,7 @@ class Kinect(Scanner):
     def _noisy(
         self, view: View, angle: np.ndarray, metre: float, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The pixels (n, 2) where the points seem to be, and their depths in metres."""
+        """The pixels (n, 2) at which the points appear, and their depths in metres."""
         pixels = view.pixels + lateral_sigma(angle)[:, None] * rng.normal(size=view.pixels.shape)
         depth = view.depth / metre
         depth = depth + axial_sigma(depth, angle) * rng.normal(size=len(depth))

@@ -18,7 +18,7 @@ from .spoiling import UNITS, in_units, moved
 class Laplace(Effect):
     """Independent Laplace noise in x, y and z: most points hardly move, some move far (excess kurtosis 3).
 
-    It is given by its standard deviation, so that its level compares with the Gaussian's; the scale of the
+    The parameter is the standard deviation, so that levels are comparable with ``gaussian``; the scale of the
     distribution is sigma / sqrt(2).
     """
 

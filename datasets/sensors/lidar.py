@@ -19,13 +19,13 @@ from .views import Pose
 class Lidar(Scanner):
     """A rotating LiDAR: sparse rings of points, noise along the ray, weak returns lost.
 
-    Its head turns about the scanner's upright axis, in steps of ``azimuth_step``; its channels divide the angle under
-    which the bounding sphere appears evenly. The intensity of a return is ``cos(angle) / r^2``, 1 at normal incidence
+    Its head turns about the scanner's upright axis, in steps of ``azimuth_step``; its channels evenly divide the angle
+    under which the bounding sphere appears. The intensity of a return is ``cos(angle) / r^2``, 1 at normal incidence
     in the middle of the shape; below ``full_intensity`` a return is lost with probability ``1 - intensity /
     full_intensity``. Beams are thin: they do not average over edges.
     """
 
-    channels: int = 32  # rings of one head
+    channels: int = 32  # number of rings
     azimuth_step: float = 0.2  # degrees between the shots of a channel
     noise: float = 0.01  # standard deviation of the range, relative to the bounding-sphere radius
     full_intensity: float = 0.3  # intensity from which on no return is lost; 0 loses none

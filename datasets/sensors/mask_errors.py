@@ -1,4 +1,4 @@
-"""Masks with mistakes."""
+"""Masks with errors."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from .spoiling import seen_as
 @register("sensor", gives="views")
 @dataclass(frozen=True)
 class MaskErrors(Effect[Views]):
-    """Borders of masks that waver, holes in masks, and blobs beside them; images stay as they are.
+    """Wavy borders of masks, holes in masks, and blobs beside them; images stay as they are.
 
     A border is moved outwards by ``amplitude`` times a smooth random field of mean 0 and deviation 1: Gaussian noise of
     the pixels, filtered by a Gaussian of ``smoothness`` pixels. A pixel is then in the mask where its signed distance
-    from the border, positive inside, plus that is above 0. A hole is a disc around a random pixel of the mask, a blob
-    one around a random pixel outside.
+    from the border, positive inside, plus this shift is above 0. A hole is a disc around a random pixel of the mask, a
+    blob is one around a random pixel outside.
     """
 
-    amplitude: float = 2.0  # standard deviation by which a border is moved, in pixels
-    smoothness: float = 8.0  # of the field, in pixels: borders waver over about three times as many
+    amplitude: float = 2.0  # standard deviation of the shift of a border, in pixels
+    smoothness: float = 8.0  # of the field, in pixels; the waves of a border are about three times as long
     holes: float = 0.0  # probability that a mask has a hole
     blobs: float = 0.0  # probability that there is a blob beside a mask
     radius: float = 6.0  # of holes and blobs, in pixels
@@ -65,7 +65,7 @@ def smooth_field(shape: tuple[int, int], smoothness: float, rng: np.random.Gener
 def signed_distance(mask: np.ndarray) -> np.ndarray:
     """Distances (h, w) of the middles of pixels from the border of a mask, in pixels: positive inside.
 
-    The border is half a pixel from the nearest pixel of the other side. Without any border, distances are infinite.
+    The border is half a pixel from the nearest pixel on the other side. Without any border, distances are infinite.
     """
     from scipy.ndimage import distance_transform_edt
 

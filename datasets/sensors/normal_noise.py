@@ -16,9 +16,9 @@ from .spoiling import UNITS, in_units, moved
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class NormalNoise(Effect):
-    """Gaussian noise along the exact normal of the surface: the points stay evenly spread and lose only their height.
+    """Gaussian noise along the exact normal of the surface: the points stay evenly spread along the surface.
 
-    The normal is the surface's at the closest point, whatever normals the cloud carries.
+    The normal is the surface's at the closest point, whatever normals the cloud has.
     """
 
     sigma: float = 0.01  # standard deviation along the normal, in the unit below

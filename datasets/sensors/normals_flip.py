@@ -23,9 +23,9 @@ class NormalsFlip(Effect):
         expect(0 <= self.fraction <= 1, "fraction", "0 to 1", self.fraction)
 
     def spoil(self, cloud: PointCloud, shape: Shape, rng: np.random.Generator) -> PointCloud:
-        """The same points."""
+        """The same points, with some normals flipped."""
         if cloud.normals is None:
-            raise BadInput("sensor normals_flip: the cloud has no normals; put a step before it that makes some")
+            raise BadInput("sensor normals_flip: the cloud has no normals; put a step that adds normals before it")
         normals = cloud.normals.copy()
         normals[some_of(cloud, self.fraction, rng)] *= -1
         return with_normals(cloud, normals)

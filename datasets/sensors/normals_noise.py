@@ -1,4 +1,4 @@
-"""Normals that are off by an angle."""
+"""Errors of the normals' directions."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class NormalsNoise(Effect):
         expect(0 <= self.degrees <= 90, "degrees", "0 to 90", self.degrees)
 
     def spoil(self, cloud: PointCloud, shape: Shape, rng: np.random.Generator) -> PointCloud:
-        """The same points."""
+        """The same points, with tilted normals."""
         if cloud.normals is None:
-            raise BadInput("sensor normals_noise: the cloud has no normals; put a step before it that makes some")
+            raise BadInput("sensor normals_noise: the cloud has no normals; put a step that adds normals before it")
         normals = cloud.normals
         noise = np.radians(self.degrees) * rng.normal(size=normals.shape)
         tangent = noise - np.einsum("ni,ni->n", noise, normals)[:, None] * normals
         angle = np.linalg.norm(tangent, axis=1, keepdims=True)
-        # Along a great circle: the tilt is the length of the tangent, however long that is.
+        # Along a great circle: the tilt is the length of the tangent, for any length.
         return with_normals(cloud, np.cos(angle) * normals + np.sinc(angle / np.pi) * tangent)

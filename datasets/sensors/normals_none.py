@@ -14,8 +14,8 @@ from .spoiling import with_normals
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class NormalsNone(Effect):
-    """The method is given no normals."""
+    """Removes the normals."""
 
     def spoil(self, cloud: PointCloud, shape: Shape, rng: np.random.Generator) -> PointCloud:
-        """The points alone."""
+        """The points without normals."""
         return with_normals(cloud, None)

@@ -17,11 +17,11 @@ from .spoiling import with_normals
 @register("sensor", requires=("open3d",), cite="Hoppe et al. 1992; orientation: König and Gumhold 2009")
 @dataclass(frozen=True)
 class NormalsPca(Effect):
-    """Normals estimated from the points as they are: planes through the neighbours, oriented along a spanning tree.
+    """Normals estimated from the given points: planes through the neighbours, oriented along a spanning tree.
 
-    The number of neighbours is chosen point by point, from 12 to 256, by the noise and the shape, or is ``k`` for all.
-    With ``orientation=exact`` the signs are those of the exact surface, as data sets for denoising have them; what the
-    estimate gets wrong is then the direction alone.
+    The number of neighbours is chosen for each point, from 12 to 256, by the noise and the shape, or is ``k`` for all.
+    With ``orientation=exact`` the signs are those of the exact surface, as in data sets for denoising; then only the
+    directions have errors.
     """
 
     orientation: Literal["tree", "exact"] = "tree"  # signs from the points alone, or from the exact surface

@@ -15,7 +15,7 @@ from .spoiling import inflated_box, replaced, some_of
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class OutliersBox(Effect):
-    """A share of the points lies anywhere in the bounding box instead, with normals in random directions."""
+    """Moves a share of the points to random places in the bounding box, with normals in random directions."""
 
     fraction: float = 0.1  # of the points that become outliers; below 1
     inflation: float = 0.1  # by how much the sides of the box are longer than the shape's

@@ -11,17 +11,17 @@ from bench import Effect, PointCloud, Shape, register
 from .checks import expect_count, expect_fraction, expect_length
 from .spoiling import inflated_box, replaced, some_of
 
-LONGEST = 10.0  # factor at which the tails of a cluster are cut
+LONGEST = 10.0  # factor at which the tails of a cluster are truncated
 
 
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class OutliersClustered(Effect):
-    """A share of the points lies in a few clumps instead, dense enough to look like surfaces to a filter.
+    """Moves a share of the points into a few clumps, dense enough to look like surfaces to a filter.
 
     Around each centre the points have Student's t distribution with two degrees of freedom: a dense core with heavy
-    tails. A point is ``size * g / sqrt(w)`` away, g a Gaussian vector and w exponential, cut where ``1 / sqrt(w)``
-    exceeds 10. Normals point in random directions.
+    tails. The offset of a point is ``size * g / sqrt(w)``, g a Gaussian vector and w exponential, truncated where
+    ``1 / sqrt(w)`` exceeds 10. Normals point in random directions.
     """
 
     fraction: float = 0.1  # of the points that become outliers; below 1

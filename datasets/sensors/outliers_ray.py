@@ -17,10 +17,10 @@ from .views import fibonacci_sphere
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class OutliersRay(Effect):
-    """A share of the points is displaced along viewing rays: blunders of the range, from virtual viewpoints.
+    """Moves a share of the points along viewing rays: gross errors of the range, from virtual viewpoints.
 
-    The viewpoints are spread over a sphere, turned at random; a point is seen from the one that its surface faces
-    most directly, occluders aside. Its displacement is uniform between -reach and reach, and its normal stays.
+    The viewpoints are spread over a sphere, turned at random; the viewpoint of a point is the one that its surface
+    faces most directly, ignoring occlusion. Its displacement is uniform between -reach and reach; its normal stays.
     """
 
     fraction: float = 0.1  # of the points that become outliers; below 1

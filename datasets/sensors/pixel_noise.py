@@ -15,7 +15,7 @@ from .spoiling import seen_as
 @register("sensor", gives="views")
 @dataclass(frozen=True)
 class PixelNoise(Effect[Views]):
-    """Independent Gaussian noise in every channel of every pixel, of the background too.
+    """Independent Gaussian noise in every channel of every pixel, including the background.
 
     ``v -> round(clip(v + 255 sigma N(0, 1), 0, 255))`` for values v of 0 to 255. Masks stay as they are.
     """

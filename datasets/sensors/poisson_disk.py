@@ -15,7 +15,7 @@ from .checks import expect_count
 @register("sensor", requires=("open3d",), cite="Sample elimination: Yuksel 2015")
 @dataclass(frozen=True)
 class PoissonDisk:
-    """Evenly spread points of the exact surface, an exact number of them, with the exact normals."""
+    """An exact number of evenly spread points of the exact surface, with the exact normals."""
 
     count: int = 5000  # points, exactly
 

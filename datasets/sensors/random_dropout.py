@@ -15,9 +15,9 @@ from .spoiling import kept, some_of
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class RandomDropout(Effect):
-    """A share of the points, anywhere, is lost."""
+    """Removes a random share of the points."""
 
-    fraction: float = 0.5  # of the points that are lost; below 1
+    fraction: float = 0.5  # of the points that are removed; below 1
 
     def __post_init__(self) -> None:
         expect_fraction("fraction", self.fraction)

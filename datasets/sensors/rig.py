@@ -19,7 +19,7 @@ LATER = {"since": "0.2"}
 LIGHTS = ("suns", "white")
 PLACEMENTS = ("sphere", "random", "turntable")
 NORMALS = ("flat", "smooth")
-# Red, green and blue light from three sides: the colour of a pixel tells its normal.
+# Red, green and blue light from three sides: the colour of a pixel determines its normal.
 COLORS = np.array([[0.9, 0.0, 0.0], [0.0, 0.9, 0.0], [0.0, 0.0, 0.9]])
 
 
@@ -28,9 +28,9 @@ COLORS = np.array([[0.9, 0.0, 0.0], [0.0, 0.9, 0.0], [0.0, 0.0, 0.9]])
 class Rig:
     """Images of the shape by pinhole cameras around it, with masks, cameras and lights.
 
-    The cameras look at the middle of the shape. A ray is cast through the centre of every pixel; what it hits first is
+    The cameras look at the middle of the shape. A ray is cast through the centre of every pixel; its first hit is
     shaded as a white diffuse surface, ``ambient + sum over lights of max(0, n . l) color``, clipped to 0..1 and rounded
-    to 0..255, without shadows. The background is black. Each camera brings lights of its own. ``suns`` are three, red,
+    to 0..255, without shadows. The background is black. Each camera has its own lights. ``suns`` are three lights, red,
     green and blue (0.9 each), at right angles to each other, as in differentiable surface splatting (Yifan et al.
     2019): the first shines along the optical axis, the others from the sides, turned at random. ``white`` is one light
     of intensity ``1 - ambient`` from a random direction on the camera's side of the shape, uniform on that hemisphere.
@@ -38,7 +38,7 @@ class Rig:
     Lengths are relative to the bounding-sphere radius, which is 1 in the frame of a case.
     """
 
-    views: int = 24  # cameras
+    views: int = 24  # number of cameras
     resolution: int = 256  # pixels along each side of the square images
     placement: Literal["sphere", "random", "turntable"] = "sphere"  # even (turned at random), random, or a ring about z
     elevation: float = 20.0  # of the turntable's ring, in degrees above the horizon
@@ -68,7 +68,7 @@ class Rig:
         Raises
         ------
         BadInput
-            If no camera sees anything.
+            If no camera sees the shape.
         """
         placing, lighting, moving = rng.spawn(3)
         scene = Scene(shape.mesh)
@@ -116,7 +116,7 @@ class Rig:
         return float(self.resolution / 2 / np.tan(half))
 
     def _shaded(self, view: View, lights: np.ndarray, colors: np.ndarray, scene: Scene, shape: Shape) -> np.ndarray:
-        """The colours (n, 3) uint8 of what a camera sees."""
+        """The colours (n, 3) uint8 of the pixels that show the shape."""
         flat = scene.normals[view.faces]
         normals = flat if self.normals == "flat" else _smooth(view, shape)
         behind = np.einsum("ni,ni->n", flat, view.points - view.pose.center) > 0
@@ -140,7 +140,7 @@ def _white(pose: Pose, rng: np.random.Generator) -> np.ndarray:
 
 
 def _smooth(view: View, shape: Shape) -> np.ndarray:
-    """Normals (n, 3) of the exact surface where the dataset knows it, else interpolated between those of vertices."""
+    """Normals (n, 3) of the exact surface if the dataset has it, else interpolated between those of vertices."""
     if shape.is_exact:
         return shape.surface.closest(view.points)[1]
     from trimesh.triangles import points_to_barycentric

@@ -19,17 +19,17 @@ class Samples:
 
     Lengths are relative to the bounding-sphere radius, which is 1 in the frame of a case. The default noise of 0.5 %
     is that of a decent scan, and half of the lowest level at which denoisers are usually compared (1, 2, 3 %): without
-    noise every interpolating method looks perfect, and with much of it fine detail is beyond anybody.
+    noise every interpolating method looks perfect, and with much noise no method recovers fine detail.
 
-    Normals are the exact ones at the clean points, also where noise then moves the point. An outlier takes the place
-    of a point; its normal is a random direction.
+    Normals are the exact ones at the clean points, even after noise moves the points. An outlier replaces a point; its
+    normal is a random direction.
     """
 
     count: int = 5000  # points, exactly
     sampling: Literal["poisson_disk", "uniform"] = "poisson_disk"  # evenly spread, or independent of each other
     noise: float = 0.005  # standard deviation of Gaussian noise in x, y and z, relative to the bounding-sphere radius
     outliers: float = 0.0  # fraction of the points that lie anywhere in the bounding box, inflated by 10 %; below 1
-    normals: bool = True  # whether the method is given normals
+    normals: bool = True  # whether the cloud has normals
 
     def __post_init__(self) -> None:
         if self.count < 1:
@@ -48,7 +48,7 @@ class Samples:
         lost = rng.permutation(self.count)[: round(self.outliers * self.count)]
         vertices = used_vertices(shape.mesh)
         low, high = vertices.min(axis=0), vertices.max(axis=0)
-        margin = 0.05 * (high - low)  # on either side: 10 % together
+        margin = 0.05 * (high - low)  # on either side: 10 % in total
         points[lost] = rng.uniform(low - margin, high + margin, size=(len(lost), 3))
         directions = rng.normal(size=(len(lost), 3))
         normals[lost] = directions / np.linalg.norm(directions, axis=1, keepdims=True)

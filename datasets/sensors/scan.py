@@ -1,4 +1,4 @@
-"""No simulation: the scan that a dataset brings."""
+"""No simulation: the scan that comes with a shape."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bench.geometry.used import used_vertices
 class Scan:
     """The scan that came with the shape, point for point as in its file: the sensor of ``dataset=paired``.
 
-    It is in the frame of its reference, and keeps its own normals and colours. In a chain, effects can make it worse:
+    It is in the frame of its reference, and keeps its own normals and colours. In a chain, effects can degrade it:
     ``sensor=chain 'sensor.steps=[scan,{gaussian:{sigma:0.01}}]'``.
     """
 
@@ -29,7 +29,7 @@ class Scan:
             If no scan came with the shape.
         """
         if shape.scan is None:
-            raise BadInput(f"{shape.id}: no scan came with it; sensor=scan is for datasets that bring scans (paired)")
+            raise BadInput(f"{shape.id}: has no scan; sensor=scan is only for datasets with scans (dataset=paired)")
         scan = shape.scan
         if hint := unlike(scan.points, "the scan", used_vertices(shape.mesh), "the reference"):
             notice(f"{shape.id}: {hint}")

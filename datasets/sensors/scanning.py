@@ -1,4 +1,4 @@
-"""The base of all scanners: several views, each measured, registered with some error, and merged."""
+"""The base of all scanners: scans from several views, registered with some error, and merged."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NORMALS = ("pca", "exact", "none")
 
 
 class Scan(NamedTuple):
-    """What one view measured."""
+    """The measurements of one view."""
 
     points: np.ndarray
     """(n, 3) array, as measured"""
@@ -33,7 +33,7 @@ class Scan(NamedTuple):
     center: np.ndarray
     """(3,) array: where the scanner stood"""
     turn: np.ndarray
-    """(3, 3) array: how registration turned the points"""
+    """(3, 3) array: the rotation by registration"""
 
     @classmethod
     def of(cls, pose: Pose, points: np.ndarray, hits: np.ndarray, faces: np.ndarray) -> Scan:
@@ -41,25 +41,25 @@ class Scan(NamedTuple):
         return cls(points, hits, faces, pose.center, np.eye(3))
 
     def at(self, chosen: np.ndarray) -> Scan:
-        """A part of the measurements, by index."""
+        """Some of the measurements, by index."""
         return self._replace(points=self.points[chosen], hits=self.hits[chosen], faces=self.faces[chosen])
 
 
 @dataclass(frozen=True)
 class Scanner:
-    """Base of the scanners; a subclass defines :meth:`measure`. Its fields are the parameters that all share.
+    """Base of the scanners; a subclass defines :meth:`measure`. Its fields are the common parameters.
 
     The number of points depends on the shape. Lengths are relative to the bounding-sphere radius, which is 1 in the
     frame of a case.
     """
 
-    views: int = 8  # positions of the scanner
+    views: int = 8  # number of positions of the scanner
     rig: Literal["sphere", "turntable"] = "sphere"  # positions all around (turned at random), or in a ring around z
     elevation: float = 20.0  # of the turntable's ring, in degrees above the horizon
     distance: float = 3.0  # of the scanner from the middle of the shape, in bounding-sphere radii; more than 1
     misrotation: float = 0.0  # degrees by which each scan is turned, about its centroid and a random axis
     misshift: float = 0.0  # standard deviation in x, y, z of the shift of each scan, relative to the radius
-    max_points: int = 20_000  # above this number a random subset of this size is kept; 0 is no limit
+    max_points: int = 20_000  # larger clouds are reduced to a random subset of this size; 0 is no limit
     normals: Literal["pca", "exact", "none"] = "pca"  # estimated and turned to the scanner, exact at the hit, or none
 
     def __post_init__(self) -> None:
@@ -73,7 +73,7 @@ class Scanner:
         expect_choice("normals", self.normals, NORMALS)
 
     def measure(self, scene: Scene, pose: Pose, rng: np.random.Generator) -> Scan:
-        """What the scanner measures from one position."""
+        """The scan from one position."""
         raise NotImplementedError
 
     def poses(self, scene: Scene, rng: np.random.Generator) -> list[Pose]:
@@ -100,7 +100,7 @@ class Scanner:
             if len(scan.points):
                 scans.append(self._misregistered(scan, error))
         found = sum(len(scan.points) for scan in scans)
-        least = 3 if self.normals == "pca" else 1  # a plane through fewer is anybody's
+        least = 3 if self.normals == "pca" else 1  # fewer points do not determine a plane
         if found < least:
             name = re.sub(r"(?<!^)(?=[A-Z])", "_", type(self).__name__).lower()
             raise BadInput(
@@ -121,7 +121,7 @@ class Scanner:
         return scan._replace(points=points, turn=turn)
 
     def _thinned(self, scans: list[Scan], rng: np.random.Generator) -> list[Scan]:
-        """A random part of all measurements together, where there are more than ``max_points``."""
+        """A random subset of all measurements together, if there are more than ``max_points``."""
         counts = [len(scan.points) for scan in scans]
         if not 0 < self.max_points < sum(counts):
             return scans
@@ -142,10 +142,10 @@ class Scanner:
         return np.concatenate([self._exact(scan, scene, shape) @ scan.turn.T for scan in scans])
 
     def _exact(self, scan: Scan, scene: Scene, shape: Shape) -> np.ndarray:
-        """The normals where the surface was hit, of a shape that has them exact, otherwise of the triangles."""
+        """The normals where the surface was hit: the exact ones if the shape has them, otherwise of the triangles."""
         return shape.surface.closest(scan.hits)[1] if shape.is_exact else scene.normals[scan.faces]
 
 
 def survives_grazing(cosine: np.ndarray, lost: float, safe: float, rng: np.random.Generator) -> np.ndarray:
-    """Whether measurements at grazing angles come back: never below a cosine, always above one, linear between."""
+    """Whether measurements at grazing angles survive: none below ``lost``, all above ``safe``, linear between."""
     return rng.random(len(cosine)) < np.clip((cosine - lost) / max(safe - lost, 1e-12), 0, 1)

@@ -1,4 +1,4 @@
-"""Rays against a mesh, and what a pinhole camera sees of it.
+"""Ray casting against a mesh, and the view of a pinhole camera.
 
 Rays are cast in float32 (Embree, in open3d), on one thread; a hit is then computed in float64 from its triangle and
 its barycentric coordinates, so that it lies on the mesh to rounding, and off its ray by about 1e-7 of the distance.
@@ -19,11 +19,11 @@ from .views import Pose
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-OFFSET = 1e-4  # of the radius: how far above the surface a shadow ray starts, so as not to hit where it starts
+OFFSET = 1e-4  # of the radius: how far above the surface a shadow ray starts, so that it does not hit its own face
 
 
 class Scene:
-    """A mesh to cast rays at.
+    """A mesh for ray casting.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Scene:
         Returns
         -------
         rays : (m,) int array
-            Which rays hit; faces without an area are hit by none.
+            Which rays hit; no ray hits a face without an area.
         points : (m, 3) float64 array
         faces : (m,) int array
         """
@@ -104,7 +104,7 @@ def _tensor(rays: np.ndarray):
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What a pinhole camera sees: one entry for each pixel whose ray hits.
+    """The view of a pinhole camera: one entry for each pixel whose ray hits.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class View:
     cosine: np.ndarray
 
     def unproject(self, depth: np.ndarray, pixels: np.ndarray | None = None) -> np.ndarray:
-        """The points (m, 3) at some depths (m,) behind the pixels, or behind others: an (m, 2) array."""
+        """The points (m, 3) at depths (m,) behind the view's pixels, or behind others ``pixels`` (m, 2)."""
         pixels = self.pixels if pixels is None else pixels
         across = pixels / self.focal
         rays = across[:, :1] * self.pose.axes[0] + across[:, 1:] * self.pose.axes[1] + self.pose.axes[2]
@@ -152,7 +152,7 @@ def see(scene: Scene, pose: Pose, focal: float, width: int) -> View:
     """Cast a ray through the middle of every pixel of a square image."""
     line = np.arange(width) - (width - 1) / 2
     x, y = np.meshgrid(line, line)
-    # Outside this circle (a pixel wider than it need be) no ray meets the bounding sphere.
+    # Outside this circle (a pixel wider than necessary) no ray meets the bounding sphere.
     distance = np.linalg.norm(pose.center - scene.center)
     reach = focal * scene.radius / np.sqrt(distance**2 - scene.radius**2) + 1
     tried = np.flatnonzero((x**2 + y**2).ravel() <= reach**2)

@@ -1,4 +1,4 @@
-"""What the effects have in common: points moved, replaced or taken away, and the units of their lengths."""
+"""Common functions of the effects: move, replace or remove points, and the units of their lengths."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ def with_normals(cloud: PointCloud, normals: np.ndarray | None) -> PointCloud:
 
 
 def kept(cloud: PointCloud, chosen: np.ndarray, shape: Shape, effect: str) -> PointCloud:
-    """The points that ``chosen``, a mask or indices, picks.
+    """The points that ``chosen``, a mask or indices, selects.
 
     Raises
     ------
     BadInput
-        If it picks none.
+        If it selects none.
     """
     points = cloud.points[chosen]
     if not len(points):
-        raise BadInput(f"sensor {effect}: none of the {len(cloud)} points of {shape.id} is left; ask it to take less")
+        raise BadInput(f"sensor {effect}: removes all {len(cloud)} points of {shape.id}; choose weaker parameters")
     normals, colors = (None if values is None else values[chosen] for values in (cloud.normals, cloud.colors))
     return PointCloud(points, normals, colors)
 
@@ -53,17 +53,17 @@ def seen_as(views: Views, **changes: np.ndarray) -> Views:
     Raises
     ------
     BadInput
-        If no mask shows the shape any more.
+        If no mask shows the shape.
     """
     if "masks" in changes and not changes["masks"].any():
-        raise BadInput(f"none of the {len(changes['masks'])} views that are left shows the shape; spoil them less")
+        raise BadInput(f"none of the {len(changes['masks'])} remaining views shows the shape; degrade them less")
     return Views.of(views.arrays() | changes)
 
 
 def replaced(
     cloud: PointCloud, which: np.ndarray, points: np.ndarray, rng: np.random.Generator, *, turn: bool = True
 ) -> PointCloud:
-    """The cloud with its points ``which`` (indices) elsewhere; with ``turn``, their normals in random directions."""
+    """The cloud with its points ``which`` (indices) replaced; with ``turn``, their normals in random directions."""
     everywhere = cloud.points.copy()
     everywhere[which] = points
     if cloud.normals is None or not turn:
@@ -85,7 +85,7 @@ def random_directions(count: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def unit(direction: Sequence[float] | None, rng: np.random.Generator) -> np.ndarray:
-    """A direction scaled to length 1, or a random one in place of None: a (3,) array."""
+    """A direction scaled to length 1, or a random one for None: a (3,) array."""
     if direction is None:
         return random_directions(1, rng)[0]
     return np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)

@@ -22,7 +22,7 @@ class Stereo(Scanner):
     The disparity ``focal baseline / z`` gets Gaussian noise of ``subpixel`` pixels and is rounded to 1 / ``steps``
     pixel. To first order the depth then has the standard deviation ``z^2 subpixel / (focal baseline)`` of Intel's
     "Best-known-methods for tuning RealSense D400 depth cameras", with ``focal = width / (2 tan(field / 2))``. A point
-    that the right camera does not see is lost. The device works in metres, so ``size`` says how large the object is.
+    that the right camera does not see is lost. The device works in metres, so ``size`` gives the size of the object.
     """
 
     size: float = 0.4  # bounding-sphere radius of the object, in metres
@@ -30,8 +30,8 @@ class Stereo(Scanner):
     width: int = 848  # pixels across the horizontal field of view; the image is cut to the object
     field: float = 86.0  # horizontal field of view, in degrees
     subpixel: float = 0.08  # standard deviation of the disparity, in pixels
-    steps: int = 32  # of the disparity in a pixel; 0 does not round
-    max_angle: float = 80.0  # degrees between ray and normal above which nothing is matched; below 90
+    steps: int = 32  # of the disparity per pixel; 0 does not round
+    max_angle: float = 80.0  # degrees between ray and normal above which pixels are not matched; below 90
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -20,15 +20,15 @@ class TimeOfFlight(Scanner):
     """A time-of-flight camera: noise along the ray, and flying pixels at depth edges.
 
     Where a pixel's range differs from that of one of its four neighbours by more than ``edge``, the pixel may see both
-    surfaces: with probability ``flying`` its range becomes ``a r + (1 - a) r'``, a uniform in 0..1 and r' the
-    neighbour's that differs most. All ranges then get Gaussian noise (BlenSor's is 4 mm). Pixels at grazing angles are
-    lost: all below the cosine 0.05, none above 0.2. Interference of several paths is not modelled.
+    surfaces: with probability ``flying`` its range becomes ``a r + (1 - a) r'``, a uniform in 0..1 and r' the range
+    of the neighbour that differs most. All ranges then get Gaussian noise (BlenSor's is 4 mm). Pixels at grazing angles
+    are lost: all below the cosine 0.05, none above 0.2. Multipath interference is not modelled.
     """
 
     resolution: int = 64  # pixels along each side of the image, which the bounding sphere fills
     noise: float = 0.005  # standard deviation along the ray, relative to the bounding-sphere radius
-    flying: float = 0.5  # probability that a pixel at a depth edge flies
-    edge: float = 0.05  # difference of two ranges that makes an edge, relative to the bounding-sphere radius
+    flying: float = 0.5  # probability that a pixel at a depth edge is a flying pixel
+    edge: float = 0.05  # least difference of two ranges at a depth edge, relative to the bounding-sphere radius
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -38,7 +38,7 @@ class TimeOfFlight(Scanner):
         expect_length("edge", self.edge)
 
     def measure(self, scene: Scene, pose: Pose, rng: np.random.Generator) -> Scan:
-        """The pixels that come back."""
+        """The pixels that have a range."""
         view = see(scene, pose, focal_length(scene, self.distance, self.resolution), self.resolution)
         rays = view.points - pose.center
         distance = np.linalg.norm(rays, axis=1)
@@ -53,9 +53,9 @@ class TimeOfFlight(Scanner):
 
 
 def _opposite(view: View, distance: np.ndarray) -> np.ndarray:
-    """The range (n,) of that neighbour of each pixel, of four, whose range differs most; its own where it has none."""
+    """For each pixel, the range of the one of its four neighbours that differs most, else its own: an (n,) array."""
     width = view.width
-    image = np.full((width + 2, width + 2), np.nan)  # with a frame of nothing
+    image = np.full((width + 2, width + 2), np.nan)  # with an empty border
     row, column = np.divmod(view.index, width)
     image[row + 1, column + 1] = distance
     other = distance.copy()

@@ -13,9 +13,9 @@ from .scanning import Scan, Scanner
 from .scene import Scene, focal_length, see
 from .views import Pose
 
-WINDOW = 2  # pixels on either side of a stripe that are looked at
+WINDOW = 2  # number of pixels that are read on either side of a stripe
 BRIGHTEST = 255  # the camera has 8 bits
-DARKEST = 1e-3  # intensity that stands for none in a logarithm: a quarter of a step
+DARKEST = 1e-3  # replaces the intensity 0 in a logarithm: a quarter of a step
 
 
 @register("sensor", requires=("open3d",), cite="Berger et al. 2013")
@@ -29,7 +29,7 @@ class Triangulation(Scanner):
     - a pixel is lost where the laser, ``baseline`` to the camera's right, does not reach its point;
     - the stripe's image has the profile ``cos(angle to the laser) exp(-k^2 / (2 width^2))`` over the pixels k around
       its centre, plus Gaussian noise, quantised to 8 bits;
-    - it is lost when its brightest pixel stays below the threshold: the grazing drop-out;
+    - it is lost if its brightest pixel is below the threshold: the grazing drop-out;
     - a Gaussian through the brightest pixel and its two neighbours gives the centre, off by delta pixels, and with it
       the depth: ``z' = z / (1 + z delta / (focal baseline))``. Without noise and quantisation delta is 0.
 
@@ -64,13 +64,13 @@ class Triangulation(Scanner):
         found, delta = self._peaks(np.abs(cosine[lit]), rng)
         kept = np.flatnonzero(lit)[found]
         closeness = 1 + view.depth[kept] * delta / (view.focal * self.baseline * scene.radius)
-        plausible = closeness > 0.5  # a peak so far off that the depth doubles is no measurement
+        plausible = closeness > 0.5  # a peak so far off that the depth doubles is not a measurement
         kept, closeness = kept[plausible], closeness[plausible]
         points = view.unproject(view.depth[kept] / closeness, view.pixels[kept])
         return Scan.of(pose, points, view.points[kept], view.faces[kept])
 
     def _peaks(self, brightness: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Which stripes (indices) of some brightness (n,) are found, and by how many pixels each is off."""
+        """Which stripes (indices) of the given brightness (n,) are found, and by how many pixels each is off."""
         middle = rng.random((len(brightness), 1), dtype=np.float32) - np.float32(0.5)  # where in its pixel a stripe is
         k = np.arange(-WINDOW, WINDOW + 1, dtype=np.float32)
         seen = brightness.astype(np.float32)[:, None] * np.exp(
@@ -85,7 +85,7 @@ class Triangulation(Scanner):
         found = np.flatnonzero(seen[rows, brightest] >= max(self.peak_threshold, DARKEST))
         rows, brightest = rows[found], brightest[found]
         before, at, after = (np.log(np.maximum(seen[rows, brightest + j], DARKEST)) for j in (-1, 0, 1))
-        # The logarithm of a Gaussian is a parabola; a flat or hollow top, which noise may make, has no vertex.
+        # The logarithm of a Gaussian is a parabola; with a flat or hollow top, due to noise, it has no maximum.
         bend = np.minimum(before + after - 2 * at, -1e-3)
         vertex = np.clip((before - after) / (2 * bend), -1, 1)
         return found, (k[brightest] + vertex - middle[found, 0]).astype(np.float64)

@@ -16,9 +16,9 @@ from .spoiling import UNITS, in_units, moved
 @register("sensor", requires=("open3d",))
 @dataclass(frozen=True)
 class UniformNoise(Effect):
-    """Independent noise in x, y and z, uniform between two bounds: bounded, with the tails cut off.
+    """Independent noise in x, y and z, uniform between two bounds, so without tails.
 
-    Its standard deviation in each axis is amplitude / sqrt(3). MeshLab's random displacement makes noise like this.
+    Its standard deviation in each axis is amplitude / sqrt(3). MeshLab's random displacement makes such noise.
     """
 
     amplitude: float = 0.01  # bound of the noise in each of x, y and z, in the unit below

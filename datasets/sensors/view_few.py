@@ -20,12 +20,12 @@ CHOICES = ("even", "random", "first")
 class ViewFew(Effect[Views]):
     """Only some of the views are left, in their order.
 
-    ``even`` spreads them: from the first view on, the next one is always that whose camera, seen from the origin, is
-    the farthest in direction from all that are taken. ``random`` takes any, ``first`` the first ones.
+    ``even`` spreads them: after the first view, the next one is always the one whose camera, seen from the origin, is
+    farthest in direction from all chosen ones. ``random`` chooses at random, ``first`` takes the first ones.
     """
 
-    count: int = 6  # views that are left
-    choice: Literal["even", "random", "first"] = "even"  # which
+    count: int = 6  # number of views that are left
+    choice: Literal["even", "random", "first"] = "even"  # which views are left
 
     def __post_init__(self) -> None:
         expect_count("count", self.count)
@@ -37,7 +37,7 @@ class ViewFew(Effect[Views]):
         Raises
         ------
         BadInput
-            If there are fewer than ``count``, or none of those that are left sees the shape.
+            If there are fewer than ``count``, or none of the remaining ones sees the shape.
         """
         if len(views) < self.count:
             raise BadInput(f"sensor view_few: expected at least count={self.count} views, got {len(views)}")

@@ -1,4 +1,4 @@
-"""Only what some directions see."""
+"""Only the points that are visible from some directions."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ FAR = 1000.0  # in bounding-sphere radii: parallel enough, and precise enough in
 class ViewSubset(Effect):
     """Only the points that are visible from one of a few random directions are left, as if scans were missing.
 
-    Directions are uniform in a bracket of elevations: a high lower bound hides what lies under overhangs, as scans
-    from above do. Visibility is that of the closest point of the mesh, by ray casting, so noise does not hide points.
+    Directions are uniform in a range of elevations: a high lower bound hides the parts under overhangs, like scans
+    from above. Visibility is that of the closest point of the mesh, by ray casting, so noise does not hide points.
     """
 
-    views: int = 2  # directions
-    lowest: float = -90.0  # elevation of the directions above the horizon, at least, in degrees
-    highest: float = 90.0  # and at most
+    views: int = 2  # number of directions
+    lowest: float = -90.0  # lowest elevation of the directions above the horizon, in degrees
+    highest: float = 90.0  # highest elevation
 
     def __post_init__(self) -> None:
         expect_count("views", self.views)
@@ -44,7 +44,7 @@ class ViewSubset(Effect):
         return kept(cloud, visible, shape, "view_subset")
 
     def directions(self, rng: np.random.Generator) -> np.ndarray:
-        """Unit vectors, uniform by area on the bracket: a (views, 3) array."""
+        """Unit vectors, uniform by area in the range of elevations: a (views, 3) array."""
         low, high = np.sin(np.radians([self.lowest, self.highest]))
         z = np.clip(rng.uniform(low, high, size=self.views), -1, 1)
         around = rng.uniform(0, 2 * np.pi, size=self.views)

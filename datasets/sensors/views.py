@@ -1,4 +1,4 @@
-"""Where the scanners stand."""
+"""Positions of scanners."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Pose(NamedTuple):
-    """A scanner's place and its axes."""
+    """A scanner's position and axes."""
 
     center: np.ndarray
     """(3,) array"""
@@ -26,7 +26,7 @@ def fibonacci_sphere(count: int) -> np.ndarray:
 
 
 def turntable(count: int, elevation: float, start: float) -> np.ndarray:
-    """``count`` unit vectors in equal steps around z, at an elevation, from an azimuth on, both in degrees."""
+    """``count`` unit vectors in equal steps around z, at an elevation, from the azimuth ``start``, in degrees."""
     around = np.radians(start) + 2 * np.pi * np.arange(count) / count
     up = np.full(count, np.radians(elevation))
     return np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=1)

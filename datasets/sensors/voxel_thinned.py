@@ -15,15 +15,15 @@ from .checks import expect, expect_count
 @register("sensor")
 @dataclass(frozen=True)
 class VoxelThinned:
-    """One point for each voxel that the surface passes through: what most scanning software hands out.
+    """One point for each voxel that the surface passes through, as most scanning software returns.
 
-    Dense independent samples are cut down to one, a random one, in each voxel. The number of points depends on the
-    shape: about 1.4 times its area by the square of the voxel size, some thousands at the default. The pattern of the
-    grid is left in the cloud. The grid starts at a random offset.
+    Dense independent samples are reduced to one random sample in each voxel. The number of points depends on the
+    shape: about 1.4 times its area divided by the square of the voxel size, some thousands at the default. The pattern
+    of the grid is visible in the cloud. The grid starts at a random offset.
     """
 
     voxel: float = 0.05  # side of a voxel, relative to the bounding-sphere radius
-    dense: int = 100_000  # samples before the thinning; too few for the voxel leave holes
+    dense: int = 100_000  # number of samples before the thinning; too few for the voxel size leave holes
 
     def __post_init__(self) -> None:
         expect(0.002 <= self.voxel <= 2, "voxel", "0.002 to 2", self.voxel)

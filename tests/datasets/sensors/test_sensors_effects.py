@@ -260,9 +260,9 @@ def test_the_bracket_of_elevations_holds():
 
 def test_nothing_left_is_a_clear_error():
     few = PointCloud(BALL.mesh.vertices[:5])
-    with pytest.raises(BadInput, match="sensor holes: none of the 5 points of ball is left"):
+    with pytest.raises(BadInput, match="sensor holes: removes all 5 points of ball"):
         spoil(Holes(count=1, radius=2.5), BALL, cloud=few)
-    with pytest.raises(BadInput, match="sensor random_dropout: none"):
+    with pytest.raises(BadInput, match="sensor random_dropout: removes all 5"):
         spoil(RandomDropout(fraction=0.99), BALL, cloud=few)
 
 

@@ -208,7 +208,7 @@ def test_holes_and_blobs_come_as_often_as_asked_for():
 
 
 def test_masks_that_lose_everything_are_refused():
-    with pytest.raises(BadInput, match="none of the 20 views that are left shows the shape"):
+    with pytest.raises(BadInput, match="none of the 20 remaining views shows the shape"):
         MaskErrors(amplitude=0.0, holes=1.0, radius=1000.0).spoil(VIEWS, BALL, generator(0))
 
 
