@@ -15,7 +15,7 @@ from .solids.booleans import arrays, turned
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-SIZE = 2.4  # of an assembly, about
+SIZE = 2.4  # approximate size of an assembly
 
 
 @register("dataset", requires=("manifold3d", "trimesh"))
@@ -23,10 +23,10 @@ SIZE = 2.4  # of an assembly, about
 class Assemblies(Family):
     """Bolted plates, ball bearings, hinges and jars with lids: bodies with one clearance, and metric threads.
 
-    Every body is a closed manifold and a component of its own; none touches another, and where two face each other,
-    also along the flanks of a thread, they are ``gap`` apart. Gaps are spread evenly over their logarithm between the
-    two limits. The assembly is turned at random. Info: ``gap``, relative to the diagonal of the box before the assembly
-    is turned, to 10 % (round bodies have facets), ``size``, about that diagonal, and how many ``threads`` there are.
+    Every body is a closed manifold and a separate component; none touches another, and where two face each other,
+    also along the flanks of a thread, they are ``gap`` apart. The logarithms of the gaps are spread evenly between the
+    two limits. The assembly is rotated at random. Info: ``gap``, relative to the diagonal of the box before the
+    rotation, to 10 % (round bodies have facets), ``size``, about that diagonal, and the number of ``threads``.
     """
 
     gap_low: float = 1e-3  # narrowest clearance, relative to the size of an assembly
@@ -65,4 +65,4 @@ class Assemblies(Family):
 def _gathered(assembly: Assembly) -> Manifold:
     from manifold3d import Manifold
 
-    return Manifold.compose(assembly.build()).simplify(1e-5)  # where two cuts meet, slivers are left
+    return Manifold.compose(assembly.build()).simplify(1e-5)  # removes the slivers that remain where two cuts meet

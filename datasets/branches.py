@@ -29,15 +29,15 @@ class Branches(Family):
     """Branching tubes grown by space colonisation; exact samples, normals and closest points.
 
     In turn a tree with a crown, a vessel that fills a ball, and a flat coral. Radii follow Murray's law ``r^p = sum of
-    r_i^p``, with p spread evenly between two limits (a golden-ratio sequence): low ones give a thick trunk. The surface
-    is a level set of compact kernels strung along the branches, which merge smoothly at forks; twigs that would touch
-    another part are cut. Genus 0.
+    r_i^p``, with p spread evenly between two limits (a golden-ratio sequence): a low p gives a thick trunk. The surface
+    is a level set of compact kernels along the branches, which merge smoothly at forks; twigs that would touch another
+    part are cut off. Genus 0.
     """
 
     kind: Literal["all", "tree", "vessel", "coral"] = "all"  # of plant
-    tip: float = 0.02  # radius of the twigs; the whole is about 2 in size
-    exponent_low: float = 1.9  # p of Murray's law: of the thickest trunks
-    exponent_high: float = 3.0  # and of the most even ones
+    tip: float = 0.02  # radius of the twigs; a shape is about 2 in size
+    exponent_low: float = 1.9  # p of Murray's law for the thickest trunks
+    exponent_high: float = 3.0  # and for the most even ones
     goals: int = 300  # points that the branches grow towards: more give finer branching
 
     def __post_init__(self) -> None:
@@ -77,7 +77,7 @@ class Branches(Family):
 
 
 def _room(rng: np.random.Generator, kind: str, goals: int) -> tuple[np.ndarray, np.ndarray]:
-    """The first nodes (k, 3) of a plant, and points (m, 3) of the room that it fills."""
+    """The first nodes (k, 3) of a plant, and points (m, 3) of the volume that it fills."""
     ball = rng.normal(size=(goals, 3))
     ball *= (rng.random((goals, 1)) ** (1 / 3)) / np.linalg.norm(ball, axis=1, keepdims=True)
     if kind == "tree":
@@ -104,7 +104,7 @@ def _strung(skeleton: Skeleton) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     centres, radii, spacings = [], [], []
     for node in range(1, len(points)):
         a, b = points[parent[node]], points[node]
-        # A side branch starts as thick as it goes on: the trunk that it leaves is thicker.
+        # A side branch has its own thickness from the start: the trunk that it leaves is thicker.
         start, end = min(radius[parent[node]], 1.15 * radius[node]), radius[node]
         length = np.sqrt(((b - a) ** 2).sum())
         number = max(1, ceil(length / (SPACING * (start + end) / 2)))

@@ -18,9 +18,9 @@ from .solids.booleans import arrays, turned
 class Buildings(Family):
     """Towers, houses, temples, churches, viaducts: rows of equal openings, long thin elements, ornament on flat walls.
 
-    Closed manifold meshes of one component, in turn of each kind, turned at random. Glazing bars, railings, columns
-    and balusters stand free, so most have a high genus. Info: ``openings``, how many equal windows, arches or spaces
-    between columns there are, and ``thinnest``, the width of the thinnest bar of a building about 2 in size.
+    Closed manifold meshes of one component, each kind in turn, rotated at random. Glazing bars, railings, columns and
+    balusters stand free, so most have a high genus. Info: ``openings``, the number of equal windows, arches or spaces
+    between columns, and ``thinnest``, the width of the thinnest bar of a building about 2 in size.
     """
 
     kind: Literal["all", "tower", "house", "temple", "church", "arcade"] = "all"  # of building

@@ -22,14 +22,14 @@ class Bumps(Family):
     """Smooth star-shaped bodies from spherical harmonics; exact samples, normals and closest points.
 
     The surface is ``x = r(u) u`` with ``r(u) = 1 + sum over l = 2..degree, m of a_lm Y_lm(u)``. The ``a_lm`` are normal
-    with the variance ``l^-exponent``, then all scaled so that the root mean square of r - 1 is ``amplitude``.
+    with the variance ``l^-exponent``, then scaled so that the root mean square of r - 1 is ``amplitude``.
     Degree 1, which shifts the body, is left out. The exponents of the shapes are spread evenly between the two
-    limits (a golden-ratio sequence), so that the first few shapes already hold both smooth and rough ones.
-    A draw whose r falls below 0.25 is drawn again.
+    limits (a golden-ratio sequence), so that there are both smooth and rough shapes among the first few.
+    A draw whose r falls below 0.25 is repeated.
     """
 
     degree: int = 16  # highest degree of the spherical harmonics: the finest bumps are about pi / degree wide
-    exponent_low: float = 1.5  # variance of a coefficient ~ degree^-exponent: of the roughest shapes
+    exponent_low: float = 1.5  # variance of a coefficient ~ degree^-exponent: exponent of the roughest shapes
     exponent_high: float = 4.5  # and of the smoothest; equal limits give one spectrum
     amplitude: float = 0.12  # root mean square of r - 1
     subdivisions: int = 6  # of the icosphere that tessellates: 6 gives 40,962 vertices and 81,920 faces
@@ -72,7 +72,7 @@ class Bumps(Family):
         deviations = np.where(degrees >= 2, np.maximum(degrees, 1.0) ** (-exponent / 2), 0.0)
         for _ in range(200):
             coefficients = deviations * rng.normal(size=len(degrees))
-            # The basis is orthonormal: the mean square over the sphere is the sum of squares by 4 pi.
+            # The basis is orthonormal: the mean square over the sphere is the sum of squares divided by 4 pi.
             coefficients *= self.amplitude * sqrt(4 * pi / (coefficients**2).sum())
             coefficients[0] = sqrt(4 * pi)
             radius = HarmonicSum(coefficients)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class Cad(Family):
     """Machine parts by solid booleans: plates, brackets, gears, tees, heat sinks, blocks and lattices.
 
-    Closed manifold meshes of one component, in turn of each kind, every one with measures of its own. A part is turned
-    at random, since faces along the axes would favour methods that work on a grid.
+    Closed manifold meshes of one component, each kind in turn, each part with its own measures. Parts are rotated at
+    random, since faces along the axes would favour methods that work on a grid.
     """
 
     kind: Literal["all", "plate", "bracket", "gear", "pipe_tee", "heat_sink", "block", "lattice"] = "all"  # of part
@@ -46,5 +46,5 @@ def _mesh(part: Part, rotation: np.ndarray) -> Trimesh:
 
     solid = part.build().to_mesh64()
     points = np.asarray(solid.vert_properties, dtype=np.float64)[:, :3]
-    # einsum, not a matrix product: the sum is the same to the last bit whatever library multiplies matrices.
+    # einsum, not a matrix product: the sum is the same to the last bit with every linear algebra library.
     return Trimesh(np.einsum("ij,nj->ni", rotation, points), np.array(solid.tri_verts, dtype=np.int64), process=False)

@@ -19,9 +19,9 @@ class Cloth(Family):
     """Curtains, skirts, napkins, scrolls and draped cloth: open sheets; exact samples, normals and closest points.
 
     A sheet without thickness, in closed form. The folds of curtains, skirts and napkins lean over, the turns of a
-    scroll lie on each other: facing parts come as near as the gap, spread evenly over its logarithm between the two
-    limits (a wider one than the folds leave room for is made as wide as they do). Draped cloth has no such place.
-    Info: ``gap``, about, relative to the diagonal of the box before the sheet is turned.
+    scroll lie on each other: the gap between facing parts has a logarithm that is spread evenly between the two limits
+    (a gap wider than the folds allow becomes the widest possible). Draped cloth has no such gap. Info: the approximate
+    ``gap``, relative to the diagonal of the box before the sheet is rotated.
     """
 
     gap_low: float = 0.006  # narrowest gap between folds; a sheet is about 2 across

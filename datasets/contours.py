@@ -25,12 +25,12 @@ class Contours(Family):
     """Closed plane curves on thin ribbons: glyphs, blobs, polygons, stars; exact samples, normals and closest points.
 
     The two-dimensional test bed of upsampling papers. The surface is the curve, in the plane z = 0: samples are uniform
-    by its length, evenly spread points are so along it, normals lie in the plane. The mesh is a ribbon that stands on
-    it, so thin that distances to it are those to the curve, but for less than half its height and the tolerance.
-    Digits and letters are the outlines of what a pen draws, with their holes; the points of the strokes, slant, width
-    and proportions vary. Polygons have round corners, every other star sharp ones.
+    by its length, evenly spread points are even along it, normals lie in the plane. The mesh is a thin ribbon that
+    stands on it: distances to the ribbon and to the curve differ by less than half its height and the tolerance.
+    Digits and letters are the outlines of pen strokes, with their holes; the points of the strokes, slant, width and
+    proportions vary. Polygons have round corners, every other star has sharp ones.
 
-    What is measured by an area is not about the curve: the metrics ``coverage``, ``uniformity`` and
+    Measures that use an area have no meaning for a curve: the metrics ``coverage``, ``uniformity`` and
     ``projected_uniformity``, and an input's ``coverage`` and ``density_variation``.
     """
 

@@ -1,4 +1,4 @@
-"""Shapes of other families on dirty meshes, while the truth stays what it is."""
+"""Shapes of other families on dirty meshes, with the clean shapes as the truth."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 class Dirty(Mixture):
     """Shapes of other datasets, in turn, on meshes as people have them: doubled, flipped, cracked; the truth is clean.
 
-    The shapes of ``mixture``, under the same ids, on meshes with vertices of no face, patches that are there twice or
-    look the other way, T-junctions, cracks, and faces without an area. Nothing of it moves the surface: samples,
-    normals and closest points are those of the clean shape, to rounding. So sensors give the same clouds, and a score
-    that is not the one on ``mixture`` shows what a metric or a method makes of the dirt. The dirty mesh is the
-    reference of metrics that want one, and what a method is given where that is a mesh. Both meshes of a pair that
-    corresponds have the same dirt, so they still do; the first vertices are the clean ones.
+    The shapes of ``mixture``, under the same ids, on meshes with vertices that no face uses, duplicated and flipped
+    patches, T-junctions, cracks, and faces without an area. None of these moves the surface: samples, normals and
+    closest points are those of the clean shape, to rounding. So sensors give the same clouds, and a score that differs
+    from the one on ``mixture`` shows how a metric or a method treats the dirt. The dirty mesh is the reference of
+    metrics that need a mesh, and the input of methods that take one. Both meshes of a corresponding pair have the same
+    dirt, so they still correspond; the first vertices are the clean ones.
     """
 
-    # which dirt; patches of two kinds may overlap
+    # kinds of dirt; patches of two kinds may overlap
     dirt: list[Literal["unreferenced", "duplicates", "t_junctions", "flipped", "unwelded", "degenerate"]] = field(
         default_factory=lambda: list(KINDS)
     )
-    share: float = 0.005  # of the area (patches), the faces (T-junctions, no area) or the vertices (of no face)
+    share: float = 0.005  # of the area (patches), the faces (T-junctions, no area) or the vertices (unreferenced)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -80,7 +80,7 @@ class Dirty(Mixture):
 
 
 class _Soiling:
-    """The dirt of one mesh, made on first use; it goes for other meshes with the same faces."""
+    """The dirt of one mesh, made on first use; it is valid for other meshes with the same faces."""
 
     def __init__(self, shape: Shape, kinds: tuple[str, ...], share: float):
         self._shape, self._kinds, self._share = shape, kinds, share
@@ -103,7 +103,7 @@ class _Soiling:
 
 
 class _Clean:
-    """The surface of the clean shape, be it known exactly or by its mesh; a :class:`bench.Surface`."""
+    """The surface of the clean shape, exact or its mesh; a :class:`bench.Surface`."""
 
     def __init__(self, shape: Shape):
         self._shape = shape

@@ -19,7 +19,7 @@ from .surfaces.jets import Jet, cos, normalize, sin, stack
 from .surfaces.parametric import Chart, ParametricSurface, Patch
 
 BASES = ("sphere", "torus", "box", "ellipsoid")
-ROUGH = 0.75  # below this Hurst exponent there is visible detail at every scale
+ROUGH = 0.75  # below this Hurst exponent, detail is visible at every scale
 BeforeNoise = Callable[[Jet, Jet], tuple[Jet, Jet]]  # the base's point and its outward unit normal
 
 
@@ -28,18 +28,18 @@ BeforeNoise = Callable[[Jet, Jet], tuple[Jet, Jet]]  # the base's point and its 
 class Fbm(Family):
     """Spheres, tori, rounded boxes and ellipsoids, displaced along their normals by fractal noise.
 
-    The surface is ``b + h(b) n`` with ``h`` the sum over octaves k of ``2^(-k hurst) noise(2^k b)`` (fractional
-    Brownian motion, about). Hurst exponents run evenly between the limits, from rough to gently waved; ``fine`` in the
-    info: there is detail at every scale (an exponent below 0.75 and three octaves or more). The largest possible |h| is
-    ``strength`` times the base's reach (the distance up to which normals do not meet), below 1, so that no shape
-    touches itself. Noise is twice continuously differentiable.
+    The surface is ``b + h(b) n`` with ``h`` the sum over octaves k of ``2^(-k hurst) noise(2^k b)`` (approximate
+    fractional Brownian motion). Hurst exponents are spread evenly between the limits, from rough to gently wavy;
+    ``fine`` in the info: whether there is detail at every scale (an exponent below 0.75 and three octaves or more). The
+    largest possible |h| is ``strength``, below 1, times the base's reach (the distance up to which normals do not
+    meet), so that no shape touches itself. Noise is twice continuously differentiable.
     """
 
     octaves: int = 4  # of noise, each half as wide as the one before
     frequency: float = 1.6  # of the first octave: cells of the noise per unit, bodies are about 2 across
     hurst_low: float = 0.3  # Hurst exponent of the roughest shapes
     hurst_high: float = 1.1  # and of the smoothest
-    strength: float = 0.9  # largest possible displacement over the base's reach
+    strength: float = 0.9  # largest possible displacement divided by the base's reach
     base: Literal["all", "sphere", "torus", "box", "ellipsoid"] = "all"  # of the displacement
     cells: int = 96  # of the tessellation across each sixth of a ball; a torus has 4 times as many around
 

@@ -1,4 +1,4 @@
-"""Fractals of finite depth: detail at every scale, and genus in the thousands."""
+"""Fractals of finite depth: detail at every scale, and a genus in the thousands."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Fractal(NamedTuple):
 
 
 def menger(rng: np.random.Generator, spread: float) -> Fractal:
-    """A Menger sponge: what three Sierpinski carpets, extruded along the axes, have in common."""
+    """A Menger sponge: the intersection of three Sierpinski carpets extruded along the axes."""
     level, ratio = 1 + int(3 * ((spread + 0.4) % 1)), 0.24 + 0.2 * spread
     sides = np.array([1.0, rng.uniform(0.8, 1.0), rng.uniform(0.65, 1.0)])
 
@@ -88,7 +88,7 @@ def koch(rng: np.random.Generator, spread: float) -> Fractal:
 
 
 def cubes(rng: np.random.Generator, spread: float) -> Fractal:
-    """A cube that carries a smaller cube on every face, that carry smaller ones in turn."""
+    """A cube with a smaller cube on every face, each of which has smaller cubes on its faces, and so on."""
     level, ratio, twist = 2 + int(2 * ((spread + 0.5) % 1)), 0.3 + 0.1 * spread, rng.uniform(0, 45)
 
     def build() -> Arrays:
@@ -176,11 +176,11 @@ def _snowflake(corners: int, level: int, bump: float) -> np.ndarray:
 
 
 def _grown(cube: Manifold, level: int, ratio: float, twist: float) -> list[Manifold]:
-    """The cube, centred, and all that grows on its sides and top; it is rooted in -z below the first level."""
+    """The centred cube, and all cubes on its sides and top; below the first level its root is at -z."""
     from manifold3d import Manifold
 
     def branch(depth: int) -> list[Manifold]:
-        """The unit cube on z = 0, its root sunk a little, and what it carries on five faces."""
+        """The unit cube on z = 0, its root sunk a little, and the cubes on its five other faces."""
         parts = [Manifold.cube((1, 1, 1.05), True).translate((0, 0, 0.475))]
         if depth:
             child = [part.rotate((0, 0, twist)).scale((ratio,) * 3) for part in branch(depth - 1)]

@@ -1,4 +1,4 @@
-"""Chairs, tables and shelves, with labelled parts and, in pairs, one topology for a category."""
+"""Chairs, tables and shelves, with labelled parts and, in pairs, the same faces within a category."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 class Furniture:
     """Chairs, tables and shelves of 13 to 15 measures each, in turn; parts are labelled.
 
-    ``shapes`` are unions: one closed manifold each, turned at random. ``pairs`` stand upright and unturned, with every
-    optional part, and their parts are closed meshes that overlap at the joints: only so do all pieces of a category
-    have the same faces, vertex i of the one corresponding to vertex i of the other. With ``same_parts=false`` a pair's
-    two pieces differ in their optional parts (slats, armrests, stretchers, boards): the source is made of closed
-    parts still, the target is a union, and nothing corresponds. Metres; z is up, the front is -y.
+    ``shapes`` are unions: one closed manifold each, rotated at random. ``pairs`` are upright, not rotated, with every
+    optional part, and their parts are closed meshes that overlap at the joints: this gives all pieces of a category
+    the same faces, so that vertex i of one corresponds to vertex i of another. With ``same_parts=false`` a pair's two
+    pieces differ in their optional parts (slats, armrests, stretchers, boards): the source still consists of closed
+    parts, the target is a union, and there is no correspondence. Metres; z is up, the front is -y.
     """
 
     category: Literal["all", "chair", "table", "shelf"] = "all"  # of furniture
@@ -48,7 +48,7 @@ class Furniture:
             yield _union(f"furniture-{split}-{index:03d}-{category}", category, piece, rotation)
 
     def pairs(self, split: str) -> Iterator[ShapePair]:
-        """Two pieces of one category, with the same faces where they have the ``same_parts``."""
+        """Two pieces of one category; with ``same_parts`` they have the same faces."""
         for index in count():
             if not self.same_parts:
                 yield self._unlike(split, index)
@@ -135,7 +135,7 @@ def _joined(solids: list[Manifold]) -> Manifold:
 
 
 def _parts(id: str, category: str, piece: Piece) -> Shape:
-    """All parts of a piece as one mesh of as many components."""
+    """All parts of a piece as one mesh, each part a component."""
     faces = bar_grid()[1]
     size, n = len(bar_grid()[0]), len(piece.bars)
 

@@ -40,16 +40,16 @@ KINDS = ("body", *CHARACTERS)  # of characters
 @register("dataset", requires=("open3d", "scipy", "skimage", "trimesh"))
 @dataclass(frozen=True)
 class Humanoids:
-    """Human bodies: 23 joints, nine measures of build, twelve key poses with variations; one topology for all.
+    """Human bodies: 23 joints, nine measures of build, twelve key poses with variations; the same faces for all.
 
     A smooth union of round cones and ellipsoids is meshed once as the template (7,002 vertices). Builds stretch its
-    bones and swell its flesh; poses turn its joints within their limits, skinned with heat weights by dual
+    bones and thicken its flesh; poses rotate its joints within their limits, skinned with heat weights by dual
     quaternions, since blended matrices would shrink bent elbows and knees. Hence vertex i of any body in any pose
     corresponds to vertex i of any other. Metres; z is up, a body at rest faces -y.
     """
 
     jitter: float = 6.0  # deviation of the joint angles from the key pose, in degrees
-    variety: float = 1.0  # how far builds are from the mean: 0 is one body for all, 1 the full range
+    variety: float = 1.0  # deviation of builds from the mean: 0 is one body for all, 1 the full range
     characters: Literal["all", "body", "robot", "skeleton", "stout"] = "all"  # of pose transfer: in turn, or one kind
 
     def __post_init__(self) -> None:
@@ -61,7 +61,7 @@ class Humanoids:
             raise ValueError(f"characters: expected all, {', '.join(KINDS)}; got {self.characters!r}")
 
     def shapes(self, split: str) -> Iterator[Shape]:
-        """Posed bodies, each of its own build, turned at random about the vertical."""
+        """Posed bodies, each with its own build, rotated at random about the vertical."""
         for index in count():
             rng = generator("humanoids", split, index)
             key = self._key(index)
@@ -86,10 +86,10 @@ class Humanoids:
             yield ShapePair(id, source, _shape(f"{id}-target", build, pose, key), Landmarks())
 
     def transfers(self, split: str) -> Iterator[PoseTransfer]:
-        """Problems of pose transfer: somebody of another build is seen in the pose, and a character is to take it.
+        """Problems of pose transfer: a body of another build shows the pose that a character has to take.
 
         Characters are another body on the template's faces, a robot of rigid parts, a skeleton of thin bones, and a
-        stout body on a mesh of its own.
+        stout body with its own mesh.
         """
         for index in count():
             rng = generator("humanoids transfers", split, index)
@@ -129,7 +129,7 @@ def _character(id: str, kind: str, figure: Callable, pose: np.ndarray | None) ->
 
 
 def posed_body(build: Build, pose: np.ndarray | None) -> tuple[Trimesh, np.ndarray]:
-    """The mesh of a body, its lowest point at z = 0, and where its joints are (joints, 3)."""
+    """The mesh of a body, its lowest point at z = 0, and the positions of its joints (joints, 3)."""
     V, F = template()
     return _posed(*shaped(V, skin(), build), F, skin(), pose)
 
@@ -154,7 +154,7 @@ def _posed(
 
 
 class Landmarks(Mapping):
-    """Named vertices, the same in all bodies; found when they are first asked for, so that pairs cost nothing."""
+    """Named vertices, the same in all bodies; found on first use, so that pairs cost nothing."""
 
     def __getitem__(self, name: str) -> int:
         return _landmarks()[name]

@@ -15,7 +15,7 @@ from .common.family import Family, expect_kind, kind_of, spread
 from .common.rotations import random_rotation
 from .surfaces.tubes import FourierCurve, TubeSurface, circle, ellipse, nearest_approach, torus_knot
 
-SLIM = 0.08  # radius of the tubes of a chain, at least: wide gaps ask for slim rings
+SLIM = 0.08  # least radius of the tubes of a chain: wide gaps need slim rings
 TORUS_KNOTS = ((2, 3), (3, 2), (2, 5), (3, 4), (3, 5), (2, 7), (5, 2), (4, 3))
 
 
@@ -36,7 +36,7 @@ class Strands(NamedTuple):
 
 
 def _filled(curves: list[FourierCurve], gap: float, facts: dict[str, object]) -> Strands:
-    """As thick tubes as leave the gap, a fraction of the diagonal, but no thicker than bends allow."""
+    """The thickest tubes that leave the gap, a fraction of the diagonal, but no thicker than bends allow."""
     nearest = nearest_approach(curves)
     # 80 % of the least radius of curvature keeps the inside of bends from creasing.
     largest = 0.8 / max(curve.curvature for curve in curves)
@@ -64,16 +64,16 @@ def _figure_eight(rng: np.random.Generator, gap: float) -> Strands:
 
 
 def _chain(rng: np.random.Generator, gap: float) -> Strands:
-    """Round rings in a row; each hangs taut in the one before, up to the gap."""
+    """Round rings in a row; each hangs taut in the previous one, up to the gap."""
     rings, radius = int(rng.integers(3, 7)), float(rng.uniform(0.16, 0.34))
     turns = np.cumsum(pi / 2 + rng.uniform(-0.3, 0.3, size=rings))
-    # Rings that cross at right angles or nearly so are nearest on the axis of the chain, 2 - shift apart.
+    # Rings that cross at about right angles are nearest on the axis of the chain, 2 - shift apart.
     across = [2 * float(np.abs(side(turns)).max()) + 2 * radius for side in (np.cos, np.sin)]
     shift = 2 - 2 * radius
     for _ in range(8):  # the diagonal depends a little on the gap
         along = 2 + (rings - 1) * shift + 2 * radius
         apart = min(gap * sqrt(across[0] ** 2 + across[1] ** 2 + along**2), 2 / 3 - 2 * SLIM)
-        # A ring and the next but one lie in planes that are nearly one: 2 shift - 2 - 2 radius is to leave the gap.
+        # A ring and the next but one lie in nearly the same plane: 2 shift - 2 - 2 radius must leave the gap.
         radius = min(radius, 1 / 3 - apart / 2)
         shift = 2 - 2 * radius - apart
     curves = [_ring(turn, k * shift) for k, turn in enumerate(turns)]
@@ -107,14 +107,14 @@ class Knots(Family):
     """Tubes around torus knots, chains of rings, Borromean rings and the figure-eight knot; near contacts.
 
     All points at one distance from closed curves, one torus for each curve: exact samples, normals and closest points.
-    In turn of each kind, turned at random. The gap between the strands, as a fraction of the bounding box's diagonal,
-    is spread evenly (in its logarithm) between two limits by a golden-ratio sequence; the tubes are as thick as it
+    Each kind in turn, rotated at random. The logarithm of the gap between the strands, as a fraction of the bounding
+    box's diagonal, is spread evenly between two limits by a golden-ratio sequence; the tubes are as thick as the gap
     allows, unless they would crease in bends.
     """
 
     kind: Literal["all", "torus_knot", "chain", "borromean", "figure_eight"] = "all"  # of knot or link
     gap_low: float = 0.004  # narrowest gap between strands, as a fraction of the bounding box's diagonal
-    gap_high: float = 0.06  # widest gap that is asked for; bends may leave more
+    gap_high: float = 0.06  # widest requested gap; tubes that are limited by bends leave a wider one
 
     def __post_init__(self) -> None:
         expect_kind("kind", self.kind, KINDS)

@@ -1,4 +1,4 @@
-"""A dataset that is made of others."""
+"""A dataset that combines others."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Item = TypeVar("Item", Shape, ShapePair)
 class Mixture:
     """Several datasets in turn: one shape of each, then the next of each.
 
-    Shape number k of a family is number k of that family alone, with the same mesh, surface, tags and attributes; its
-    ``info`` has the name of the family. Its id is its own where that begins with the family's name and a hyphen, as
-    those of all shipped families do; otherwise, or where the id is taken, the name and a hyphen are put before it. A
-    family that is named a second time, with other parameters for instance, is called ``cad.2``. A family that has no
+    Shape number k of a family is the same as shape number k of that family alone, with the same mesh, surface, tags and
+    attributes; its ``info`` has the name of the family. It keeps its id if that begins with the family's name and a
+    hyphen, as in all shipped families; otherwise, or if the id is taken, the name and a hyphen are put before it. A
+    family that is named a second time, for instance with other parameters, is called ``cad.2``. A family that has no
     more shapes is left out from then on.
 
-    The mixture has ``pairs`` where one of the families has them, and a state (hashes of your files) where one has.
+    The mixture has ``pairs`` if one of the families has them, and a state (hashes of your files) if one has.
     """
 
     # datasets: names, or {name: {parameter: value}}
@@ -36,7 +36,7 @@ class Mixture:
     def __post_init__(self) -> None:
         if not self.of:
             raise ValueError("of: expected at least one dataset, for instance [fbm, reliefs, cad]")
-        _ = self._families  # mistakes are refused here, not when the first shape is made
+        _ = self._families  # reports mistakes here, not when the first shape is made
 
     @cached_property
     def _parts(self) -> tuple[Any, ...]:
@@ -44,7 +44,7 @@ class Mixture:
 
     @cached_property
     def _families(self) -> dict[str, Any]:
-        """The datasets by what they are called."""
+        """The datasets by name."""
         families: dict[str, Any] = {}
         for plugin, dataset in self._parts:
             number = 1 + sum(p is plugin for p, _ in self._parts[: len(families)])
@@ -53,7 +53,7 @@ class Mixture:
 
     @property
     def plugins(self) -> tuple[Plugin, ...]:
-        """The plugins of the families, and those that they are made of."""
+        """The plugins of the families, and the plugins that these combine."""
         return tuple(plugin for part in self._parts for plugin in part.plugins)
 
     def shapes(self, split: str) -> Iterator[Shape]:
@@ -76,7 +76,7 @@ class Mixture:
         return _in_turn({name: family.pairs(split) for name, family in families.items()})
 
     def check(self, split: str) -> None:
-        """Let each family that has a check say what is wrong with it."""
+        """Run the check of each family that has one."""
         for family in self._families.values():
             check = getattr(family, "check", None)
             if check:
@@ -84,7 +84,7 @@ class Mixture:
 
     @property
     def state(self) -> Callable[[], dict[str, str]]:
-        """``state()``: what the families say of their own state.
+        """``state()``: the states that the families report.
 
         Raises
         ------
@@ -106,7 +106,7 @@ class Mixture:
 
 
 def _in_turn(streams: Mapping[str, Iterator[Item]]) -> Iterator[Item]:
-    """One item of each stream in turn, under ids that no two share; what ends is left out."""
+    """One item of each stream in turn, under unique ids; streams that end are left out."""
     streams, taken = dict(streams), set()
     while streams:
         for name, stream in list(streams.items()):
@@ -122,7 +122,7 @@ def _in_turn(streams: Mapping[str, Iterator[Item]]) -> Iterator[Item]:
 
 
 def _called(item: Item, id: str, family: str) -> Item:
-    """The item under another id; the shapes of a pair say the family too."""
+    """The item under another id; the info of its shapes, or of both shapes of a pair, names the family."""
     if isinstance(item, ShapePair):
         source, target = (shape.renamed(shape.id, family=family) for shape in (item.source, item.target))
         return replace(item, id=id, source=source, target=target)

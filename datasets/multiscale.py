@@ -19,8 +19,8 @@ FAMILIES = (Fbm, Reliefs, Fractals)
 class Multiscale:
     """Shapes with detail on several scales: the rough of `fbm`, the fine of `reliefs`, and `fractals`.
 
-    What a method does with fine detail on a coarse shape, in one dataset: rough, carved and stacked. The shapes are
-    those of their families, under their ids, one of each family in turn.
+    One dataset to test how a method treats fine detail on a coarse shape: rough, carved and stacked. The shapes and ids
+    are those of the families, one of each family in turn.
     """
 
     def shapes(self, split: str) -> Iterator[Shape]:
@@ -32,5 +32,5 @@ class Multiscale:
 
 
 def _fine(shapes: Iterator[Shape]) -> Iterator[Shape]:
-    """Those that are not made without fine detail; known from their parameters, so nothing is built."""
+    """The shapes that have fine detail; their parameters show it, so nothing is built."""
     return (shape for shape in shapes if shape.info.get("fine", True))

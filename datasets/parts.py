@@ -1,4 +1,4 @@
-"""Machine parts with true fillets and with numbers that are engraved or embossed; the mesh is the truth."""
+"""Machine parts with true fillets and with engraved or embossed numbers; the mesh is the truth."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .solids.filleted import KINDS
 class Parts(Family):
     """Milled and cast parts: plates, brackets, flanges, housings and dials with true fillets and legible numbers.
 
-    Closed manifold meshes of one component, in turn of each kind, turned at random. Edges are rounded by arcs, some
-    inner corners too; holes are drilled and countersunk. Numbers are engraved or embossed. Info: ``text``, what is
-    written; ``height``, ``depth`` and ``stroke`` of the lettering (a negative depth is embossed) and the smallest
-    ``fillet``, relative to the diagonal of the box before the part is turned.
+    Closed manifold meshes of one component, each kind in turn, rotated at random. Edges are rounded by arcs, some
+    inner corners too; holes are drilled and countersunk. Numbers are engraved or embossed. Info: the ``text``;
+    ``height``, ``depth`` and ``stroke`` of the lettering (a negative depth is embossed) and the smallest ``fillet``,
+    relative to the diagonal of the box before the part is rotated.
     """
 
     kind: Literal["all", "plate", "bracket", "flange", "housing", "dial"] = "all"  # of part

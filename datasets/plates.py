@@ -20,10 +20,10 @@ KINDS = ("corrugated", "folded", "flat", "egg_box")
 class Plates(Family):
     """Sheets of constant thickness; exact samples, normals and closest points.
 
-    A middle surface (a rectangle, a sine wave, flats with round bends between them, or an egg box) is moved by half the
-    thickness to either side, exactly. The ratios of thickness to length run evenly, by decades, through the range. The
-    ends are straight or, for every other shape of the other kinds than egg boxes, half-round. A hem is folded back onto
-    itself. Shapes are turned at random.
+    A middle surface (a rectangle, a sine wave, flats with round bends between them, or an egg box) is moved exactly by
+    half the thickness to either side. The logarithms of the ratios of thickness to length are spread evenly over the
+    range. The ends are straight or, for every other shape except egg boxes, half-round. A hem is folded back onto
+    itself. Shapes are rotated at random.
     """
 
     ratio_low: float = 3e-3  # thinnest sheet: thickness over the length of 2

@@ -1,4 +1,4 @@
-"""Reliefs and engravings: a known displacement over a known base, and the same on another base."""
+"""Reliefs and engravings: a known displacement of a known base, and the same displacement on another base."""
 
 from __future__ import annotations
 
@@ -26,29 +26,29 @@ BASES = {"ball": draw_ball, "vase": draw_vase, "ring": draw_ring}
 PATTERNS = ("hexagons", "letters", "knurl", "weave")
 AMPLITUDES = (1e-1, 1e-2, 1e-3)
 PERIODS = {1e-1: 5, 1e-2: 18, 1e-3: 36}  # of a pattern around the body: it gets finer as it gets lower
-HIGH = 10  # fewer periods than these are those of the highest amplitude
-FINE = 0.12  # a pattern with a period below this fraction of the diagonal is detail on another scale than its base
+HIGH = 10  # patterns with fewer periods have the highest amplitude
+FINE = 0.12  # a pattern with a period below this fraction of the diagonal has a finer scale than its base
 
 
 @register("dataset", requires=("igl", "scipy", "trimesh"))
 @dataclass(frozen=True)
 class Reliefs:
-    """Honeycombs, letters, knurls and weaves embossed in, or engraved into, smooth bases; all is known exactly.
+    """Honeycombs, letters, knurls and weaves embossed on, or engraved into, smooth bases; all is known exactly.
 
     A shape is ``b(u, v) + h(u, v) n(u, v)`` with a base b, its unit normal n, and a height h that ranges over 1e-1,
     1e-2 or 1e-3 of the base's bounding-box diagonal, in turn. The attributes ``base_vertices``, ``base_normals`` (v, 3)
     and ``displacement`` (v,) belong to the mesh: its vertices are ``base_vertices + displacement * base_normals``.
-    ``pairs`` gives the ground truth of a detail transfer: source and target carry the same displacement at the same
+    ``pairs`` gives the ground truth of a detail transfer: source and target have the same displacement at the same
     (u, v), on two bases. A ball's and a vase's normals differ at the same (u, v), by more than a period of a fine
     pattern: for methods that are defined for roughly aligned shapes, ``targets=alike`` draws the target's base from
     the source's own family.
 
-    The highest reliefs stand out, lower ones go either way.
+    The highest reliefs point outwards, lower ones outwards or inwards.
     """
 
     cells: int = 512  # of the tessellation around the body: the finest pattern has 36 periods
     amplitude: float = 0.0  # of all reliefs, relative to the base's diagonal: 0.1, 0.01 or 0.001; 0 for each in turn
-    targets: Literal["other", "alike"] = "other"  # a ball's relief goes to a vase and a vase's to a ball, or to its own
+    targets: Literal["other", "alike"] = "other"  # transfer between balls and vases, or within one family of bases
 
     def __post_init__(self) -> None:
         if not 32 <= self.cells <= 4096 or self.cells % 16:
@@ -62,7 +62,7 @@ class Reliefs:
             yield _shape(f"reliefs-{split}-{index:03d}", *self._draw(split, index)[:2])
 
     def pairs(self, split: str) -> Iterator[ShapePair]:
-        """Pairs with the displacement of shape number i: on its own base (source) and on another one (target)."""
+        """Pairs with the displacement of shape number i: on its own base (source) and on another base (target)."""
         for index in count():
             info, source, target = self._draw(split, index)
             id = f"reliefs-{split}-{index:03d}"
@@ -100,9 +100,9 @@ class Relief:
 
     base: Base
     pattern: str
-    height: float  # the largest displacement, negative where it goes inwards
-    around: int  # periods around the body
-    aspect: float  # of the base that the pattern was made for: as many periods along as make it even there
+    height: float  # the largest displacement, negative for engravings
+    around: int  # number of periods around the body
+    aspect: float  # of the base that the pattern is made for; the number of periods along u makes it even there
     seed: int
     cells: int
     rotation: np.ndarray
@@ -112,7 +112,7 @@ class Relief:
         n = self.around
         # Periods over 2 pi of u for cells about as high as wide.
         across = self.aspect * n
-        high = n < HIGH  # a high relief has flatter flanks: wide studs and narrow grooves would be towers and clefts
+        high = n < HIGH  # a high relief has flatter flanks: otherwise studs and grooves would be towers and clefts
         if self.pattern == "hexagons":
             return hexagons(max(2, round(across * 3**0.5 / 2)), max(2, round(n / 2)), 0.3 if high else 0.55)
         if self.pattern == "knurl":

@@ -22,7 +22,7 @@ SEGMENTS = 64
 
 
 class Item(NamedTuple):
-    """A solid that stands on z = 0, centred in x and y."""
+    """A solid on the plane z = 0, centred in x and y."""
 
     size: np.ndarray  # of its bounding box
     build: Callable[[], Manifold]
@@ -34,7 +34,7 @@ class Item(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """An item of a scene and where its foot is."""
+    """An item of a scene and the position of its foot."""
 
     item: Item
     place: np.ndarray
@@ -47,7 +47,7 @@ class Placed(NamedTuple):
 
 
 def row(rng: np.random.Generator, gap: float) -> list[Placed]:
-    """Things that stand side by side, over a board."""
+    """Solids side by side, over a board."""
     items = [_thing(rng) for _ in range(int(rng.integers(4, 7)))]
     placed, x = [], 0.0
     for item in items:
@@ -88,7 +88,7 @@ def nested(rng: np.random.Generator, gap: float) -> list[Placed]:
     """Pipes within pipes, and a peg in the middle, over a board."""
     placed, radius = [], rng.uniform(0.12, 0.2)
     height = rng.uniform(0.8, 1.2)
-    inner, clear = 0.0, gap / cos(pi / SEGMENTS)  # between two polygons the walls are nearer than the corners
+    inner, clear = 0.0, gap / cos(pi / SEGMENTS)  # the flat walls of two polygons are nearer than their corners
     for i in range(int(rng.integers(3, 5))):
         tall = height * (1 - 0.17 * i)
         placed.append(_pipe(inner, inner + radius, tall).at(0, 0, 0))
@@ -118,12 +118,12 @@ KINDS = {kind.__name__: kind for kind in (row, links, stack, nested, leaning)}
 class Scenes(Family):
     """Several solids with one gap between neighbours: rows, chains, stacks, nested pipes and leaning boards.
 
-    Gaps are spread evenly over their logarithm between the two limits. Every solid is a component of
-    its own; the scene is turned at random. Info: ``gap``, relative to the diagonal of the scene's box before it is
-    turned, and ``size``, that diagonal.
+    The logarithms of the gaps are spread evenly between the two limits. Every solid is a separate component; the scene
+    is rotated at random. Info: ``gap``, relative to the diagonal of the scene's box before the rotation, and ``size``,
+    that diagonal.
     """
 
-    gap_low: float = 1e-3  # narrowest gap, relative to about the size of the scene
+    gap_low: float = 1e-3  # narrowest gap, relative to the approximate size of the scene
     gap_high: float = 1e-1  # widest
     kind: Literal["all", "row", "links", "stack", "nested", "leaning"] = "all"  # of scene
 

@@ -27,11 +27,11 @@ ALONG_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # turns
 class SmoothCsg(Family):
     """Smooth booleans of rounded primitives; exact samples, normals and closest points.
 
-    In turn a machine part (plate or flange with bosses, ribs and holes), an organic body (limbs grown on one another),
-    a housing (a hollow body with windows) and a joint of pipes. Where bodies meet, a polynomial blend makes a fillet,
-    twice continuously differentiable; its width, as a multiple of what is usual for the kind, is spread evenly between
-    two limits (a golden-ratio sequence): near 0.5 edges look almost sharp, near 1.5 they melt. Genus is not known
-    before the mesh is made.
+    In turn a machine part (plate or flange with bosses, ribs and holes), an organic body (limbs that grow on one
+    another), a housing (a hollow body with windows) and a joint of pipes. Where bodies meet, a polynomial blend makes a
+    fillet, twice continuously differentiable; its width, as a multiple of the kind's usual width, is spread evenly
+    between two limits (a golden-ratio sequence): near 0.5 edges look almost sharp, near 1.5 they look melted. The genus
+    is not known before the mesh is made.
     """
 
     kind: Literal["all", "machine", "organic", "housing", "pipes"] = "all"  # of body
@@ -65,7 +65,7 @@ def _body(rng: np.random.Generator, kind: str, blend: float) -> Body:
 
 
 def _around(radius: float, number: int, phase: float = 0.0) -> np.ndarray:
-    """Places (number, 3) on a circle about the axis z."""
+    """Points (number, 3) on a circle about the axis z."""
     angle = phase + np.arange(number) * (2 * pi / number)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(number)], axis=1)
 
@@ -190,7 +190,7 @@ def _pipes(rng: np.random.Generator, blend: float) -> Node:
 
 
 def _spread_directions(rng: np.random.Generator, number: int) -> np.ndarray:
-    """Unit vectors (number, 3), each the one of forty that keeps farthest from those before."""
+    """Unit vectors (number, 3), each the one of forty that is farthest from the previous ones."""
     chosen = np.empty((0, 3))
     for _ in range(number):
         candidates = rng.normal(size=(40, 3))
@@ -201,14 +201,14 @@ def _spread_directions(rng: np.random.Generator, number: int) -> np.ndarray:
 
 
 def _towards(rng: np.random.Generator, direction: np.ndarray) -> np.ndarray:
-    """A rotation that takes the axis z to ``direction``, at random about it."""
+    """A rotation that takes the axis z to ``direction``, with a random angle about it."""
     side = np.cross(direction, rng.normal(size=3))
     side /= np.linalg.norm(side)
     return np.stack([side, np.cross(direction, side), direction], axis=1)
 
 
 def _on_surface(rng: np.random.Generator, node: Node) -> tuple[np.ndarray, np.ndarray]:
-    """A random place on a body, seen from outside, and the normal there: two (3,) arrays."""
+    """A random point of a body's outer surface, and the normal there: two (3,) arrays."""
     point = rng.normal(size=(1, 3))
     point *= 1.5 / np.linalg.norm(point)
     for _ in range(60):  # values are lower bounds of the distance, so the steps do not run through the surface

@@ -28,15 +28,15 @@ class Statues(Family):
     """Busts, draped figures and carved panels with detail over three decades; exact samples and closest points.
 
     Stand-ins for scans of sculptures. In turn a bust on its foot, a standing figure in dress and mantle, and a panel
-    with a head in relief. Detail belongs to the form and has its direction: strands of hair run from the crown, curls
-    and beards grow where they grow on people, folds hang from shoulders and are drawn tight over a knee, ornaments
-    follow their frame. Relative to the radius, limbs and heads are about 0.3 in size, features 0.03, strands and
-    folds from 0.03 down to 0.003, and pores and marks of tools 0.0005. All is one formula of x, y and z, smooth unions
-    of primitives and displacements of them, whose gradients are exact. Upright, z up, facing -y.
+    with a head in relief. Detail follows the form and its directions: strands of hair run from the crown, curls and
+    beards grow where they grow on people, folds hang from shoulders and are tight over a knee, ornaments follow their
+    frame. Relative to the radius, limbs and heads are about 0.3 in size, features 0.03, strands and folds from 0.03
+    down to 0.003, and pores and tool marks 0.0005. A shape is one formula of x, y and z, smooth unions of primitives
+    and displacements of them, whose gradients are exact. Upright, z up, facing -y.
     """
 
     kind: Literal["all", "bust", "figure", "relief"] = "all"  # of sculpture
-    detail: float = 1.0  # height of hair, folds, ornaments and pores, as a multiple of the usual one; 0 leaves forms
+    detail: float = 1.0  # height of hair, folds, ornaments and pores, as a multiple of the usual one; 0: forms only
     resolution: float = 110.0  # edges of the mesh along the radius; faces grow with its square
 
     def __post_init__(self) -> None:
@@ -74,7 +74,7 @@ class Statues(Family):
         return Body(Sculpture(form, SLOPE, np.eye(3)), np.array(low), np.array(high), size / self.resolution)
 
 
-SLOPE = 2.6  # of the functions, but for rare flanks of ornaments and locks
+SLOPE = 2.6  # largest slope of the functions, except on rare flanks of ornaments and locks
 
 
 def _bust(rng: np.random.Generator, variant: int, detail: float) -> tuple[Made, Carver]:
@@ -100,4 +100,4 @@ KINDS = {
     "figure": ((-1.0, -0.95, -0.2), (1.0, 0.6, 2.2), draped.SIZE, _figure),
     "relief": ((-1.1, -1.1, -1.4), (1.1, 0.3, 1.4), panels.SIZE, _relief),
 }
-"""Of each kind the corners of its box, its radius, and what makes it."""
+"""For each kind the corners of its box, its radius, and the function that makes it."""

@@ -27,17 +27,17 @@ class Superquadrics(Family):
     """Superellipsoids and supertoroids; exact samples, normals and closest points.
 
     The surface is ``((|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) + |z/c|^(2/e1) = 1`` (Barr 1981), parametrised by the polar
-    angles of its two superellipses, so that tangents stay finite; every fourth shape is a ring of that section. Small
-    exponents give boxes with narrow rounds, 1 an ellipsoid, 2 an octahedron. The pairs (e1, e2) of the shapes fill the
-    square between the limits evenly; where one is 2 there is a true edge. ``sharpest_turn`` in the info: by how many
-    degrees the normal turns, at most, within 2 % of the bounding-box diagonal. Shapes are turned at random.
+    angles of its two superellipses, so that tangents stay finite; every fourth shape is a ring with such a section.
+    Small exponents give boxes with narrow rounds, 1 an ellipsoid, 2 an octahedron. The pairs (e1, e2) of the shapes
+    fill the square between the limits evenly; an exponent of 2 gives a true edge. ``sharpest_turn`` in the info: the
+    largest rotation of the normal, in degrees, within 2 % of the bounding-box diagonal. Shapes are rotated at random.
     """
 
     exponent_low: float = 0.1  # smallest exponent: 0.1 is a box with rounds of 7 % of its half width
     exponent_high: float = 2.0  # largest exponent: 2 is an octahedron
     kind: Literal["all", "ellipsoid", "toroid"] = "all"  # of body
     rows: int = 160  # cells of the tessellation from pole to pole
-    columns: int = 256  # and around
+    columns: int = 256  # cells around
 
     def __post_init__(self) -> None:
         if not 0.05 <= self.exponent_low <= 2:

@@ -24,16 +24,15 @@ class Supershapes(Family):
     Each formula is ``r(t) = (|cos(m t / 4)|^p + |sin(m t / 4)|^p)^(-1 / q)``. With p below 2 its m tips are pointed
     (at p = 1 they are edges), above 2 they are rounded lobes with valleys between. ``q`` is chosen so that the largest
     radius is ``2^depth`` times the smallest. In turn: stars (pointed tips), flowers (round lobes), ridged ones (many
-    shallow pointed ridges) and lanterns (pointed around, lobed from pole to pole). ``sharpest_turn``
-    in the info: by how many degrees the normal turns, at most, within 2 % of the bounding-box diagonal. Shapes are
-    turned at random.
+    shallow pointed ridges) and lanterns (pointed around, lobed from pole to pole). ``sharpest_turn`` in the info: the
+    largest rotation of the normal, in degrees, within 2 % of the bounding-box diagonal. Shapes are rotated at random.
     """
 
     lobes_low: int = 3  # fewest lobes around
     lobes_high: int = 9  # most lobes around
     depth: float = 0.9  # of the deepest valleys: radii vary by a factor of 2^depth
     rows: int = 160  # cells of the tessellation from pole to pole
-    columns: int = 288  # and around
+    columns: int = 288  # cells around
 
     def __post_init__(self) -> None:
         if not 2 <= self.lobes_low <= 24:

@@ -1,4 +1,4 @@
-"""Teapots and mugs: bodies with a handle, so that a sphere does not turn into one without a tear."""
+"""Teapots and mugs: bodies with a handle, so that no sphere can be deformed into one without a tear."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Teapots(Family):
     """Teapots (body, lid, spout, handle) and mugs; of genus 1; exact samples, normals and closest points.
 
     Smooth unions of rounded primitives, as in ``smooth_csg``. A teapot is solid, a mug is hollow with a wall of
-    constant thickness. The hole of the handle is at least 0.2 radii wide: it shows in images of 128 pixels. Shapes are
-    turned at random.
+    constant thickness. The hole of the handle is at least 0.2 radii wide: visible in images of 128 pixels. Shapes are
+    rotated at random.
     """
 
     kind: Literal["all", "teapot", "mug"] = "all"  # in turn
@@ -79,7 +79,7 @@ def _mug(rng: np.random.Generator, size: float) -> Node:
 
 
 def _ring(rng: np.random.Generator, radius: float, size: float, raised: float) -> Node:
-    """An upright ring of a radius ``size`` at the side of a body of revolution; about a third of it is within."""
+    """An upright ring of radius ``size`` at the side of a body of revolution; about a third of it is inside."""
     thick = rng.uniform(0.08, 0.1)
     return Placed(sdf.torus(size, thick), np.array([-radius - 0.35 * size, 0, raised]), RING)
 

@@ -24,7 +24,7 @@ MIDDLE, FLAT = 0.0, pi / 2  # of each coordinate at the ball's centre
 
 
 class Window(NamedTuple):
-    """A range of sizes over which the genus does not change, whatever the thickness or level drawn."""
+    """A range of sizes over which the genus does not change, for any drawn thickness or level."""
 
     centre: float
     fewest: float  # periods along the diameter
@@ -78,9 +78,9 @@ SYMMETRY = {
 class Tpms(Family):
     """Gyroid, Schwarz P and Schwarz D in a ball, as sheets and solids; exact samples, normals and closest points.
 
-    A sheet is what lies around the minimal surface ``g = 0``, with a round rim at the ball; a solid is one of its two
-    sides, ``g <= t``, with a blunt edge there. Sizes are drawn from ranges over which the genus is known (3 to 70),
-    thickness or t at random, and all is turned at random.
+    A sheet is a thin layer around the minimal surface ``g = 0``, with a round rim at the ball; a solid is one of its
+    two sides, ``g <= t``, with a blunt edge at the ball. Sizes are drawn from ranges over which the genus is known (3
+    to 70), thickness or t at random, and shapes are rotated at random.
     """
 
     kind: Literal["all", "gyroid", "schwarz_p", "schwarz_d"] = "all"  # of minimal surface
@@ -133,7 +133,7 @@ def _body(kind: str, form: str, centre: float, cells: float, share: float, rotat
 
 
 def _sheet_level(kind: str, cells: float, thickness: float) -> float:
-    """The w for which the sheet ``|g| <= w`` is as thick as asked for at the flat points, where it is thinnest.
+    """The w for which the sheet ``|g| <= w`` has the given thickness at the flat points, where it is thinnest.
 
     Along the diagonal of the coordinates through a flat point, g is a function of one coordinate s.
     """

@@ -37,11 +37,11 @@ SECTIONS = ("flutes", "polygon", "round")
 class Vases(Family):
     """Hollow vessels with a real rim; exact samples, normals and closest points.
 
-    A profile, a quintic spline from the middle of the foot to the lip, is turned; above the foot its section blends
-    from a circle to flutes or to a twisted polygon with round edges. The wall is this surface moved by half its
-    thickness to either side, exactly, and ends in a half-round rim. The thickness of the shapes runs evenly through the
-    range. Every fourth shape is a single sheet with a true border at the lip. ``pairs`` stand upright, z up, are all
-    closed, and have nothing in common: kinds and sections of the two are drawn independently.
+    A profile, a quintic spline from the middle of the foot to the lip, is revolved; above the foot its section blends
+    from a circle to flutes or to a twisted polygon with round edges. The wall is this surface moved exactly by half its
+    thickness to either side, and ends in a half-round rim. The thickness of the shapes is spread evenly over the range.
+    Every fourth shape is a single sheet with a true border at the lip. ``pairs`` are upright, z up, all closed, and
+    independent: kinds and sections of the two are drawn separately.
     """
 
     thickness_low: float = 0.008  # thinnest wall, as a fraction of the bounding-box diagonal, about
@@ -94,7 +94,7 @@ class Vases(Family):
 
 @dataclass(frozen=True, eq=False)
 class Vessel:
-    """One vessel; all is drawn from its seed on first use."""
+    """One vessel, drawn from its seed on first use."""
 
     kind: str
     section: str
@@ -169,7 +169,7 @@ class Vessel:
         at = self.profile.points(t)
         steps = np.linalg.norm(np.diff(at, axis=0), axis=1)
         levels = pole_levels(np.abs(at[:, 0]) * (w[1] - w[0]), np.append(steps, steps[-1]), self.columns)
-        levels = np.where(t > 0.3, 0, levels)  # only the foot's columns thin out, and those of a slim neck do not
+        levels = np.where(t > 0.3, 0, levels)  # only the foot gets fewer columns, a slim neck does not
         wall = (0.0, 2 * pi)
         if self.single:
             return [Chart(self.middle, flip=True)], [Patch(0, t, w, levels, wall)]

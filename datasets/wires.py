@@ -18,13 +18,13 @@ from .solids.wirework import KINDS, solid
 class Wires(Family):
     """Strut lattices, wire cloth, springs, cages and masts of wire that is 0.15 to 0.45 % of the radius thick.
 
-    Round wires of eight sides along centre lines, closed manifolds, turned at random. The struts of lattices, cages and
-    masts are one body of high genus; the wires of a cloth, and a spring within another, are bodies of their own that
-    do not touch. Diameters are spread evenly over their logarithm between the two limits, relative to the distance of
-    the farthest wire from the middle. Info: ``thickness``, that diameter.
+    Round wires of eight sides along centre lines, closed manifolds, rotated at random. The struts of lattices, cages
+    and masts are one body of high genus; the wires of a cloth, and a spring within another, are separate bodies that
+    do not touch. The logarithms of the diameters, relative to the distance of the farthest wire from the middle, are
+    spread evenly between the two limits. Info: ``thickness``, that diameter.
     """
 
-    thickness_low: float = 0.0015  # diameter of the thinnest wire, relative to the radius of the whole
+    thickness_low: float = 0.0015  # diameter of the thinnest wire, relative to the radius of the shape
     thickness_high: float = 0.0045  # of the thickest
     kind: Literal["all", "lattice", "woven", "spring", "cage", "pylon"] = "all"  # of wirework
 

@@ -32,5 +32,5 @@ def turned(vertices: np.ndarray, faces: np.ndarray, rotation: np.ndarray) -> Tri
     """The mesh, turned by ``rotation`` (3, 3)."""
     from trimesh import Trimesh
 
-    # einsum, not a matrix product: the sum is the same to the last bit whatever library multiplies matrices.
+    # einsum, not a matrix product: the sum is the same to the last bit with every linear algebra library.
     return Trimesh(np.einsum("ij,nj->ni", rotation, vertices), faces, process=False)

@@ -84,7 +84,7 @@ class ParametricSurface:
                 if len(part):
                     jet = formula.position(*Jet.variables(u[part], v[part], order + formula.lost))
                     result[:, part] = np.moveaxis(jet.truncate(order).c, 1, 2)
-        # einsum, not a matrix product: the sum is the same to the last bit whatever library multiplies matrices.
+        # einsum, not a matrix product: the sum is the same to the last bit with every linear algebra library.
         return result if self._rotation is None else np.einsum("ij,tnj->tni", self._rotation, result)
 
     def at(self, patch: np.ndarray, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
