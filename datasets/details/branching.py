@@ -18,14 +18,14 @@ class Skeleton(NamedTuple):
 def colonise(goals: np.ndarray, trunk: np.ndarray, step: float, kill: float) -> tuple[np.ndarray, np.ndarray]:
     """Grow a tree towards goals, by space colonisation (Runions et al. 2007).
 
-    Every goal pulls at the node that is nearest to it; nodes that are pulled put out a new one. A goal that a node has
-    come near to is dropped.
+    Every goal attracts the node that is nearest to it; an attracted node grows a child towards its goals. A goal within
+    ``kill`` of a node is dropped.
 
     Parameters
     ----------
     goals : (m, 3) array
     trunk : (k, 3) array
-        The nodes at the start, each the child of the one before.
+        The initial nodes, each the child of the previous one.
     step : float
         The length of the segments.
     kill : float
@@ -40,7 +40,7 @@ def colonise(goals: np.ndarray, trunk: np.ndarray, step: float, kill: float) -> 
     nearest, distance = np.zeros(len(goals), dtype=int), np.full(len(goals), np.inf)
     fresh = 0
     for _ in range(200):
-        for node in range(fresh, len(points)):  # only the new nodes can be nearer than those known
+        for node in range(fresh, len(points)):  # only new nodes can be nearer than the known nearest ones
             to_node = np.sqrt(((goals - points[node]) ** 2).sum(axis=1))
             nearer = to_node < distance
             nearest[nearer], distance[nearer] = node, to_node[nearer]
@@ -53,7 +53,7 @@ def colonise(goals: np.ndarray, trunk: np.ndarray, step: float, kill: float) -> 
             direction = pull[nearest == node].sum(axis=0)
             length = np.sqrt((direction**2).sum())
             grown = points[node] + step * direction / length if length > 0.1 else None
-            # Two goals that pull equally from both sides would make the same node again and again.
+            # Two goals that attract equally from both sides would create the same node again and again.
             if grown is not None and min(((np.array(points[-80:]) - grown) ** 2).sum(axis=1)) > (0.3 * step) ** 2:
                 points.append(grown)
                 parent.append(int(node))
@@ -77,10 +77,10 @@ def murray_radii(parent: np.ndarray, tip: float, exponent: float) -> np.ndarray:
 
 
 def separate(skeleton: Skeleton, clearance: float) -> Skeleton:
-    """Without the twigs that come near to a part of the tree that is far from them along it.
+    """Remove the twigs that come near to a part of the tree that is far from them along the tree.
 
-    Two nodes clash where they are closer than ``clearance`` times the sum of their radii, although the way between
-    them along the tree is more than twice as long as that. Of the two the thinner one is cut off, with all that grows
+    Two nodes clash if they are closer than ``clearance`` times the sum of their radii, although the path between them
+    along the tree is more than twice as long as that. The thinner of the two is removed, with everything that grows
     from it.
     """
     from scipy.spatial import cKDTree
@@ -108,7 +108,7 @@ def separate(skeleton: Skeleton, clearance: float) -> Skeleton:
 
 
 def _common_ancestors(pairs: np.ndarray, parent: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """The node where the ways to the root of each pair (n, 2) meet: an (n,) array."""
+    """The lowest common ancestor of each pair (n, 2): an (n,) array."""
     a, b = pairs.T.copy()
     while (differ := a != b).any():
         climb_a, climb_b = differ & (depth[a] >= depth[b]), differ & (depth[b] >= depth[a])

@@ -2,7 +2,7 @@
 
 Folds follow the curve ``x = t - q/2 sin 2t, y = b sin t``. From q = 1 on it leans over, so that each fold has a neck;
 at ``t = -arccos(1/q)/2`` and ``pi - t`` both sides of a neck run along y, and are
-``pi + arccos(1/q) - sqrt(q^2 - 1)`` apart: nothing at q = 4.603.
+``pi + arccos(1/q) - sqrt(q^2 - 1)`` apart, which is 0 at q = 4.603.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ LEAST, TOUCHING = 1.6, 4.6034  # q of folds that just lean over, and of folds wh
 
 
 class Drapery(NamedTuple):
-    """A sheet x(u, v), the lines of its grid, and how near its folds come to each other."""
+    """A sheet x(u, v), the lines of its grid, and the gap between its folds."""
 
     position: Callable[[Jet, Jet], Jet]
     u: np.ndarray
     v: np.ndarray
-    gap: float | None  # where no fold faces another: none
+    gap: float | None  # None where no fold faces another
 
     @property
     def diagonal(self) -> float:
-        """Of the bounding box before rotation, to about a thousandth."""
+        """The diagonal of the bounding box before rotation, to about a thousandth."""
         u, v = np.meshgrid(np.linspace(self.u[0], self.u[-1], 513), np.linspace(self.v[0], self.v[-1], 17))
         points = self.position(*Jet.variables(u.ravel(), v.ravel(), 0)).value
         return float(np.linalg.norm(np.ptp(points, axis=1)))
 
 
 def neck(q: Any) -> Any:
-    """How far the sides of folds are apart where they are nearest, for q from 1 to 4.603, a number or
-    an array; folds are pi wide."""
+    """The least distance between the sides of a fold, for q from 1 to 4.603, a number or an array; folds are pi
+    wide."""
     return pi + np.arccos(1 / q) - np.sqrt(q * q - 1)
 
 
 def overhang(width: float, nearest: Callable[[float], float] = neck) -> float:
-    """The q of folds whose sides come as near as ``width``, by bisection; 1.6 where that is wider than folds are.
+    """The q of folds whose sides are ``width`` apart where nearest, by bisection; 1.6 if that is wider than folds are.
 
     ``nearest`` gives that distance for a q, in the unit of ``width``.
     """
@@ -108,7 +108,7 @@ def napkin(rng: np.random.Generator, gap: float) -> Drapery:
 
     def position(u: Jet, v: Jet) -> Jet:
         uneven = 1 + 0.08 * sin(0.7 * u + start[0])
-        # All layers are moved alike, along their stack: so they stay as far apart.
+        # All layers get the same shift along their stack, which keeps their distances.
         lift = high * sin(v * waves + start[1])
         return stack(uneven * deep * sin(u), v * width, (u - (0.5 * q) * sin(2 * u)) * pitch + lift)
 
@@ -139,7 +139,7 @@ def drape(rng: np.random.Generator, gap: float) -> Drapery:
     def position(u: Jet, v: Jet) -> Jet:
         square = (u * u + v * v) * (1 / bend**2)
         share = square / (1 + square)
-        real, imaginary = u, v  # of (u + i v)^folds, whose angle is that of (u, v) as many times
+        real, imaginary = u, v  # of (u + i v)^folds, whose angle is ``folds`` times that of (u, v)
         for _ in range(folds - 1):
             real, imaginary = real * u - imaginary * v, real * v + imaginary * u
         wave = (real * np.cos(turn) + imaginary * np.sin(turn)) * (square + 0.02) ** (-folds / 2) * bend**-folds
@@ -154,7 +154,7 @@ KINDS = {kind.__name__: kind for kind in (curtain, skirt, napkin, scroll, drape)
 
 
 def _lines(position: Callable[[Jet, Jet], Jet], ends: tuple[float, float], cells: int) -> np.ndarray:
-    """Lines of u, closer where the lower border of the sheet turns fast."""
+    """Grid lines of u, closer where the lower border of the sheet turns fast."""
     u = np.linspace(*ends, 20 * cells + 1)
     border = position(*Jet.variables(u, np.ones_like(u), 0)).value.T
     return graded_lines(border, u, cells, 0.4)

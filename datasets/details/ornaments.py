@@ -1,4 +1,4 @@
-"""Architectural ornament as heights: eggs and darts, beads, volutes, rosettes, engraved letters, marks of tools."""
+"""Architectural ornament as heights: eggs and darts, beads, volutes, rosettes, engraved letters, tool marks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .strands import Carver
 
 
 def repeated(along: Dual, period: float) -> Dual:
-    """The place within a period, -0.5..0.5."""
+    """The position within a period, -0.5..0.5."""
     t = along * (1 / period)
     return t - np.round(t.v)
 
@@ -74,9 +74,9 @@ def inscription(u: Dual, v: Dual, text: np.ndarray, height: float) -> Dual:
 
 
 def weathering(at: Point, carver: Carver, size: float) -> Dual:
-    """What weather and tools leave, in the unit of ``at``: pores everywhere and worn patches here and there.
+    """Traces of weather and tools, in the unit of ``at``: pores everywhere and worn patches in some places.
 
-    ``size`` is the radius of the whole; pores are 0.0005 of it deep, patches 0.003.
+    ``size`` is the radius of the shape; pores are 0.0005 of it deep, patches 0.003.
     """
     patch = carver.noise(scaled(at, 3.0 / size), 50)
     pores = carver.noise(scaled(at, 42.0 / size), 51) * (0.0007 * size)
@@ -86,7 +86,7 @@ def weathering(at: Point, carver: Carver, size: float) -> Dual:
 
 
 def chisel(along: Dual, across: Dual, carver: Carver, layer: int, pitch: float) -> Dual:
-    """Parallel marks of a toothed chisel, 0..1 about: they wander, start and end."""
+    """Parallel marks of a toothed chisel, about 0..1: wavy lines of limited length."""
     wander = carver.noise((along * (0.35 / pitch), across * (0.35 / pitch), across * 0.0), layer) * 1.2
     strength = carver.noise((along * (0.16 / pitch), across * (0.22 / pitch), across * 0.0), layer + 1) + 0.5
     return (sin(across * (2 * np.pi / pitch) + wander) * 0.5 + 0.5) * strength

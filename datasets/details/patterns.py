@@ -60,7 +60,7 @@ def knurl(across: int, around: int, steepness: float = 2.2) -> Pattern:
     Parameters
     ----------
     across, around : int
-        How many periods over 2 pi of u and of v.
+        Numbers of periods over 2 pi of u and of v.
     steepness : float
         1 for grooves as wide as the diamonds, more for narrower ones.
     """

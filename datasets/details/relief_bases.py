@@ -20,17 +20,17 @@ BALL_BAND = 1.4  # latitude beyond which the normal no longer matters to the rel
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A base, its formula and its rough measures."""
+    """A base, its formula and its approximate measures."""
 
     position: Callable[[Jet, Jet], Jet]
     is_ring: bool
     side: float  # the outward normal is side * x_u cross x_v
-    width: float  # radius at the equator, about
-    aspect: float  # length of a radian of u over that of a radian of v, about
+    width: float  # approximate radius at the equator
+    aspect: float  # approximate length of a radian of u divided by that of a radian of v
 
     @cached_property
     def diagonal(self) -> float:
-        """Of the bounding box."""
+        """The diagonal of the bounding box."""
         u = np.linspace(-pi, pi, 121) if self.is_ring else np.linspace(-pi / 2, pi / 2, 61)
         u, v = (m.ravel() for m in np.meshgrid(u, np.linspace(-pi, pi, 121)))
         return float(np.linalg.norm(np.ptp(self.position(*Jet.variables(u, v, 0)).value, axis=1)))
@@ -78,7 +78,7 @@ def _revolved(axes: tuple[float, float, float], profile: Callable[[Jet], Jet], b
 
 
 def draw_ring(rng: np.random.Generator) -> Base:
-    """A ring, elongated, of a thickness that varies, and not flat."""
+    """An elongated ring of varying thickness that is not flat."""
     tube, stretch, swell, lift = rng.uniform([0.33, 0.9, 0.0, 0.0], [0.4, 1.0, 0.15, 0.15])
     waves, phase = int(rng.integers(2, 4)), rng.uniform(0, 2 * pi)
 

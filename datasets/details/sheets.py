@@ -16,10 +16,10 @@ from ..surfaces.jets import Jet, cos, sin, stack, unit_normal
 from ..surfaces.parametric import Chart, Patch
 from ..surfaces.shells import Position, flat_end, offset, round_end
 
-LENGTH = 2.0  # of a sheet along u, about: folded ones are as long when unrolled
+LENGTH = 2.0  # approximate length of a sheet along u; folded ones have it when unrolled
 ROUND_CELLS = 10  # across a half-round end
 
-# Folds as turns in degrees between flats of the given relative lengths.
+# Folds as angles in degrees between flats of the given relative lengths.
 FOLDS: dict[str, tuple[Sequence[float], Sequence[float]]] = {
     "hat": ([1, 1, 1.4, 1, 1], [80, -80, -80, 80]),
     "hem": ([1.5, 1], [180]),
@@ -37,7 +37,7 @@ class Middle:
     width: float  # v runs from -width / 2 to width / 2
     finest: float  # radius of the tightest bend
     symmetry: str
-    gap: float | None = None  # between parts that face each other, where they come near
+    gap: float | None = None  # between parts that face each other, if they come near
 
 
 def flat(rng: np.random.Generator, thickness: float, turn: int) -> Middle:
@@ -116,7 +116,7 @@ class Sheet:
 
     @cached_property
     def diagonal(self) -> float:
-        """Of the bounding box before rotation, to about a thousandth."""
+        """The diagonal of the bounding box before rotation, to about a thousandth."""
         points = []
         for position, low, high in self.middle.pieces:
             u, v = np.meshgrid(np.linspace(low, high, 65), np.linspace(-0.5, 0.5, 33) * self.middle.width)
@@ -145,7 +145,7 @@ class Sheet:
         pieces = self.middle.pieces
         for k, (position, low, high) in enumerate(pieces):
             u = _lines(low, high, self._length(position, low, high), self.spacing)
-            if len(pieces) > 1 and k % 2:  # a bend: 10 degrees a cell at most
+            if len(pieces) > 1 and k % 2:  # a bend: at most 10 degrees per cell
                 u = np.linspace(low, high, max(len(u), int((high - low) / radians(9)) + 1))
             add(offset(position, half), False, u, v)
             add(offset(position, -half), True, u, v)

@@ -1,4 +1,4 @@
-"""Carved detail that follows a direction: locks and strands of hair, snail curls, folds of cloth, marks of a chisel.
+"""Carved detail that follows a direction: locks and strands of hair, snail curls, folds of cloth, chisel marks.
 
 Isotropic noise is stretched along a direction field by evaluating it in coordinates that change slowly along the
 field's lines and fast across them.
@@ -28,11 +28,11 @@ class Carver:
         self._shifts = rng.uniform(0, 256, size=(64, 3))
 
     def noise(self, at: Point, layer: int) -> Dual:
-        """Gradient noise in -0.87..0.87; a layer is the same noise from elsewhere."""
+        """Gradient noise in -0.87..0.87; a layer is the same noise with another shift."""
         return self._noise.at(shifted(at, self._shifts[layer].tolist()))
 
     def locks(self, a: Dual, b: Dual, along: Dual, layer: int, levels: int, *, crease: float = 0.06) -> Dual:
-        """Round strands with creases between them, each split into finer ones, 0..1 about.
+        """Round strands with creases between them, each split into finer ones, about 0..1.
 
         ``a`` and ``b`` change by 1 across a strand of the first level, ``along`` by 1 along it.
         """
@@ -48,7 +48,7 @@ class Carver:
         return total
 
     def folds(self, across: Dual, along: Dual, layer: int) -> Dual:
-        """Folds of cloth: broad ridges with narrow valleys that start, fork and end, 0..1 about."""
+        """Folds of cloth: broad ridges with narrow valleys that start, fork and end, about 0..1."""
         wide = soft_abs(self.noise((across, along * 0.22, along * 0.1), layer), 0.05)
         fine = soft_abs(self.noise((across * 2.3, along * 0.45, across * 0.2), layer + 1), 0.06)
         return wide * 1.3 + fine * 0.45
@@ -77,7 +77,7 @@ class Curls:
         return cKDTree(self.centres)
 
     def height(self, direction: Point) -> Dual:
-        """The relief at unit vectors, 0..1.3 about."""
+        """The relief at unit vectors, about 0..1.3."""
         reach = 0.92 * self.spacing
         places = np.stack([d.v for d in direction], axis=1)
         distances, nearest = self._tree.query(places, k=8)
@@ -109,16 +109,16 @@ def _added(total: Dual, rows: np.ndarray, part: Dual) -> Dual:
 
 
 def about_axis(direction: Point, axes: np.ndarray, wave: float, turns: float, swirl: float) -> tuple[Dual, Dual, Dual]:
-    """Coordinates of strands that leave an axis: (cosine, sine) of the angle about it, and the way from it.
+    """Coordinates of strands that leave an axis: (cosine, sine) of the angle about it, and the distance from it.
 
     Parameters
     ----------
     direction : unit vectors
     axes : (3, 3) array, its last row the axis
     wave, turns : float
-        How far strands swing to the sides, in radians, and how often along the way.
+        How far strands swing to the sides, in radians, and how often along their length.
     swirl : float
-        How far they turn about the axis in all.
+        Their total rotation about the axis.
     """
     h1, h2, up = (dot(direction, row) for row in axes.tolist())
     way = length(h1, h2, up - 1)

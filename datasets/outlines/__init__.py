@@ -1,1 +1,1 @@
-"""Closed curves in the plane: glyphs that a pen draws, blobs, polygons and stars."""
+"""Closed curves in the plane: glyphs drawn by a pen, blobs, polygons and stars."""

@@ -6,12 +6,12 @@ import numpy as np
 
 from .pieces import polygon, spline
 
-WAVES = 8  # of a blob, at most, around it
-LEAST = 0.35  # radius of a blob, relative to its mean
+WAVES = 8  # most waves around a blob
+LEAST = 0.35  # least radius of a blob, relative to its mean
 
 
 def blob(rng: np.random.Generator) -> np.ndarray:
-    """A smooth body: a radius of up to eight waves over the angle, always positive, then made longer than wide."""
+    """A smooth body: a positive radius of up to eight waves over the angle, squeezed in one direction."""
     angles = np.linspace(0, 2 * np.pi, 12 * WAVES, endpoint=False)
     k = np.arange(2, WAVES + 1)
     heights = rng.normal(size=len(k)) / k ** rng.uniform(0.3, 1.2)
@@ -22,7 +22,7 @@ def blob(rng: np.random.Generator) -> np.ndarray:
 
 
 def rounded(rng: np.random.Generator) -> np.ndarray:
-    """A polygon of three to nine corners, each with a bend of its own polygon's size."""
+    """A polygon of three to nine corners, all rounded by the same share."""
     n = int(rng.integers(3, 10))
     angles = 2 * np.pi * (np.arange(n) + rng.uniform(-0.25, 0.25, n)) / n
     corners = rng.uniform(0.75, 1.0, n)[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -1,9 +1,9 @@
-"""Digits and letters: strokes that vary like a hand's, drawn by a round pen, and the outline of the ink.
+"""Digits and letters: strokes that vary as in handwriting, drawn by a round pen, and the outline of the ink.
 
-The ink of a pen that moves along a stroke is a Gaussian around each place of it; the outline is where their sum has the
-value that it has beside a long straight stroke, half a line's width away. So strokes that meet run into each other
-smoothly, and loops leave holes. The outline is followed on a grid, knots are put on it evenly, and the closed cubic
-spline through them is the curve: it, not the ink, is the truth.
+The ink of a pen that moves along a stroke is a Gaussian around each point of it; the outline is the level set of their
+sum, at the value half a line's width beside a long straight stroke. So strokes that meet merge smoothly, and loops
+leave holes. The outline is traced on a grid, knots are put on it evenly, and the closed cubic spline through them is
+the curve: the spline, not the ink, is the truth.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from .pieces import area, spline, turned
 
 # On a field of -0.6..0.6 x -1..1. A stroke is a text of points: "~" is smooth through them, "o" smooth and closed,
-# "-" straight from each to the next. Beside it, how many closed curves the outline has.
+# "-" straight from each to the next. The number before the strokes is that of the outline's closed curves.
 GLYPHS = {
     "digit": {
         "0": (2, ["o .5,0 .38,.7 0,1 -.38,.7 -.5,0 -.38,-.7 0,-1 .38,-.7"]),
@@ -44,9 +44,9 @@ GLYPHS = {
     },
 }  # fmt: skip
 
-GRID = 0.02  # cells of the grid on which the outline is followed
-INK = 0.02  # between the places of a stroke
-KNOTS = 0.045  # between the knots of the spline; the ends of strokes have radii from about 0.08 on
+GRID = 0.02  # cells of the grid on which the outline is traced
+INK = 0.02  # distance between the sample points of a stroke
+KNOTS = 0.045  # distance between the knots of the spline; the ends of strokes have radii from about 0.08 on
 SPREAD = 0.8  # of the Gaussian, in halves of a line's width
 TRIES = 5  # each with a steadier hand and a thinner pen, until the outline has its holes
 
@@ -54,7 +54,7 @@ TRIES = 5  # each with a steadier hand and a thinner pen, until the outline has 
 def glyph(kind: str, name: str, rng: np.random.Generator) -> list[np.ndarray]:
     """The outline of a glyph: its closed curves, (m, 4, 2) control points each, with the ink on their left.
 
-    Slant, proportions, width of the pen and the places of the points vary with ``rng``.
+    Slant, proportions, width of the pen and the positions of the points vary with ``rng``.
     """
     count, strokes = GLYPHS[kind][name]
     pen = rng.uniform(0.1, 0.17)
@@ -74,7 +74,7 @@ def glyph(kind: str, name: str, rng: np.random.Generator) -> list[np.ndarray]:
 
 
 def _places(strokes: list[str], shifts: list[np.ndarray]) -> list[np.ndarray]:
-    """Places along each stroke, (n, 2), whose points are moved by ``shifts``; shared ends stay together."""
+    """Sample points (n, 2) along each stroke, whose points are moved by ``shifts``; shared ends stay together."""
     from scipy.interpolate import CubicSpline
 
     moved: dict[tuple[float, ...], np.ndarray] = {}
@@ -95,7 +95,7 @@ def _places(strokes: list[str], shifts: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _outline(strokes: list[np.ndarray], pen: float) -> list[np.ndarray]:
-    """The curves around the ink of strokes, each places (n, 2) along it; ``pen`` is half the width of a line."""
+    """The curves around the ink of strokes, given by points (n, 2) along each; ``pen`` is half the width of a line."""
     from skimage.measure import find_contours
 
     places = np.concatenate(strokes)
@@ -106,13 +106,13 @@ def _outline(strokes: list[np.ndarray], pen: float) -> list[np.ndarray]:
     x, y = (np.arange(a, b, GRID) for a, b in zip(low, high, strict=True))
     found = [low + GRID * line[:-1] for line in find_contours(ink.grid(x, y), 0.0)]
     curves = [spline(ink.nearest(_evenly(line, KNOTS))) for line in found if len(line) > 8]
-    # The largest is the outline, the others are holes in it: glyphs are of one piece.
+    # The largest is the outline, the others are holes in it: glyphs have one piece.
     largest = max(range(len(curves)), key=lambda k: abs(area(curves[k])))
     return [c if (area(c) > 0) == (k == largest) else turned(c) for k, c in enumerate(curves)]
 
 
 class _Ink:
-    """How dark it is, above 0 where there is ink: ln of the sum of Gaussians at places (n, 2) over the outline's."""
+    """The log density of the ink: ln of the sum of Gaussians at points (n, 2), divided by its value on the outline."""
 
     def __init__(self, places: np.ndarray, weights: np.ndarray, sigma: float, pen: float):
         self._places, self._weights, self._sigma = places, weights, sigma
@@ -126,7 +126,7 @@ class _Ink:
         return np.log(np.maximum(along[0] * self._weights @ along[1].T, 1e-30) / self._edge)
 
     def nearest(self, points: np.ndarray) -> np.ndarray:
-        """The points (k, 2), which are near the outline, on it."""
+        """The points (k, 2) near the outline, moved onto it."""
         for _ in range(4):
             away = points[:, None] - self._places
             share = self._weights * np.exp(-((away / self._sigma) ** 2).sum(axis=2) / 2)
@@ -138,7 +138,7 @@ class _Ink:
 
 
 def _evenly(line: np.ndarray, spacing: float) -> np.ndarray:
-    """Points (n, 2) on a closed polyline, at even distances."""
+    """Points (n, 2) on a closed polyline at equal distances."""
     closed = np.concatenate([line, line[:1]])
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
     t = np.arange(n := max(round(at[-1] / spacing), 8)) / n * at[-1]

@@ -11,7 +11,7 @@ from .glyphs import GLYPHS
 if TYPE_CHECKING:
     from manifold3d import CrossSection
 
-# What GLYPHS lacks, in its notation: on a field of -0.6..0.6 x -1..1, "~" smooth, "o" smooth and closed, "-" straight.
+# Characters that GLYPHS lacks, in its notation: -0.6..0.6 x -1..1, "~" smooth, "o" smooth and closed, "-" straight.
 _MORE = {
     "F": ["- .5,1 -.45,1 -.45,-1", "- -.45,.05 .3,.05"],
     "G": ["~ .5,.6 .2,.95 -.25,.85 -.5,.3 -.5,-.3 -.25,-.85 .2,-.97 .5,-.6", "- .05,-.1 .5,-.1 .5,-.6"],
@@ -32,12 +32,12 @@ CHARACTERS |= _MORE
 LETTERS = tuple(sorted(name for name in CHARACTERS if name.isalpha()))
 
 ADVANCE = 0.8  # from one character to the next, in heights
-BEND = 0.035  # between the places along a bend, in heights
+BEND = 0.035  # distance between the points along a bend, in heights
 ROUND = 12  # sides of the pen's circle
 
 
 def width(text: str) -> float:
-    """How wide a line of text is, in heights, from the first stroke to the last."""
+    """The width of a line of text, in heights, from the first stroke to the last."""
     return ADVANCE * (len(text) - 1) + 0.6
 
 
@@ -69,7 +69,7 @@ def around(strokes: list[np.ndarray], radius: float, angle: float) -> list[np.nd
 
 
 def ink(strokes: list[np.ndarray], pen: float) -> CrossSection:
-    """What a round pen of diameter ``pen`` covers when it is moved along polylines (n, 2)."""
+    """The area that a round pen of diameter ``pen`` covers along polylines (n, 2)."""
     from manifold3d import CrossSection, OpType
 
     angles = 2 * np.pi * np.arange(ROUND) / ROUND
@@ -79,12 +79,12 @@ def ink(strokes: list[np.ndarray], pen: float) -> CrossSection:
         for stroke in strokes
         for a, b in zip(stroke[:-1], stroke[1:], strict=True)
     ]
-    # Places that are nearer than a hundredth of the pen are one: else a letter has facets that no tool would cut.
+    # Points nearer than a hundredth of the pen are merged: otherwise a letter has facets that no tool would cut.
     return CrossSection.batch_boolean(marks, OpType.Add).simplify(0.01 * pen)
 
 
 def _line(stroke: str) -> np.ndarray:
-    """Places along one stroke: those of the corners of a straight one, close together along a smooth one."""
+    """Points along one stroke: the corners of a straight one, densely spaced along a smooth one."""
     from scipy.interpolate import CubicSpline
 
     how, *words = stroke.split()

@@ -27,7 +27,7 @@ def polygon(corners: np.ndarray, rounding: float) -> np.ndarray:
     ----------
     corners : (n, 2) array, counter-clockwise
     rounding : float
-        The share of half a side that a bend takes, of the shorter of its two sides; 0 for sharp corners, below 1.
+        The share of half a side that a bend uses, of the shorter of its two sides; 0 for sharp corners, below 1.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def polygon(corners: np.ndarray, rounding: float) -> np.ndarray:
     lengths = np.linalg.norm(ahead, axis=1)
     along = ahead / lengths[:, None]
     cut = rounding * np.minimum(lengths, np.roll(lengths, 1)) / 2
-    starts = corners + cut[:, None] * along  # of the side behind each corner
+    starts = corners + cut[:, None] * along  # of the side after each corner
     ends = np.roll(corners - cut[:, None] * np.roll(along, 1, axis=0), -1, axis=0)
     sides = starts[:, None] + np.linspace(0, 1, 4)[:, None] * (ends - starts)[:, None]
     if not rounding:
@@ -51,12 +51,12 @@ def polygon(corners: np.ndarray, rounding: float) -> np.ndarray:
 
 
 def turned(curve: np.ndarray) -> np.ndarray:
-    """The curve (m, 4, 2) in the other direction."""
+    """The curve (m, 4, 2) in reverse direction."""
     return curve[::-1, ::-1]
 
 
 def area(curve: np.ndarray) -> float:
-    """About the area within a curve (m, 4, 2), by the ends of its pieces; positive where it is counter-clockwise."""
+    """The approximate area in a curve (m, 4, 2), by the ends of its pieces; positive if it is counter-clockwise."""
     x, y = curve[:, 0].T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
