@@ -13,7 +13,7 @@ import numpy as np
 from .skeleton import ENDS, NAMES, REST
 from .skinning import heat_weights
 
-VERTICES = 7000  # of the template, about
+VERTICES = 7000  # approximate number in the template
 STEP = 0.0075  # of the grid in metres, about the radius of a finger
 _LOW, _HIGH = np.array([-0.7875 + 0.5 * STEP, -0.25, -0.03]), np.array([0.7875, 0.18, 1.80])
 
@@ -44,7 +44,7 @@ def round_cone(a: object, b: object, start: float, end: float) -> Field:
 
 
 def ellipsoid(center: object, radii: object) -> Field:
-    """Nearly the distance to an ellipsoid along the axes."""
+    """The approximate distance to an ellipsoid along the axes."""
     center, radii = np.asarray(center, float), np.asarray(radii, float)
 
     def distance(x: np.ndarray) -> np.ndarray:
@@ -57,7 +57,7 @@ def ellipsoid(center: object, radii: object) -> Field:
 
 
 def joined(blend: float, *fields: Field) -> Field:
-    """The smooth union; surfaces nearer than ``blend`` flow together."""
+    """The smooth union; surfaces nearer than ``blend`` merge."""
 
     def distance(x: np.ndarray) -> np.ndarray:
         total = fields[0](x)
@@ -71,7 +71,7 @@ def joined(blend: float, *fields: Field) -> Field:
 
 
 def within(low: object, high: object, field: Field, margin: float = 0.09) -> Field:
-    """``field``, evaluated only in its box and ``margin`` around; farther away the distance to the box (saves time)."""
+    """``field`` in its box and ``margin`` around it; farther away the distance to the box, which saves time."""
     low, high = np.asarray(low, float), np.asarray(high, float)
 
     def distance(x: np.ndarray) -> np.ndarray:
@@ -195,14 +195,14 @@ def _leg() -> Field:
 
 
 def body() -> Field:
-    """A function that is negative inside the body at rest, nearly the signed distance in metres."""
+    """A function that is negative inside the body at rest, about the signed distance in metres."""
     torso = within((0, -0.12, 0.82), (0.25, 0.15, 1.6), _torso())
     head = within((0, -0.14, 1.5), (0.1, 0.12, 1.77), _head())
     leg = within((0.0, -0.22, 0.0), (0.22, 0.14, 1.02), _leg())
     arm = within((0.1, -0.08, 1.02), (0.6, 0.1, 1.51), _arm())
     hand = within((0.53, -0.15, 0.9), (0.73, 0.08, 1.1), _hand())
     half = joined(0.03, joined(0.05, joined(0.04, torso, head), leg), joined(0.012, arm, hand))
-    # Left and right flow into each other: |x| without its kink.
+    # Left and right merge smoothly: |x| without its kink.
     return lambda x: half(np.column_stack([np.sqrt(x[:, 0] ** 2 + 0.004**2), x[:, 1], x[:, 2]]))
 
 
@@ -253,7 +253,7 @@ def _sampled(field: Field) -> np.ndarray:
 
 
 def thinned(V: np.ndarray, F: np.ndarray, faces: int) -> tuple[np.ndarray, np.ndarray]:
-    """A mesh with so many faces, by edge collapses under the quadric error."""
+    """A mesh with ``faces`` faces, by edge collapses under the quadric error."""
     import open3d as o3d
 
     mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(V), o3d.utility.Vector3iVector(F))
@@ -262,7 +262,7 @@ def thinned(V: np.ndarray, F: np.ndarray, faces: int) -> tuple[np.ndarray, np.nd
 
 
 def _relaxed(V: np.ndarray, F: np.ndarray, field: Field) -> np.ndarray:
-    """Each vertex moved towards the mean of its neighbours, along the surface only."""
+    """Each vertex moved towards the mean of its neighbours, only along the surface."""
     from scipy.sparse import coo_array
     from trimesh import Trimesh
 

@@ -72,7 +72,7 @@ def _scales(build: Build) -> np.ndarray:
 
 
 def _flesh(V: np.ndarray, build: Build) -> np.ndarray:
-    """What soft tissue adds, as displacements (v, 3) in metres."""
+    """The displacements (v, 3) by soft tissue, in metres."""
     x, y, z = V.T
     both = np.abs(x)
 

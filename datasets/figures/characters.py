@@ -1,7 +1,7 @@
-"""Characters that are not the template's mesh: a robot, a skeleton and a stout body, on the joints of the humanoids.
+"""Characters with their own meshes: a robot, a skeleton and a stout body, on the joints of the humanoids.
 
-The parts of robot and skeleton are rigid: each follows one bone, so posing them is exact. The stout body is another
-mesh of a body that a build made, with the weights of the place on the template where each of its vertices lies.
+The parts of robot and skeleton are rigid: each follows one bone, so posing them is exact. The stout body is a new mesh
+of a body with its own build; each vertex has the weights of its place on the template.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STOUT = Build(height=-0.9, legs=-0.7, bulk=1.0, hips=0.6, belly=1.0, head=0.5)
 STOUT_FACES = 11_000
-GRAIN = 2.0**-17  # metres: what is thinned is the same on every processor, whose last digits differ
+GRAIN = 2.0**-17  # metres: rounding makes the input of the thinning the same on every processor
 
 
 class Character(NamedTuple):
@@ -29,7 +29,7 @@ class Character(NamedTuple):
 
     vertices: np.ndarray  # (v, 3) metres
     faces: np.ndarray  # (f, 3)
-    weights: np.ndarray  # (v, joints), rows that add up to 1
+    weights: np.ndarray  # (v, joints), each row adds up to 1
     joints: np.ndarray  # (joints, 3)
 
 
@@ -55,7 +55,7 @@ class _Parts:
 
 
 def _frame_along(axis: np.ndarray) -> np.ndarray:
-    """A rotation (3, 3) that brings z to ``axis`` and x as near to the world's x as can be."""
+    """A rotation (3, 3) that takes z to ``axis`` and x as near to the world's x as possible."""
     z = axis / np.linalg.norm(axis)
     x = np.array([1.0, 0, 0]) if abs(z[0]) < 0.9 else np.array([0, -1.0, 0])
     x = x - (x @ z) * z
@@ -64,13 +64,13 @@ def _frame_along(axis: np.ndarray) -> np.ndarray:
 
 
 def _placed(mesh: Trimesh, start: np.ndarray, end: np.ndarray) -> Trimesh:
-    """A mesh that was made around the origin with z along it, between two points."""
+    """A mesh around the origin along z, moved between two points."""
     mesh.vertices = np.asarray(mesh.vertices) @ _frame_along(end - start).T + (start + end) / 2
     return mesh
 
 
 def _block(size: tuple[float, float, float], bevel: float) -> Trimesh:
-    """A box with bevelled corners, divided so finely that cotangents see its faces."""
+    """A box with bevelled corners, divided finely enough for cotangent weights."""
     from trimesh import Trimesh
 
     from bench.geometry.subdivision import divided
@@ -91,7 +91,7 @@ def _ball(centre: np.ndarray, radii: float | tuple[float, float, float], subdivi
 
 
 def _shaft(start: np.ndarray, end: np.ndarray, radius: Callable[[np.ndarray], np.ndarray], rings: int) -> Trimesh:
-    """A round bar whose ``radius`` depends on the place from 0 at ``start`` to 1 at ``end``."""
+    """A round bar whose ``radius`` is a function of the position, 0 at ``start`` and 1 at ``end``."""
     from trimesh import Trimesh
 
     around = 12
@@ -191,7 +191,7 @@ def _ring(centre: tuple[float, float, float], half: float, deep: float, radius: 
 
 @cache
 def stout() -> Character:
-    """A short, heavy body on a mesh of its own."""
+    """A short, heavy body with its own mesh."""
     from trimesh import Trimesh
     from trimesh.triangles import points_to_barycentric
 
@@ -209,4 +209,4 @@ def stout() -> Character:
 
 
 CHARACTERS: dict[str, Callable[[], Character]] = {"robot": robot, "skeleton": skeleton, "stout": stout}
-"""By name; each is made once."""
+"""The characters by name; each is made once."""

@@ -89,7 +89,7 @@ def draped(at: Point, it: Draped, carver: Carver, detail: float) -> Dual:
 
 
 def _form(p: Point, it: Draped) -> Dual:
-    """The body under its cloth."""
+    """The body under the cloth."""
     x, y, z = p
     b = it.stout
     m = (soft_abs(x, 0.004), y, z)
@@ -120,13 +120,13 @@ def _skirt(p: Point, it: Draped) -> Dual:
 def _cloth(p: Point, it: Draped, carver: Carver, detail: float) -> Dual:
     """The height of dress and mantle over the body.
 
-    Folds depend on the direction from the body's axis and on the height alone: none overhangs another.
+    Folds depend only on the direction from the body's axis and on the height, so none overhangs another.
     """
     s, rho = it.side, length(p[0], p[1], p[2] * 0.0 + 0.02) * (1 / 0.2)
     x, y, z = p[0] / rho, p[1] / rho, p[2]
     knee = length(x + s * 0.11, y + 0.17, (z - 0.55) * 0.45)
     loose = ease((knee - 0.05) * (1 / 0.10)) * 0.85 + 0.15  # cloth is tight over the knee
-    # On the arm under the mantle folds are low: they must not close the gap between arm and hip.
+    # Folds on the arm under the mantle are low: they must not close the gap between arm and hip.
     loose = loose * (1 - ease((rho * 0.2 - 0.20) * 14) * ease((z - 0.8) * 12) * 0.75)
     drift = carver.noise((x * 4, y * 4, z * 2.2), 3) * 0.5
     ends = ease((1.49 - z) * (1 / 0.06))
@@ -220,7 +220,7 @@ def _hand(body: Dual, p: Point, it: Draped, name: str) -> Dual:
         hand = smooth_min(limb(q, wrist + front * 0.008, fingers + front * 0.022, 0.024, 0.017),
                           limb(q, wrist - front * 0.008, fingers - front * 0.022, 0.024, 0.016), 0.025)  # fmt: skip
         for s, long in zip(spread, lengths, strict=True):
-            # Fingers lie side by side, with grooves between them and no gaps.
+            # Fingers lie side by side, with grooves but no gaps between them.
             root = fingers + front * (0.0195 * s)
             middle = root + 0.5 * long * reach
             tip = middle + 0.5 * long * (reach + inner * -0.25)

@@ -1,4 +1,4 @@
-"""Hair and beards for heads: where they grow, how their strands run, and how high they are carved."""
+"""Hair and beards for heads: where they grow, the direction of their strands, and the height of the carving."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ..surfaces.duals import Dual, Point, Triple, ease, length, scaled, shifted,
 from ..surfaces.sculpting import add, ellipsoid, masked, moved, near, raise_by
 from .heads import Face, head
 
-SKULL = (0.0, 0.12, 0.22)  # the centres that hair and beard are seen from
+SKULL = (0.0, 0.12, 0.22)  # the centres of projection of hair and beard
 JAW = (0.0, -0.30, -0.62)
 BUN = (0.0, 0.979, -0.203)  # the direction of a bun from the skull's centre
 STYLES = ("waves", "curls", "bun", "bald")
 
 
 class Hair(NamedTuple):
-    """How hair is worn; all random choices but the noise."""
+    """A hairstyle: all random choices except the noise."""
 
     style: str
     axes: np.ndarray  # (3, 3), the last row is where strands start
@@ -124,7 +124,7 @@ def _beard(p: Point, carver: Carver, detail: float) -> Dual:
 def _projected(p: Point, centre: Triple, radii: Triple) -> tuple[Point, Point]:
     """The directions of points from a centre, and where these meet an ellipsoid about it.
 
-    What depends on the direction alone is a height over a star-shaped form: no lock overhangs another.
+    A height that depends only on the direction lies over a star-shaped form: no lock overhangs another.
     """
     x, y, z = moved(p, centre)
     r = length(x, y, z) + 1e-9

@@ -19,7 +19,7 @@ class Face(NamedTuple):
     width: float = 0.0
     jaw: float = 0.0  # broad or narrow
     chin: float = 0.0
-    brow: float = 0.0  # how far it stands out
+    brow: float = 0.0  # how far it protrudes
     nose: float = 0.0  # its length
     hump: float = 0.0  # of the nose's bridge
     wings: float = 0.0  # width of the nose

@@ -1,4 +1,4 @@
-"""Landmarks of figures on one skeleton, without a hand that marks them: where rays from the joints leave the figure."""
+"""Automatic landmarks of figures with one skeleton: where rays from the joints leave the figure."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from .skeleton import ENDS, NAMES, REST
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-REACH = 0.35  # metres: what is farther from a joint is not its flesh
-TILT = 0.013  # off the axes, so that no ray runs along an edge of a symmetric mesh
+REACH = 0.35  # metres: a surface farther from a joint does not belong to it
+TILT = 0.013  # of the rays off the axes, so that none runs along an edge of a symmetric mesh
 SIDES = ("front", "left", "back", "right")
 
 
 class JointLandmarks(Mapping):
-    """Named places of two figures at rest, found when they are first asked for.
+    """Named points of two figures at rest, found on first use.
 
-    From each joint four rays go out across its bone; a place counts where both figures have it.
+    From each joint four rays go out across its bone; a landmark counts if both figures have it.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ def _directions() -> np.ndarray:
 def exits(mesh: Trimesh, joints: np.ndarray) -> dict[str, np.ndarray]:
     """Where rays from the joints (joints, 3) of a figure at rest leave it, (3,) arrays by names like ``neck_front``.
 
-    The figure may consist of closed parts that overlap: a ray leaves it where it has left all of them. A joint that
-    lies outside, and a ray that goes too far, have no place.
+    The figure may consist of closed parts that overlap: a ray leaves it where it has left all of them. Joints outside
+    the figure, and rays that go too far, give no landmark.
     """
     from open3d.core import Tensor
     from open3d.t.geometry import RaycastingScene
@@ -90,7 +90,7 @@ def exits(mesh: Trimesh, joints: np.ndarray) -> dict[str, np.ndarray]:
     for number in range(len(rays)):
         own = np.flatnonzero(ray == number)
         own = own[np.argsort(along[own], kind="stable")]
-        left = outwards[own].sum() - np.cumsum(outwards[own])  # parts that the ray is still in, behind each hit
+        left = outwards[own].sum() - np.cumsum(outwards[own])  # number of parts that the ray is still in after each hit
         last = np.flatnonzero(left == 0)
         if outwards[own].sum() > 0 and len(last) and along[own[last[0]]] < REACH:
             name = f"{NAMES[number // 4]}_{SIDES[number % 4]}"

@@ -15,7 +15,7 @@ from .hair import STYLES, Hair, add_head, draw_hair
 from .heads import Face, draw_face
 
 SIZE = 1.62  # the radius of a panel
-WIDE, HIGH, BACK = 1.0, 1.28, 0.16  # half the sides, and how far the back is behind the ground
+WIDE, HIGH, BACK = 1.0, 1.28, 0.16  # half the sides, and the distance of the back behind the ground
 
 
 class Panel(NamedTuple):
@@ -61,7 +61,7 @@ def panel(at: Point, it: Panel, carver: Carver, detail: float) -> Dual:
     body = add(body, inner, (0, 0.15, -1.3), 1.4, 0.12, lambda p: _neck(p, it.hair.beard, carver, detail))
     body = add_head(body, inner, it.face, it.hair, carver, detail)
     body = body * (1 / scale)
-    # The back is flat: nothing of the head stands out behind.
+    # The back is flat: no part of the head protrudes behind.
     return smooth_max(body, y - BACK, 0.02)
 
 
@@ -83,7 +83,7 @@ def _neck(p: Point, beard: bool, carver: Carver, detail: float) -> Dual:
 
 
 def _ground(p: Point, it: Panel, carver: Carver, detail: float) -> Dual:
-    """How far the front stands out over the ground (y = 0), at any depth."""
+    """How far the front rises over the ground (y = 0), at any depth."""
     x, _, z = p
     ax, az = abs_of(x), abs_of(z)
     edge = smooth_min(WIDE - ax, HIGH - az, 0.02)  # from the rim inwards
@@ -95,7 +95,7 @@ def _ground(p: Point, it: Panel, carver: Carver, detail: float) -> Dual:
 def _frame(p: Point, it: Panel) -> Dual:
     x, _, z = p
     ax, az = abs_of(x), abs_of(z)
-    # Where the corner blocks are, the bands of both directions end.
+    # The bands of both directions end at the corner blocks.
     block = 0.28
     upright = ease((ax - (WIDE - block)) * 20) * ease((HIGH - block - az) * 20)
     level = ease((az - (HIGH - block)) * 20) * ease((WIDE - block - ax) * 20)

@@ -1,4 +1,4 @@
-"""Poses of the humanoids: degrees of freedom with their limits, twelve key poses, and draws near them."""
+"""Poses of the humanoids: degrees of freedom with their limits, twelve key poses, and random poses near them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .skeleton import ENDS, NAMES, PARENTS, REST, forward, rotation_about
 X, Y, Z = np.eye(3)
 _ARM = (ENDS[NAMES.index("left_shoulder")] - REST[NAMES.index("left_shoulder")]) / 0.285
 _BEND = np.cross(_ARM, -Y)  # turns the forearm to the front
-# Name: (joint, axis at rest, lowest, highest in degrees); those of one joint in the order in which they turn it.
+# Name: (joint, axis at rest, lowest, highest in degrees); the order of one joint's angles is that of its rotations.
 _CENTRAL = {
     "lean": ("pelvis", X, -30, 60),
     "tip": ("pelvis", Y, -20, 20),
@@ -175,13 +175,13 @@ KEYS = {
         chest_bend=8,
     ),
 }
-"""Degrees by name; what is not named is as in the rest pose."""
+"""Angles in degrees by name; the others are those of the rest pose."""
 
 
 def bend_limits(builds: Sequence[Build]) -> dict[str, float]:
-    """How far knees and elbows bend before the flesh of one of these builds meets itself, in degrees.
+    """How far knees and elbows bend before the flesh of one of these builds touches itself, in degrees.
 
-    Measured: limbs that are thick for their length meet earlier, forearms earlier than calves, and more so twisted.
+    Measured: thick short limbs touch earlier, forearms earlier than calves, and earlier still when twisted.
     """
     limits: dict[str, float] = {}
     for joint, most, fall, muscle, length in (("elbow", 106, 80, 0.1, "arms"), ("knee", 110, 70, 0.05, "legs")):
@@ -197,8 +197,8 @@ def draw_pose(
 ) -> np.ndarray:
     """The joint rotations (joints, 3, 3) of a pose near a key pose, perhaps mirrored, within the limits.
 
-    Every angle is off by a normal deviate of ``jitter`` degrees. Knees and elbows bend as far as the flesh of all
-    ``builds`` lets them. Where bones come too close, the pose is taken back towards rest.
+    Every angle gets Gaussian noise of ``jitter`` degrees. Knees and elbows bend at most as far as the flesh of all
+    ``builds`` allows. If bones come too close, the pose is moved back towards rest.
     """
     limits = bend_limits(builds)
     angles = dict(KEYS[name])
@@ -237,9 +237,9 @@ _RADII = {"pelvis": 0.13, "spine": 0.11, "chest": 0.12, "neck": 0.06, "head": 0.
 
 
 def clearance(rotations: np.ndarray, builds: Sequence[Build] = (Build(),)) -> float:
-    """How far the closest two bones of the template that are not neighbours are from touching, in metres.
+    """The least gap between two bones of the template that are not neighbours, in metres.
 
-    They are as thick as in the thickest of the builds, and as in the template at least.
+    Bones are as thick as in the thickest of the builds, and at least as thick as in the template.
     """
     thick = max(
         (1 + 0.13 * max(b.bulk, 0)) * (1 + 0.12 * max(b.hips, 0)) * (1 + 0.1 * max(b.muscle, 0)) for b in builds
@@ -254,7 +254,7 @@ def clearance(rotations: np.ndarray, builds: Sequence[Build] = (Build(),)) -> fl
         d = np.linalg.norm(p[:, None, :, None] - p[None, :, None, :], axis=-1).min(axis=(0, 1))
         return d - radii[:, None] - radii[None]
 
-    related = gaps(points) < 0.01  # neighbours, and what is close at rest already
+    related = gaps(points) < 0.01  # neighbours, and bones that are close at rest
     for j, parent in enumerate(PARENTS):
         if parent >= 0:
             related[j, parent] = related[parent, j] = True

@@ -75,7 +75,7 @@ def forward(joints: np.ndarray, rotations: np.ndarray) -> tuple[np.ndarray, np.n
     Parameters
     ----------
     joints : (j, 3) array, the joints at rest
-    rotations : (j, 3, 3) array, each joint's turn in the axes of the rest pose, before those of its parents
+    rotations : (j, 3, 3) array, each joint's rotation in the axes of the rest pose, before those of its parents
 
     Returns
     -------

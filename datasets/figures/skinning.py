@@ -23,7 +23,7 @@ def heat_weights(V: np.ndarray, F: np.ndarray, joints: np.ndarray, ends: np.ndar
     distance = np.column_stack([_to_segment(V, a, b) for a, b in zip(joints, ends, strict=True)])
     nearest = distance.min(axis=1)
     heat = _masses(V, F) / nearest**2
-    owner = (distance <= nearest[:, None] + TIE).astype(float)  # equal but for rounding is equal
+    owner = (distance <= nearest[:, None] + TIE).astype(float)  # equal up to rounding counts as equal
     owner /= owner.sum(axis=1, keepdims=True)
     W = splu((_laplacian(V, F) + diags_array(heat)).tocsc()).solve(heat[:, None] * owner)
     W = np.maximum(W, 0)
@@ -78,7 +78,7 @@ def dual_quaternion_skinning(V: np.ndarray, W: np.ndarray, turns: np.ndarray, sh
 
     real = Rotation.from_matrix(turns).as_quat(scalar_first=True)
     dual = 0.5 * _product(np.column_stack([np.zeros(len(shifts)), shifts]), real)
-    # q and -q are one rotation: each vertex takes the sign that is nearest to its strongest bone.
+    # q and -q are the same rotation: each vertex uses the sign that is nearest to its strongest bone.
     signs = np.sign(real @ real.T + 1e-300)[W.argmax(axis=1)] * W
     a, b = signs @ real, signs @ dual
     length = np.linalg.norm(a, axis=1, keepdims=True)

@@ -1,7 +1,7 @@
-"""Buildings: flat walls with rows of equal openings, long thin elements, and ornament. Draws first, builds when asked.
+"""Buildings: flat walls with rows of equal openings, long thin elements, and ornament. Draws first, builds on demand.
 
-z is up, the front is at the lowest y. Parts overlap where they are joined, so that no boolean meets two faces in one
-plane. A building is about 2 in its longest measure.
+z is up, the front is at the lowest y. Parts overlap where they are joined, so that no boolean gets two coplanar faces.
+The longest side of a building is about 2.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .fillets import circle, lobes, polygon, section
 if TYPE_CHECKING:
     from manifold3d import CrossSection, Manifold
 
-SINK = 0.004  # how far a part goes into what it stands on
+SINK = 0.004  # how far a part sinks into the part below it
 SEGMENTS = 32
 
 
@@ -26,7 +26,7 @@ class Building(NamedTuple):
 
     build: Callable[[], Manifold]
     genus: int
-    openings: int  # equal ones: windows, arches, spaces between columns
+    openings: int  # number of equal ones: windows, arches, spaces between columns
     thinnest: float  # diameter of the thinnest bar, post or mast
 
 
@@ -235,7 +235,7 @@ def church(rng: np.random.Generator) -> Building:
         cuts.append(_arch(0.34 * side, 0.25 * tall, 0.08).translate((0, -side, SINK)))
         return _made(walls, cuts, bars, late=late)
 
-    # A mullion parts a recess in two, spokes part the rose; the belfry has four openings.
+    # A mullion divides a recess in two, spokes divide the rose; the belfry has four openings.
     return Building(build, 2 * bays + spokes - 1 + 3, 2 * bays, bar)
 
 
@@ -282,7 +282,7 @@ KINDS = {kind.__name__: kind for kind in (tower, house, temple, church, arcade)}
 
 
 def _made(walls: list, cuts: list, bars: list, late: list | None = None) -> Manifold:
-    """The walls without what is cut from them, with the bars before the openings, without what is cut ``late``."""
+    """The walls minus the cuts, plus the bars in front of the openings, minus the ``late`` cuts."""
     from manifold3d import Manifold, OpType
 
     solid = Manifold.batch_boolean(walls, OpType.Add)
@@ -328,7 +328,7 @@ def _seam(width: float, z: float, rise: float, x: float) -> Manifold:
 
 
 def _profile(corners: list[tuple[float, float]], length: float) -> Manifold:
-    """What is drawn in (y, z), from x = 0 to x = ``length``."""
+    """A polygon in (y, z), extruded from x = 0 to x = ``length``."""
     return section(polygon(corners, 0.0)).extrude(length).rotate((90, 0, 90))
 
 
@@ -368,7 +368,7 @@ def _balcony(width: float, depth: float, out: float, z: float, high: float, post
 def _window(
     at: tuple[float, float], size: tuple[float, float], panes: tuple[int, int], wall: float, recess: float, bar: float
 ) -> tuple[Manifold, list[Manifold]]:
-    """A recess in the front wall y = -``wall``, and the bars before it that part it into panes."""
+    """A recess in the front wall y = -``wall``, and the bars in front of it that divide it into panes."""
     x, z = (_about(middle, length) for middle, length in zip(at, size, strict=True))
     cut = _box(x, (-wall - 0.02, recess - wall), z)
     front = _about(0.4 * recess - wall, bar)
@@ -404,7 +404,7 @@ def _baluster(height: float, radius: float) -> Manifold:
 
 
 def _buttress(wide: float, out: float, height: float) -> Manifold:
-    """A pier before a wall at x = 0, with a sloping head, centred at y = 0."""
+    """A pier in front of a wall at x = 0, with a sloping head, centred at y = 0."""
     corners = [
         (0, 0),
         (out, 0),
@@ -423,7 +423,7 @@ def _cross(z: float, y: float, bar: float) -> Manifold:
 
 
 def _around(width: float, length: float, pitch: float) -> list[tuple[float, float, float]]:
-    """Places along the four sides of a block, about a pitch apart, and how far a part that looks to -y is turned."""
+    """Positions along the four sides of a block, about a pitch apart, and the angle there of a part that faces -y."""
     found: list[tuple[float, float, float]] = []
     for turn, long, away in ((0, width, length), (90, length, width), (180, width, length), (270, length, width)):
         count = max(2, round(long / pitch))

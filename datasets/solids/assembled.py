@@ -1,4 +1,4 @@
-"""Assemblies: bodies that fit into each other with one clearance. Each function draws first and builds when asked.
+"""Assemblies: bodies that fit into each other with one clearance. Each function draws first and builds on demand.
 
 Lengths are chosen so that an assembly is about 2 across. Wherever two bodies face each other they are ``gap`` apart, in
 threads along the normal of the flanks; round bodies have their facets at the same angles as the holes around them.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 SEGMENTS = 64  # of a full circle
 FINE = 144  # of a ring of a bearing
 OVER = 0.05  # how far a tool goes beyond the faces
-COARSEST = 5.0  # least pitch of a thread, in gaps: so nut and bolt overlap
+COARSEST = 5.0  # least pitch of a thread, in gaps, at which nut and bolt overlap
 
 
 class Assembly(NamedTuple):
@@ -30,7 +30,7 @@ class Assembly(NamedTuple):
     build: Callable[[], list[Manifold]]
     components: int
     genus: int  # of all bodies together
-    size: float  # the diagonal of the bounding box, about
+    size: float  # the approximate diagonal of the bounding box
     threads: int
 
 
@@ -135,7 +135,7 @@ def hinge(rng: np.random.Generator, gap: float) -> Assembly:
         head = _ball(1.5 * pin).trim_by_plane((-1, 0, 0), 0).translate((-gap, 0, 0))
         return [one, other, rod + head]
 
-    # The leaf that is turned, and the other one; of both, the far edge and the knuckles.
+    # The rotated leaf, and the other one; of both, the far edge and the knuckles.
     c, s = cos(radians(angle)), sin(radians(angle))
     edges = [(reach * c - z * s, reach * s + z * c) for z in (outer, outer - thick)]
     edges += [(-reach, outer), (-reach, outer - thick), (outer, outer), (-outer, -outer)]
@@ -150,7 +150,7 @@ def jar(rng: np.random.Generator, gap: float) -> Assembly:
     pitch = max(rng.uniform(0.09, 0.13), COARSEST * gap)
     turns, ribs = rng.uniform(2.2, 3.2), int(rng.integers(18, 37))
     screw = turns * pitch
-    thin = neck - DEPTH * pitch + 0.2 * gap  # a little above the roots: faces in one place would leave slivers
+    thin = neck - DEPTH * pitch + 0.2 * gap  # a little above the roots: coincident faces would leave slivers
 
     def build() -> list[Manifold]:
         round_ = 0.25 * body
@@ -181,7 +181,7 @@ KINDS = {kind.__name__: kind for kind in (bolted, bearing, hinge, jar)}
 
 
 def _radial(radius: float, pitch: float) -> float:
-    """By how much a threaded hole is to be wider than its rod, for flanks that are 1 apart.
+    """The clearance of radii between a threaded hole and its rod, for flanks that are 1 apart.
 
     A flank is ``z = r tan 30 + pitch angle / 2 pi``; along its normal, a step in r counts by tan 30 over the length of
     its gradient.

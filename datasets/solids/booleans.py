@@ -1,4 +1,4 @@
-"""Steps from manifold3d's solids to meshes that several families share."""
+"""Conversions from manifold3d's solids to meshes, shared by several families."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def arrays(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
 
 
 def origins(solid: Manifold, ids: Sequence[int]) -> np.ndarray:
-    """For each face of a union, the place in ``ids`` of the original solid that it comes from (f,)."""
+    """For each face of a union, the index in ``ids`` of the original solid that it comes from (f,)."""
     mesh = solid.to_mesh64()
     labels = np.zeros(len(mesh.tri_verts), dtype=np.int64)
     runs = np.asarray(mesh.run_index, dtype=np.int64) // 3
@@ -29,7 +29,7 @@ def origins(solid: Manifold, ids: Sequence[int]) -> np.ndarray:
 
 
 def turned(vertices: np.ndarray, faces: np.ndarray, rotation: np.ndarray) -> Trimesh:
-    """The mesh, turned by ``rotation`` (3, 3)."""
+    """The mesh, rotated by ``rotation`` (3, 3)."""
     from trimesh import Trimesh
 
     # einsum, not a matrix product: the sum is the same to the last bit with every linear algebra library.

@@ -1,6 +1,6 @@
-"""Machine parts as they are milled and cast: true fillets on edges and in corners, and numbers that can be read.
+"""Machine parts as if milled or cast: true fillets on edges and in corners, and legible numbers.
 
-Each function draws its measures first and builds only when asked. Lengths are chosen so that a part is about 2 across.
+Each function draws its measures first and builds only on demand. Lengths are chosen so that a part is about 2 across.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class FilletedPart(NamedTuple):
     build: Callable[[], Manifold]
     genus: int
     size: float  # the diagonal of the bounding box
-    text: str  # what is written on it
+    text: str  # the lettering
     height: float  # of a letter
     depth: float  # of the lettering: below the face where it is positive, above it where it is negative
     fillet: float  # the smallest radius of a fillet
@@ -92,7 +92,7 @@ def bracket(rng: np.random.Generator) -> FilletedPart:
 
 
 def flange(rng: np.random.Generator) -> FilletedPart:
-    """A flange with a neck that runs into it in a fillet, bolt holes, and its number around the neck."""
+    """A flange with a neck that joins it in a fillet, bolt holes, and its number around the neck."""
     radius, thick = 1.0, rng.uniform(0.16, 0.24)
     neck, tall = rng.uniform(0.34, 0.42), rng.uniform(0.5, 0.9)
     bore, fillet = rng.uniform(0.7, 0.8) * neck, rng.uniform(0.08, 0.14)

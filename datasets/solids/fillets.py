@@ -1,7 +1,7 @@
 """Solids with rounded edges: an outline of lines and arcs is extruded, and its top and bottom edges are rounded over.
 
-The outline moves along its own normals while it rises, by a quarter of a circle: so an edge is a true fillet, which
-follows straight sides, round corners and holes alike.
+The outline moves along its own normals while it rises, by a quarter of a circle. So an edge is a true fillet along
+straight sides, round corners and holes.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class Loop(NamedTuple):
 
 
 def polygon(corners: Sequence[tuple[float, float]], radii: Sequence[float] | float) -> Loop:
-    """A polygon, counter-clockwise, with an arc at each corner, be it convex or not.
+    """A counter-clockwise polygon with an arc at each corner, convex or not.
 
     Parameters
     ----------
     corners : (n, 2) array
-    radii : of the arcs, one a corner or one for all; each short of the sides
-        Where it is 0 the corner is sharp: that is for outlines whose edges stay sharp, too.
+    radii : of the arcs, one for each corner or one for all; the arcs must fit the sides
+        A radius of 0 gives a sharp corner; use it only in outlines whose edges stay sharp, too.
     """
     corner = np.asarray(corners, dtype=np.float64)
     ahead = np.roll(corner, -1, axis=0) - corner
@@ -127,7 +127,7 @@ def extruded(loops: Sequence[Loop], height: float, top: float = 0.0, bottom: flo
     faces = np.concatenate([sides, *caps]).astype(np.uint64)
     solid = Manifold(Mesh64(np.ascontiguousarray(vertices), np.ascontiguousarray(faces)))
     if solid.is_empty():
-        raise ValueError(f"the outline is no solid: {solid.status()}; are its arcs wider than the fillets?")
+        raise ValueError(f"the outline gives no solid: {solid.status()}; are its arcs wider than the fillets?")
     return solid
 
 
@@ -143,7 +143,7 @@ def _spans(loops: Sequence[Loop]) -> list[tuple[int, int]]:
 
 
 def section(*loops: Loop) -> CrossSection:
-    """The area within an outline and outside of its holes."""
+    """The area inside an outline and outside its holes."""
     from manifold3d import CrossSection
 
     return CrossSection([np.ascontiguousarray(loop.points) for loop in loops])

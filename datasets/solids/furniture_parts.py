@@ -1,4 +1,4 @@
-"""Chairs, tables and shelves as lists of bars: what a category is made of never changes, only its measures do."""
+"""Chairs, tables and shelves as lists of bars: within a category the list is the same, only the measures change."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _legs(m: dict[str, float], x: float, y: float, top: float) -> list[Bar]:
 
 
 def _on(leg: Bar, z: float) -> np.ndarray:
-    """Where a leg is at height z."""
+    """The centre of a leg at height z."""
     return leg.a + (leg.b - leg.a) * (z - leg.a[2]) / (leg.b[2] - leg.a[2])
 
 
@@ -167,7 +167,7 @@ def table(rng: np.random.Generator, full: bool) -> Piece:
     for name, i, j in (("front", 1, 0), ("back", 3, 2), ("left", 0, 2), ("right", 1, 3)):
         z = h + 0.3 * t - m["apron"] / 2
         ends = np.array([legs[k].b * (1, 1, 0) + (0, 0, z) for k in (i, j)])
-        # A little beyond the middle of the legs, lest the ends of two aprons have points in common.
+        # A little beyond the middle of the legs, so that the ends of two aprons have no common points.
         ends += 0.15 * m["leg"] * np.sign(ends - ends.mean(axis=0)) * (abs(ends[1] - ends[0]) > 1e-9)
         half = (
             (0.2 * m["leg"], m["apron"] / 2)

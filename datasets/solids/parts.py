@@ -1,7 +1,7 @@
-"""Machine parts by solid booleans. Each function draws its measures first and builds only when asked.
+"""Machine parts by solid booleans. Each function draws its measures first and builds only on demand.
 
-Lengths are chosen so that a part is about 2 across. Solids overlap where they are joined and cut through where they are
-drilled, so that no boolean meets two faces in one plane by accident, and every part is one closed manifold.
+Lengths are chosen so that a part is about 2 across. Solids overlap where they are joined, and drills go right through,
+so that no boolean gets two coplanar faces by accident, and every part is one closed manifold.
 """
 
 from __future__ import annotations
@@ -178,8 +178,8 @@ def lattice(rng: np.random.Generator) -> Part:
     pitch = (size - beam) / cells
 
     def build() -> Manifold:
-        # Channels along each axis with the same coordinates: turned ones would miss each other by a last digit, which
-        # leaves vertices that coincide, or do not, from processor to processor.
+        # Channels along each axis with the same coordinates: rotated ones would differ in the last digit, so that
+        # vertices coincide on one processor and not on another.
         solid = _box(size, size, size)
         for i in range(cells):
             for j in range(cells):

@@ -18,18 +18,18 @@ CORNERS = np.array([0, 1 / 8, 7 / 16, 11 / 16])
 def thread(radius: float, pitch: float, length: float, segments: int = 64) -> Manifold:
     """A threaded rod between z = 0 and z = ``length``, with the metric profile.
 
-    The edges of crest and root are edges of the mesh all the way round; the phase is such that rods of other radii
-    have their crests at the same places, so one that is a little larger is the hole for another.
+    The edges of crest and root are edges of the mesh all the way round; rods of all radii have the same phase, with
+    their crests at the same places, so a slightly larger rod is the hole for another.
 
     Parameters
     ----------
     radius : float
-        Of the crests.
+        The radius of the crests.
     pitch : float
         Rise of one turn, to the right.
     length : float
     segments : int
-        Facets of a turn.
+        Number of facets of a turn.
     """
     from manifold3d import Manifold, Mesh64
 

@@ -1,4 +1,4 @@
-"""Things of thin wire: the centre lines of each, and the solid of a round wire along them.
+"""Objects of thin wire: the centre lines of each, and the solid of a round wire along them.
 
 Each function draws the measures and returns centre lines in any unit; :func:`solid` scales them.
 """
@@ -13,15 +13,15 @@ import numpy as np
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-SIDES = 8  # of a wire
+SIDES = 8  # facets around a wire
 JOINT = 1.3  # radius of the ball where wires are joined, in radii of the wire
 
 
 class Wirework(NamedTuple):
-    """Centre lines; those that are ``joined`` become one body."""
+    """Centre lines; if they are ``joined``, they become one body."""
 
     lines: list[np.ndarray]  # (n, 3) each, open
-    rings: list[np.ndarray]  # (n, 3) each, closed; the first point does not come again
+    rings: list[np.ndarray]  # (n, 3) each, closed; the first point is not repeated
     joints: np.ndarray  # (j, 3): where a ball covers the ends of wires
     joined: bool
     genus: int
@@ -89,12 +89,12 @@ def cage(rng: np.random.Generator, thickness: float) -> Wirework:
     lines = [at(t, a) for a in turn]
     hoops = [at(np.array(pi * (k + 1) / (rings + 1)), around) for k in range(rings)]
     poles = np.array([at(np.array(end), 0.0) for end in (0.0, pi)])
-    # The balls at the poles are as large as it takes for the wires to leave them apart.
+    # The balls at the poles are large enough for the wires to be separate where they leave them.
     return Wirework(lines, hoops, poles, True, meridians * rings + meridians - 1, 1, 1.5 * meridians / pi + 1)
 
 
 def woven(rng: np.random.Generator, thickness: float) -> Wirework:
-    """A wire cloth of two sets of wires, one over and one under the other in turn, flat or domed; none touches."""
+    """A wire cloth of two sets of wires that pass over and under each other without contact, flat or domed."""
     counts = rng.integers(14, 25, 2)
     pitch, dome = 1.3 / counts.max(), rng.uniform(0, 0.5) * (rng.random() < 0.7)
     swing = 0.8 * thickness  # of the middle of a wire: at a crossing the two are 1.6 diameters apart
@@ -138,7 +138,7 @@ KINDS = {kind.__name__: kind for kind in (lattice, woven, spring, cage, pylon)}
 
 
 def solid(work: Wirework, thickness: float) -> Manifold:
-    """The wires as one solid, scaled so that the farthest centre line is 1 from the middle of their box.
+    """The wires as one solid, scaled so that the farthest centre line is at distance 1 from the middle of their box.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def solid(work: Wirework, thickness: float) -> Manifold:
 
 
 def _tied(edges: np.ndarray, sides: np.ndarray) -> Wirework:
-    """Struts (e, 2, 3) that are joined where their ends meet; each comes once."""
+    """Struts (e, 2, 3) that are joined where their ends meet, without duplicates."""
     ends, number = np.unique(np.round(edges.reshape(-1, 3), 9), axis=0, return_inverse=True)
     pairs = np.unique(np.sort(number.reshape(-1, 2), axis=1), axis=0)
     genus = len(pairs) - len(ends) + 1  # of a connected graph
@@ -166,7 +166,7 @@ def _tied(edges: np.ndarray, sides: np.ndarray) -> Wirework:
 
 
 def _tube(line: np.ndarray, radius: float, *, closed: bool) -> Manifold:
-    """A wire with ``SIDES`` facets along a polyline, which keeps its width in bends."""
+    """A wire with ``SIDES`` facets along a polyline; it keeps its width in bends."""
     from manifold3d import Manifold, Mesh64
 
     steps = np.roll(line, -1, axis=0) - line if closed else np.diff(line, axis=0)
@@ -181,7 +181,7 @@ def _tube(line: np.ndarray, radius: float, *, closed: bool) -> Manifold:
     rim = radius * np.stack([np.cos(a), np.sin(a)])
     side = np.eye(3)[np.abs(along[0]).argmin()]
     sides = np.empty_like(along)
-    for k, direction in enumerate(along):  # the frame is carried on without a twist
+    for k, direction in enumerate(along):  # the frame is transported without twist
         side = side - (side @ direction) * direction
         side /= np.linalg.norm(side)
         sides[k] = side
@@ -200,7 +200,7 @@ def _tube(line: np.ndarray, radius: float, *, closed: bool) -> Manifold:
 
 
 def _untwist(along: np.ndarray, sides: np.ndarray) -> np.ndarray:
-    """The frames of a ring, turned a little more from place to place so that the last meets the first."""
+    """The frames of a ring, rotated gradually along it so that the last matches the first."""
     last = sides[-1] - (sides[-1] @ along[0]) * along[0]
     miss = np.arctan2(np.cross(last, sides[0]) @ along[0], last @ sides[0])
     angle = (miss * np.arange(len(sides)) / len(sides))[:, None]
