@@ -10,12 +10,12 @@ NORMALS = np.asarray(V) * 2.0 - 1
 
 
 def lines(rows, before=""):
-    """Each row in a line of its own."""
+    """Each row on a line of its own."""
     return "".join(f"{before}{' '.join(map(str, row))}\n" for row in rows)
 
 
 def spread(rows):
-    """Each number in a line of its own."""
+    """Each number on a line of its own."""
     return "\n".join(str(number) for row in rows for number in row) + "\n"
 
 
@@ -25,7 +25,7 @@ def sized(polygons, *more):
 
 
 def with_parts(*parts):
-    """The vertices with the same further numbers each."""
+    """The vertices, each followed by the same further numbers."""
     return [(*v, *parts) for v in V]
 
 
@@ -39,7 +39,7 @@ def ply(columns="x y z", rows=V, polygons=QUADS, *, more=(), body="", kind="floa
 
 
 def check_cube(raw, vertices=8, times=1):
-    """That it is the cube, with all faces outward; or so many of them."""
+    """Checks that it is the cube, or ``times`` cubes, with all faces outward."""
     mesh = trimesh.Trimesh(raw.vertices, raw.faces, process=False)
     assert (len(raw.vertices), len(raw.faces)) == (vertices, 12 * times)
     assert abs(mesh.area - 6 * times) < 1e-12 and abs(mesh.volume - times) < 1e-12

@@ -1,4 +1,4 @@
-"""Damaged files, by chance: each is refused in words or read whole, and the fuzzer itself sees what is neither."""
+"""Randomly damaged files: each is refused with a message or read whole, and the fuzzer reports all other outcomes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_hundreds_of_damaged_files(tmp_path, seed):
     assert counts["refused"] > 300 and counts["whole"] > 30
 
 
-def test_files_are_sound_before_they_are_damaged(tmp_path):
+def test_the_files_are_valid_before_they_are_damaged(tmp_path):
     for number, (suffix, data) in enumerate(corpus()):
         path = tmp_path / f"{number}{suffix}"
         path.write_bytes(data)
@@ -66,16 +66,16 @@ def too_far(path):
         (lambda path: [][0], "IndexError in test_fuzz.py: list index out of range"),
     ],
 )
-def test_the_fuzzer_sees_what_is_wrong(tmp_path, load, found):
+def test_the_fuzzer_reports_each_fault(tmp_path, load, found):
     assert outcome(tmp_path / "x.ply", load) == found
 
 
-def test_the_fuzzer_sees_a_hang(tmp_path, monkeypatch):
+def test_the_fuzzer_reports_a_hang(tmp_path, monkeypatch):
     monkeypatch.setattr("fuzz_files.SECONDS", 0.05)
     assert outcome(tmp_path / "x.ply", lambda path: time.sleep(10)) == "hang"
 
 
-def test_the_fuzzer_sees_what_takes_too_much_memory(tmp_path, monkeypatch):
+def test_the_fuzzer_reports_a_file_that_takes_too_much_memory(tmp_path, monkeypatch):
     peaks = iter([200.0, 1300.0])
     monkeypatch.setattr("fuzz_files.peak_mb", lambda: next(peaks))
     assert outcome(tmp_path / "x.ply", load_cloud) == "memory"

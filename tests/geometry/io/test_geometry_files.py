@@ -1,4 +1,4 @@
-"""Geometry files: what is damaged is refused with one clear message, what is sound comes back as it was."""
+"""Geometry files: a damaged file is refused with one clear message, a valid one comes back unchanged."""
 
 from __future__ import annotations
 
@@ -105,12 +105,12 @@ def test_an_unreadable_file(write, monkeypatch):
 
 @pytest.mark.parametrize("suffix", MESHES)
 @pytest.mark.parametrize("text", ["hello world\n" * 20, "<html><body>404</body></html>", "1 2 3\n4 5 6\n" * 30])
-def test_text_that_is_no_mesh(write, suffix, text):
+def test_text_that_is_not_a_mesh(write, suffix, text):
     refused(write(f"text{suffix}", text), "expected")
 
 
 @pytest.mark.parametrize("suffix", MESHES)
-def test_bytes_that_are_no_mesh(write, suffix):
+def test_bytes_that_are_not_a_mesh(write, suffix):
     refused(write(f"noise{suffix}", np.random.default_rng(0).bytes(4000)), "expected") if suffix != ".stl" else refused(
         write("noise.stl", np.random.default_rng(0).bytes(4000)), "ends early"
     )
@@ -136,7 +136,7 @@ def test_a_wrong_suffix_names_the_right_one(write, right, wrong):
     ],
 )
 @pytest.mark.parametrize("load", [load_mesh, load_cloud])
-def test_a_file_that_ends_early(write, name, whole, keep, load):
+def test_a_truncated_file(write, name, whole, keep, load):
     data = whole().rstrip(b"\n")
     if (name, keep) == ("ascii.ply", 0.999):
         data = data[: data.rindex(b" ")]  # the last number, not a digit of it: nobody could tell that
@@ -144,7 +144,7 @@ def test_a_file_that_ends_early(write, name, whole, keep, load):
     refused(write(name, data[: int(keep * len(data))]), load=load)
 
 
-def test_the_message_of_a_truncated_ply_counts(write):
+def test_the_message_of_a_truncated_ply_counts_the_faces(write):
     data = contents(".ply")
     refused(
         write("cut.ply", data[: -10 * 13]), "promises 320 of 'face', but the file holds 310", "copy or export it again"
@@ -204,7 +204,7 @@ def test_a_mesh_without_area(write):
 
 
 @pytest.mark.parametrize("index", [3, 99, -1])
-def test_faces_that_name_no_vertex(write, index):
+def test_faces_whose_vertices_do_not_exist(write, index):
     rows = "0 0 0\n1 0 0\n0 1 0\n"
     refused(write("out.ply", ply(rows, f"3 0 1 {index}\n")), "name vertices that do not exist", f"{index}")
     refused(write("out.off", f"OFF\n3 1 0\n{rows}3 0 1 {index}\n"), "name vertices that do not exist")
@@ -247,7 +247,7 @@ def test_a_list_of_absurd_length(write):
         ("x y z\n", "holds no numbers"),
     ],
 )
-def test_text_that_is_no_cloud(write, text, says):
+def test_text_that_is_not_a_cloud(write, text, says):
     refused(write("cloud.xyz", text), says, load=load_cloud)
     refused(write("cloud.txt", text), says, load=load_cloud)
 
@@ -256,7 +256,7 @@ def test_text_that_is_no_cloud(write, text, says):
 
 
 @pytest.mark.parametrize("suffix", MESHES)
-def test_the_files_of_another_library(write, suffix):
+def test_files_of_another_library(write, suffix):
     mesh = load_mesh(write(f"ball{suffix}", contents(suffix)))
     assert (len(mesh.vertices), len(mesh.faces)) == (162, 320)
     assert mesh.is_watertight and mesh.volume == pytest.approx(BALL.volume, rel=1e-6)
@@ -297,7 +297,7 @@ def test_polygons_comments_and_line_endings(write, ending):
 
 
 def test_polygons_of_many_sizes_in_a_binary_ply(write):
-    """Convex ones, between points of a circle, against a plain loop."""
+    """Convex polygons of points on a circle, against a plain loop."""
     rng = np.random.default_rng(0)
     polygons = [np.sort(rng.choice(50, size, replace=False)) for size in rng.choice([3, 3, 3, 4, 5], size=500)]
     angle = 2 * np.pi * np.arange(50) / 50
@@ -322,7 +322,7 @@ def test_more_than_the_header_declares_is_ignored_with_a_warning(write):
 
 
 def test_texture_seams_do_not_cut_an_obj(write):
-    """Each corner with a texture vertex and a normal of its own, as exporters write them."""
+    """Each corner has its own texture vertex and normal, as exporters write them."""
     text = "".join(f"v {x:.9f} {y:.9f} {z:.9f}\n" for x, y, z in BALL.vertices)
     text += "".join(f"vt {i} 0\nvn 0 0 1\n" for i in range(3 * len(BALL.faces)))
     text += "".join(
@@ -406,7 +406,7 @@ def test_colours_out_of_range_are_left_out_with_a_warning(write, red):
     assert cloud.colors is None
 
 
-def test_the_vertices_of_a_mesh_have_normals_only_if_the_file_has(write):
+def test_the_vertices_of_a_mesh_have_normals_only_if_the_file_has_them(write):
     for suffix in MESHES:
         cloud = load_cloud(write(f"ball{suffix}", contents(suffix)))
         assert len(cloud) == 162 and cloud.normals is None
@@ -423,7 +423,7 @@ def test_the_vertices_of_a_mesh_have_normals_only_if_the_file_has(write):
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".off"])
-def test_a_mesh_comes_back_to_the_last_bit(tmp_path, suffix):
+def test_a_mesh_comes_back_bit_for_bit(tmp_path, suffix):
     mesh = trimesh.Trimesh(BALL.vertices * np.pi, BALL.faces, process=False)
     save(mesh, tmp_path / f"m{suffix}")
     again = load_mesh(tmp_path / f"m{suffix}")

@@ -1,4 +1,4 @@
-"""OBJ files with other coordinates: what stays, what is made anew, and what is refused."""
+"""OBJ files with new coordinates: what stays, what is recomputed, and what is refused."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_only_lines_of_vertices_and_normals_change(box):
     assert sorted(p.name for p in box.parent.iterdir()) == ["box.mtl", "box.obj", "out.obj"]
 
 
-def test_what_stands_behind_coordinates_stays(box):
+def test_what_follows_the_coordinates_stays(box):
     rows = words(written(box, np.zeros((8, 3))), "v")
     assert rows[1] == ["v", "0", "0", "0", "0.5", "0.25", "0.125"] and rows[3] == [
         "v",
@@ -99,7 +99,7 @@ def test_what_stands_behind_coordinates_stays(box):
     ]
 
 
-def test_coordinates_come_back_to_the_bit(box):
+def test_coordinates_come_back_bit_for_bit(box):
     new = np.random.default_rng(0).normal(size=(8, 3)) * 10.0 ** np.arange(-12, 12).reshape(8, 3)
     assert np.array_equal(load_mesh(written(box, new)).vertices, new)
 
@@ -143,7 +143,7 @@ def test_a_polygon_that_is_not_convex_has_the_normal_of_its_plane(tmp_path):
 
 
 @pytest.mark.parametrize("corner", ["1//7", "1//-9", "1/1/0"])
-def test_normals_that_do_not_exist_are_no_concern(tmp_path, corner):
+def test_references_to_missing_normals_are_accepted(tmp_path, corner):
     source = tmp_path / "a.obj"
     source.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf {corner} 2//1 3//1\n")
     mesh = load_mesh(source)
@@ -151,7 +151,7 @@ def test_normals_that_do_not_exist_are_no_concern(tmp_path, corner):
     assert np.array_equal(load_mesh(source.with_name("out.obj")).faces, mesh.faces)
 
 
-def test_none_are_made_where_there_are_none(tmp_path):
+def test_a_file_without_normals_gets_none(tmp_path):
     source = tmp_path / "a.obj"
     source.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert written(source, np.eye(3)).read_text() == "v 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n"
@@ -196,7 +196,7 @@ def test_absolute_names_of_material_files(box, tmp_path):
 # -- odd files ---------------------------------------------------------------------------------------------------------
 
 
-def test_lines_that_go_on_in_the_next(tmp_path):
+def test_continued_lines(tmp_path):
     source = tmp_path / "a.obj"
     source.write_text("v 0 0 \\\n0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 \\\n3//1 4//1\n")
     assert len(load_mesh(source).faces) == 2
@@ -206,7 +206,7 @@ def test_lines_that_go_on_in_the_next(tmp_path):
     assert np.array_equal(normals(out), [[1, 0, 0]])
 
 
-def test_ends_of_lines_and_letters_of_other_systems(tmp_path):
+def test_line_ends_and_encodings_of_other_systems(tmp_path):
     source = tmp_path / "a.obj"
     source.write_bytes(b"# caf\xe9\r\nusemtl caf\xe9\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n")
     out = written(source, np.eye(3))
@@ -214,7 +214,7 @@ def test_ends_of_lines_and_letters_of_other_systems(tmp_path):
     assert np.array_equal(load_mesh(out).vertices, np.eye(3))
 
 
-def test_over_itself(box):
+def test_a_file_may_overwrite_itself(box):
     new = load_mesh(box).vertices * 2
     save_with_vertices(box, new, box)
     assert np.array_equal(load_mesh(box).vertices, new) and materials_of(box) == ["box.mtl"]
@@ -224,7 +224,7 @@ def test_over_itself(box):
 
 
 @pytest.mark.parametrize("count", [0, 7, 9])
-def test_another_number_of_vertices(box, count):
+def test_a_different_number_of_vertices(box, count):
     with pytest.raises(BadInput, match=f"box.obj: has 8 vertices; expected the {count} of the mesh to be written"):
         written(box, np.zeros((count, 3)))
     assert not box.with_name("out.obj").exists()

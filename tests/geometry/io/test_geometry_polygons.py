@@ -1,4 +1,4 @@
-"""Polygons as triangles: the area of a flat one does not depend on where it begins, and nothing crashes."""
+"""Triangulated polygons: the area of a flat one does not depend on its first corner, and nothing crashes."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def write(path, vertices, polygons):
 @pytest.mark.parametrize(
     "polygon", [L, L[::-1], ARROW, star(), star(50, 0.05)], ids=["L", "clockwise", "arrow", "star", "50"]
 )
-def test_a_prism_keeps_area_and_volume_from_every_corner(tmp_path, suffix, polygon):
+def test_a_prism_keeps_area_and_volume_whichever_corner_comes_first(tmp_path, suffix, polygon):
     for start in range(len(polygon)):
         turned = np.roll(np.asarray(polygon, dtype=float), -start, axis=0)
         mesh = load_mesh(write(tmp_path / f"prism{suffix}", *prism(turned)))
@@ -107,12 +107,12 @@ def test_the_area_of_awkward_polygons(name, scale):
     ],
     ids=["one point", "a line", "crossing", "pentagram"],
 )
-def test_what_has_no_inside_becomes_as_many_triangles(polygon):
+def test_a_polygon_without_an_interior_becomes_as_many_triangles(polygon):
     assert np.isfinite(area_of(polygon))
 
 
 def test_random_simple_polygons_in_space():
-    """Around a centre, with corners at random distances: not convex, and simple."""
+    """Corners around a centre at random distances: simple polygons that are not convex."""
     rng = np.random.default_rng(1)
     for _ in range(50):
         n = int(rng.integers(5, 30))
@@ -123,7 +123,7 @@ def test_random_simple_polygons_in_space():
         assert area_of(polygon) == pytest.approx(shoelace(polygon), rel=1e-9)
 
 
-def test_convex_polygons_and_bent_quadrangles_are_fans_as_before():
+def test_convex_polygons_and_bent_quadrangles_become_fans():
     rng = np.random.default_rng(2)
     quad = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     points = np.concatenate([quad + 0.2 * rng.normal(size=(4, 3)) * (0, 0, 1) for _ in range(100)])
@@ -131,8 +131,8 @@ def test_convex_polygons_and_bent_quadrangles_are_fans_as_before():
     assert faces.tolist() == [[4 * k, 4 * k + i, 4 * k + i + 1] for k in range(100) for i in (1, 2)]
 
 
-def test_many_polygons_cost_little():
-    """Of 238,000 triangles and quadrangles the quadrangles are looked at together; it took 20 ms without that."""
+def test_many_polygons_take_little_time():
+    """The quadrangles of 238,000 triangles and quadrangles are tested together; without the test it took 20 ms."""
     sizes = np.tile([3, 4], 119_000)
     corners = np.random.default_rng(3).integers(0, 1000, sizes.sum())
     points = np.random.default_rng(4).normal(size=(1000, 3))
@@ -153,7 +153,7 @@ COMB = [(0, 0), *((x / 2, 5.0 * (x % 2)) for x in range(1, 12)), (6, 0), (6, -1)
 @pytest.mark.parametrize("polygon", [spiral(3, 40), COMB, star(12, 0.3), L], ids=["spiral", "comb", "star", "L"])
 @pytest.mark.parametrize("bend", [0, 1e-9, 1e-5])
 def test_flat_polygons_with_corners_that_coincide_or_are_straight(polygon, bend):
-    """Each corner there twice, and one more in the middle of each edge, all off the plane by a little."""
+    """Each corner twice and one more in the middle of each edge, all slightly off the plane."""
     polygon = np.asarray(polygon, dtype=float)
     with_middles = np.stack([polygon, (polygon + np.roll(polygon, -1, axis=0)) / 2], axis=1).reshape(-1, 2)
     many = np.repeat(with_middles, 2, axis=0)

@@ -86,7 +86,7 @@ def test_colours_of_vertices(parts, color):
     assert read(lines(with_parts(*parts), "v ") + FACES).colors == pytest.approx(np.tile(color, (8, 1)), abs=1e-15)
 
 
-def test_what_is_left_out_is_said():
+def test_omissions_are_reported():
     check_cube(read(VERTICES + "f 1 2\n" + FACES + "f 3\n", "2 faces of fewer than 3 corners are left out"))
     some = lines(with_parts(1, 0, 0)[:4], "v ") + lines(V[4:], "v ") + FACES
     assert check_cube(read(some, "4 of 8 vertices have colours")).colors is None
@@ -115,7 +115,7 @@ def test_what_is_left_out_is_said():
         ("o nothing\n", "holds no vertices"),
     ],
 )
-def test_what_is_refused(text, says):
+def test_invalid_files_are_refused(text, says):
     with pytest.raises(BadInput) as error:
         read(text)
     assert str(error.value).startswith("name: ") and says in str(error.value)

@@ -1,4 +1,4 @@
-"""Files that ask too much of a reader: each is refused in one short message that names it, or read in little time."""
+"""Files that strain a reader: each is refused in one short message that names it, or read in little time."""
 
 from __future__ import annotations
 
@@ -47,27 +47,27 @@ NAMES = {
 
 @pytest.mark.parametrize("data", NAMES.values(), ids=NAMES)
 @pytest.mark.parametrize("load", [load_mesh, load_cloud])
-def test_what_a_header_names_twice(tmp_path, data, load):
+def test_a_header_that_declares_a_name_twice(tmp_path, data, load):
     (tmp_path / "twice.ply").write_bytes(data)
     refused(tmp_path / "twice.ply", load, "has two", "different names")
 
 
 @pytest.mark.parametrize("count", ["²", "٣", "9" * 5000, "-1", "1e3", "4_0", "+4"])
-def test_counts_that_are_none(tmp_path, count):
+def test_invalid_counts(tmp_path, count):
     data = header().replace(b"vertex 4", f"vertex {count}".encode()) + VERTICES.encode()
     (tmp_path / "count.ply").write_bytes(data)
     refused(tmp_path / "count.ply", load_cloud, "cannot read the line")
 
 
 @pytest.mark.parametrize("size", ["-1", "nan", "inf", "2.5", "1e300"])
-def test_sizes_of_lists_that_are_none(tmp_path, size):
+def test_invalid_sizes_of_lists(tmp_path, size):
     (tmp_path / "size.ply").write_bytes(header(*FACE) + f"{VERTICES}{size} 0 1 2\n".encode())
     refused(tmp_path / "size.ply", load_mesh, "row 1 of 'face' has a list whose size is none")
 
 
 @pytest.mark.parametrize("index", ["0.5", "nan", "1e18", "300"])
-def test_indices_that_are_none(tmp_path, index):
-    """A type of one byte has no room for 300, and the header names one: the number counts, not what is left of it."""
+def test_invalid_indices(tmp_path, index):
+    """The header declares a type of one byte, too small for 300: the number as written counts, not its low byte."""
     for kind in ("uchar", "int", "float"):
         data = header(FACE[0], f"property list uchar {kind} vertex_indices") + f"{VERTICES}3 0 1 {index}\n".encode()
         (tmp_path / "index.ply").write_bytes(data)
@@ -93,7 +93,7 @@ def test_coordinates_whose_squares_are_infinite(tmp_path, suffix, value):
 
 
 @pytest.mark.parametrize("scale", [1e-50, 1e50])
-def test_very_small_and_very_large_is_no_fault(tmp_path, scale):
+def test_very_small_and_very_large_coordinates_are_valid(tmp_path, scale):
     rows = [(0.0, 0.0, 0.0), (scale, 0.0, 0.0), (0.0, scale, 0.0)]
     (tmp_path / "m.obj").write_text("".join("v {!r} {!r} {!r}\n".format(*row) for row in rows) + "f 1 2 3\n")
     assert load_mesh(tmp_path / "m.obj").area == pytest.approx(scale**2 / 2, rel=1e-12)
@@ -122,7 +122,7 @@ def test_a_word_of_millions_of_letters_is_not_quoted(tmp_path, name, text):
 
 
 def test_one_long_number_in_an_stl_takes_little_memory(tmp_path):
-    """All corners in an array of letters would take the longest word times their number: 27 GB here."""
+    """An array of text would give every corner the length of the longest word: 27 GB here."""
     facet = "facet normal 0 0 1\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
     long = facet.replace("vertex 0 1 0", f"vertex 0 1.{'0' * 3_000_000} 0")
     (tmp_path / "long.stl").write_text(f"solid\n{facet * 1000}{long}endsolid")
@@ -141,7 +141,7 @@ def test_a_table_of_comments_alone(tmp_path, text):
 @pytest.mark.parametrize("load", [load_mesh, load_cloud, load])
 @pytest.mark.parametrize("suffix", [".ply", ".stl"])
 def test_pipes_and_devices_are_refused_at_once(tmp_path, load, suffix):
-    """A pipe that nobody writes to would be waited for without end; /dev/zero has none, either."""
+    """A read from a pipe without a writer blocks forever; /dev/zero never ends."""
     os.mkfifo(tmp_path / f"pipe{suffix}")
     for name in ("zero", "null"):
         (tmp_path / f"{name}{suffix}").symlink_to(f"/dev/{name}")
@@ -159,7 +159,7 @@ def test_a_link_to_a_file_is_read(tmp_path):
 
 
 def ragged(form: str, count: int, types: tuple[str, str, str], seed: int = 0) -> tuple[bytes, list, list]:
-    """A PLY file whose faces have a number, a list, a number and another list; the lists and the last numbers."""
+    """A PLY file whose faces hold number, list, number, list; its first lists; the numbers of its last element."""
     rng = np.random.default_rng(seed)
     order, (length, index, other) = "<" if "little" in form else ">", types
     lists = [rng.integers(0, 4, size).tolist() for size in rng.choice([0, 1, 3, 4, 5, 9], count)]
@@ -181,7 +181,7 @@ def ragged(form: str, count: int, types: tuple[str, str, str], seed: int = 0) ->
 
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
 @pytest.mark.parametrize("types", [("uchar", "int", "uchar"), ("int", "uchar", "double"), ("ushort", "uint", "float")])
-def test_rows_of_all_sizes_are_those_of_a_loop(form, types):
+def test_rows_of_mixed_sizes_match_a_loop(form, types):
     from bench.geometry.io.ply import _header, _tables
 
     data, lists, numbers = ragged(form, 500, types)
@@ -196,8 +196,8 @@ def test_rows_of_all_sizes_are_those_of_a_loop(form, types):
 
 @pytest.mark.parametrize("form", ["ascii", "binary_big_endian"])
 @pytest.mark.parametrize("there", [0, 1, 6, 9])
-def test_a_cut_table_tells_how_many_rows_are_there(form, there):
-    """Within a row and right behind one: 5 triangles and 5 quadrangles in turn."""
+def test_the_message_of_a_truncated_table_counts_its_rows(form, there):
+    """Cut within a row and right after one; 5 triangles and 5 quadrangles alternate."""
     rows = [(3, 0, 1, 2), (4, 0, 1, 3, 2)] * 5
     ascii_rows = [(" ".join(map(str, row)) + "\n").encode() for row in rows]
     binary_rows = [struct.pack(f">B{row[0]}i", *row) for row in rows]
@@ -210,8 +210,8 @@ def test_a_cut_table_tells_how_many_rows_are_there(form, there):
     assert len(read_ply(sound + b"".join(pieces), "name").faces) == 15
 
 
-def test_a_hundred_thousand_faces_of_two_sizes_take_no_seconds(tmp_path):
-    """In runs of equal rows, which have one face each here, they take seven on an idle core."""
+def test_a_hundred_thousand_faces_of_two_sizes_take_less_than_two_seconds(tmp_path):
+    """Read in runs of equal rows, which are one face long here, they take seven seconds on an idle core."""
     triangle, quad = struct.pack("<B3i", 3, 0, 1, 2), struct.pack("<B4i", 4, 0, 1, 3, 2)
     count = 100_000
     lines = [f"element face {count}", FACE[1]]

@@ -1,4 +1,4 @@
-"""OFF files as programs write them: words in any lines, letters before the word, binary."""
+"""OFF files as programs write them: any line breaks, letters before the word OFF, binary."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_encodings(encoding):
         ("STCNOFF", [NORMALS, (255, 51, 0, 9), (0.5, 0.25)]),
     ],
 )
-def test_letters_say_what_a_vertex_has(layout, word, parts):
+def test_letters_declare_what_a_vertex_has(layout, word, parts):
     columns = [np.asarray(V), *(np.broadcast_to(part, (8, np.shape(part)[-1])) for part in parts)]
     rows = [[f"{number:g}" for number in row] for row in np.hstack(columns)]
     raw = check_cube(read(f"{word}\n8 6 0\n{layout(rows)}{layout(sized(QUADS))}"))
@@ -81,12 +81,12 @@ def test_letters_say_what_a_vertex_has(layout, word, parts):
         assert np.allclose(raw.colors, (1, 0.2, 0), atol=1e-12)
 
 
-def test_colours_without_opacity_and_homogeneous_places():
+def test_colours_without_opacity_and_homogeneous_coordinates():
     assert read("COFF\n8 6 0\n" + lines(with_parts(255, 51, 0)) + QUAD_LINES).colors[3].tolist() == [1, 0.2, 0]
     check_cube(read("4OFF\n8 6 0\n" + lines([(2 * x, 2 * y, 2 * z, 2) for x, y, z in V]) + QUAD_LINES))
 
 
-def test_what_is_left_out_is_said():
+def test_omissions_are_reported():
     check_cube(read("OFF\n8 6 0\n" + lines(with_parts(255, 0, 0)) + QUAD_LINES, "more numbers than OFF says"))
     check_cube(read("NOFF\n8 6 0\n" + VERTICES + QUAD_LINES, "fewer numbers than NOFF says"))
     check_cube(read("OFF\n8 6 0\n" + VERTICES + QUAD_LINES + "1 2 3\n", "more in the file"))
@@ -119,7 +119,7 @@ def test_binary(colors):
         ("OFF\n8 6 0\n" + VERTICES + QUAD_LINES.replace("6", "6.5"), "name vertices that do not exist"),
     ],
 )
-def test_what_is_refused(text, says):
+def test_invalid_files_are_refused(text, says):
     with pytest.raises(BadInput) as error, collected():
         read_off(text.encode(), "name")
     assert str(error.value).startswith("name: ") and says in str(error.value)

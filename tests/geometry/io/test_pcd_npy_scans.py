@@ -1,4 +1,4 @@
-"""PCD, NumPy's files and those of scanners: all fields arrive, and what is damaged is refused in words."""
+"""PCD, NumPy's files and those of scanners: all fields are read, and damaged files are refused with a message."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def header(fields: str, size: str, kind: str, data: str, count: str = "", points
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary", "compressed"])
-def test_what_open3d_writes(tmp_path, form):
+def test_files_of_open3d(tmp_path, form):
     cloud = o3d.t.geometry.PointCloud(o3d.core.Tensor(P.astype(np.float32)))
     cloud.point["normals"] = o3d.core.Tensor(N.astype(np.float32))
     cloud.point["colors"] = o3d.core.Tensor(C.astype(np.uint8))
@@ -67,7 +67,7 @@ def test_what_open3d_writes(tmp_path, form):
 
 
 @pytest.mark.parametrize("is_single", [True, False])
-def test_what_we_write_comes_back_and_open3d_reads_it(tmp_path, is_single):
+def test_our_files_come_back_and_open3d_reads_them(tmp_path, is_single):
     if is_single:
         cloud = PointCloud(P.astype(np.float32), N.astype(np.float32), C / 255, {"intensity": I, "gps time": 3 * I})
     else:
@@ -186,14 +186,14 @@ def test_a_damaged_file_of_numpy(read, content, name, says):
 
 
 @pytest.mark.parametrize(("name", "line"), [("a.las", 'pip install "laspy[lazrs]"'), ("a.e57", "pip install pye57")])
-def test_a_library_that_is_missing_is_named(read, monkeypatch, name, line):
+def test_a_missing_library_is_named(read, monkeypatch, name, line):
     monkeypatch.setitem(sys.modules, "laspy", None)
     monkeypatch.setitem(sys.modules, "pye57", None)
     refused(read, b"LASF", name, line)
 
 
 class Las(dict):
-    """What laspy gives."""
+    """A stand-in for the result of laspy."""
 
     def __init__(self, scale: int, promised: int = 200):
         red, green, blue = (C * scale).astype(np.uint16).T
@@ -205,7 +205,7 @@ class Las(dict):
 
 
 @pytest.mark.parametrize("scale", [1, 257])
-def test_las_by_a_stand_in(read, monkeypatch, scale):
+def test_las_with_a_stand_in_for_laspy(read, monkeypatch, scale):
     monkeypatch.setitem(sys.modules, "laspy", types.SimpleNamespace(read=lambda stream: Las(scale)))
     cloud, _ = read(b"LASF", "a.laz")
     assert np.array_equal(cloud.points, P + 5e6) and np.abs(cloud.colors - C / 255).max() < 1e-15
@@ -214,7 +214,7 @@ def test_las_by_a_stand_in(read, monkeypatch, scale):
     refused(read, b"LASF", "a.las", "promises 300 points, but the file holds 200")
 
 
-def test_e57_by_a_stand_in(read, monkeypatch):
+def test_e57_with_a_stand_in_for_its_library(read, monkeypatch):
     """Two scans, of which one has colours."""
 
     class File:

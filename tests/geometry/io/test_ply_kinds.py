@@ -32,13 +32,13 @@ BODY = struct.pack("<24f", *np.ravel(V)) + FACE_BYTES
 
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
 @pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
-def test_ends_of_lines_and_byte_order_marks(end, mark):
+def test_line_ends_and_byte_order_marks(end, mark):
     check_cube(read(mark + ply().encode().replace(b"\n", end)))
     check_cube(read(mark + BINARY_HEAD.replace(b"\n", end) + BODY))
     check_cube(read(mark + BINARY_HEAD.replace(b"end_header\n", b"end_header  \n").replace(b"\n", end) + BODY))
 
 
-def test_data_behind_a_header_with_cr_that_begin_with_a_line_feed():
+def test_data_that_begin_with_a_line_feed_after_a_header_with_cr():
     first = struct.unpack("<f", b"\n\0\0\0")[0]
     data = BINARY_HEAD.replace(b"\n", b"\r") + b"\n\0\0\0" + BODY[4:]
     raw = read(data)
@@ -139,7 +139,7 @@ def test_triangle_strips(strips):
     check_cube(read(kept), times=2)
 
 
-def test_strips_are_those_of_a_loop():
+def test_strips_match_a_loop():
     rng = np.random.default_rng(0)
     for _ in range(50):
         sizes = rng.integers(0, 9, size=4)

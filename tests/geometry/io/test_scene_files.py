@@ -1,4 +1,4 @@
-"""Scenes (GLB, glTF, 3MF, COLLADA): all their meshes where the transforms put them; what is not read is refused."""
+"""Scenes (GLB, glTF, 3MF, COLLADA): all meshes are where the transforms put them; unsupported files are refused."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOVE = trimesh.transformations.translation_matrix([5, 0, 0])
 
 
 def three_cubes() -> trimesh.Scene:
-    """One as it is, one moved and twice as large, one moved and mirrored."""
+    """One unchanged, one moved and twice as large, one moved and mirrored."""
     scene = trimesh.Scene(CUBE)
     scene.add_geometry(CUBE, transform=MOVE @ np.diag([2, 2, 2, 1.0]))
     scene.add_geometry(CUBE, transform=MOVE @ MOVE @ np.diag([1, -1, 1, 1.0]))
@@ -98,7 +98,7 @@ def test_points_are_a_cloud(tmp_path):
     assert points.colors[0].tolist() == [1, 0.2, 0]
 
 
-def test_what_is_written_is_scored(tmp_path):
+def test_a_written_file_can_be_scored(tmp_path):
     ball = trimesh.creation.icosphere(2)
     for name in ("a.glb", "a.ply"):
         save(ball, tmp_path / name)
@@ -126,14 +126,14 @@ def places(header):
         (CUBE.export(file_type="glb").replace(b"BIN\0", b"BIN\0\xff\xff\xff\x7f"), "name vertices that do not exist"),
     ],
 )
-def test_what_is_refused(tmp_path, data, says):
+def test_invalid_files_are_refused(tmp_path, data, says):
     (tmp_path / "a.glb").write_bytes(data)
     with pytest.raises(BadInput) as error:
         load_mesh(tmp_path / "a.glb")
     assert str(error.value).startswith(f"{tmp_path / 'a.glb'}: ") and says in str(error.value)
 
 
-def test_harmless_extensions_are_none_of_our_concern():
+def test_harmless_extensions_are_accepted():
     check_cube(scenes.read_glb(patched(lambda h: h.update(extensionsRequired=["KHR_materials_unlit"])), "a.glb"))
 
 
@@ -141,7 +141,7 @@ def test_harmless_extensions_are_none_of_our_concern():
 
 
 @pytest.mark.parametrize(("suffix", "library"), [(".3mf", "lxml"), (".dae", "pycollada")])
-def test_a_missing_library_is_named_with_its_line(tmp_path, monkeypatch, suffix, library):
+def test_a_missing_library_is_named_with_its_install_command(tmp_path, monkeypatch, suffix, library):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     data = io.BytesIO(b"<COLLADA>")
     if suffix == ".3mf":

@@ -68,7 +68,7 @@ def test_a_wrong_count_of_whole_facets(count, head):
     check_cube(read(binary(count, head), f"its header says {count} triangles, but it holds 12"))
 
 
-def test_a_text_without_its_end():
+def test_a_text_file_without_endsolid():
     check_cube(read(text(end=""), "no 'endsolid'"))
     two = text() + text([[(x + 2, y, z) for x, y, z in t] for t in CORNERS], end="")
     check_cube(read(two, "no 'endsolid'"), vertices=16, times=2)
@@ -96,7 +96,7 @@ def test_what_follows_the_facets_is_reported():
         b"\0" * 34,
     ],
 )
-def test_what_is_cut_off_or_damaged(data):
+def test_truncated_or_damaged_files_are_refused(data):
     with pytest.raises(BadInput, match="^name: "):
         read(data)
 
@@ -116,7 +116,7 @@ def test_what_is_cut_off_or_damaged(data):
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("load", [load_mesh, load_geometry])
-def test_triangles_with_such_corners_are_left_out(tmp_path, suffix, data, load):
+def test_triangles_that_are_not_finite_are_left_out(tmp_path, suffix, data, load):
     path = tmp_path / f"a{suffix}"
     path.write_bytes(data)
     with collected() as said:
@@ -125,7 +125,7 @@ def test_triangles_with_such_corners_are_left_out(tmp_path, suffix, data, load):
     assert len(mesh.faces) == 12 and mesh.volume == pytest.approx(1) and np.isfinite(mesh.vertices).all()
 
 
-def test_a_mesh_of_such_triangles_alone_is_refused(tmp_path):
+def test_a_mesh_without_finite_triangles_is_refused(tmp_path):
     (tmp_path / "a.stl").write_text(text(NAN))
     with pytest.raises(BadInput, match="all 1 triangles have one"):
         load_mesh(tmp_path / "a.stl")

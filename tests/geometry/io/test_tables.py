@@ -1,4 +1,4 @@
-"""Tables of points as text: whatever separates and names the columns, the numbers are those that stand there."""
+"""Tables of points as text: whatever separates and names the columns, the numbers are those in the file."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_separators_and_line_ends(read, separator, end):
 @pytest.mark.parametrize("separator", [" ", "\t", ";", "; "])
 @pytest.mark.parametrize("whole", [0, 70])
 def test_decimal_commas(read, separator, whole):
-    """Also where the first lines hold whole numbers alone."""
+    """Also where the first lines hold only whole numbers."""
     points = [[int(v) for v in row] for row in P[:whole]] + P[whole:].tolist()
     cloud, _ = read(table(np.array(points, dtype=object), separator=separator, decimal=","))
     assert np.array_equal(cloud.points, np.array(points, dtype=float))
@@ -139,7 +139,7 @@ def test_names_of_columns(read, names, order):
     )
 
 
-def test_odd_but_clear(read):
+def test_unusual_but_unambiguous_tables(read):
     expected = [[1, 2, 3], [4, 5, 6], [7, 8, 10]]
     for text in (
         "Exported by X\nversion 2\n\nx y z\n1 2 3\n4 5 6\n7 8 10\n",
@@ -152,13 +152,13 @@ def test_odd_but_clear(read):
         assert cloud.points.tolist() == expected and len(notices) == ("lon" in text)
 
 
-def test_columns_of_words_and_missing_values(read):
+def test_columns_of_text_and_missing_values(read):
     cloud, notices = read('x,y,z,class,time\n1,2,3,"roof, flat",5\n4,5,6,tree,\n7,8,10,roof,7\n', "a.csv")
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 10]] and set(cloud.scalars) == {"time"}
     assert np.array_equal(cloud.scalars["time"], [5, np.nan, 7], equal_nan=True) and "class" in notices[0]
 
 
-def test_names_with_blanks_and_numbers_of_rows(read):
+def test_names_with_blanks_and_a_column_of_row_numbers(read):
     cloud, _ = read("//X Y Z Scalar field\n" + table(P, LONE))
     assert (
         np.array_equal(cloud.points, P) and list(cloud.scalars) == ["field"] or list(cloud.scalars) == ["scalar_field"]
@@ -167,7 +167,7 @@ def test_names_with_blanks_and_numbers_of_rows(read):
     assert np.array_equal(cloud.points, P) and not cloud.scalars
 
 
-def test_a_long_number_takes_no_time(read):
+def test_a_long_number_takes_little_time(read):
     with pytest.raises(BadInput, match="line 81"):
         read(table(P, separator=",") + f'1,2,"{"x" * 1_000_000}"\n')
     begin = time.process_time()
@@ -176,7 +176,7 @@ def test_a_long_number_takes_no_time(read):
     assert time.process_time() - begin < 2
 
 
-def test_points_then_normals_of_pwn(read):
+def test_pwn_with_points_then_normals(read):
     for count in ("", "80\n"):
         cloud, _ = read(count + table(P) + table(UNIT), "a.pwn")
         assert np.array_equal(cloud.points, P) and np.abs(cloud.normals - UNIT).max() < 1e-15
@@ -192,7 +192,7 @@ PTX = "4\n5\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n0 1 0 0\n-1 0 0 0\n0 0 1 0\n10 20 30 1\
 
 
 def test_ptx_moves_each_scan_by_its_matrix(read):
-    """A quarter turn and a shift, and then none; the first cell saw nothing."""
+    """A quarter turn and a shift, then the identity; the first cell has no return."""
     grids = [np.hstack([P[:20], LONE[:20], BYTES[:20]]), np.hstack([P[20:40], LONE[20:40], BYTES[20:40]])]
     grids[0][0] = 0
     still = PTX.replace("0 1 0 0\n-1 0 0 0", "1 0 0 0\n0 1 0 0").replace("10 20 30 1", "0 0 0 1")
@@ -213,7 +213,7 @@ def test_ptx_moves_each_scan_by_its_matrix(read):
 
 
 @pytest.mark.parametrize("value", ["nan", "-nan(ind)", "NaN", "inf", "1.#QNAN"])
-def test_points_that_are_no_numbers_are_dropped_and_counted(read, value):
+def test_points_that_are_not_numbers_are_dropped_and_counted(read, value):
     cloud, notices = read(f"1 2 3 4\n{value} 1 {value} 2\n4 5 6 5\n7 8 10 6\n")
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 10]]
     assert cloud.scalars["column_4"].tolist() == [4, 5, 6] and any("1 of 4 points" in text for text in notices)
@@ -246,7 +246,7 @@ def test_points_that_are_no_numbers_are_dropped_and_counted(read, value):
         (" ".join("1" * 200) + "\n", "has 200 columns"),
     ],
 )
-def test_what_is_no_table_is_refused_with_its_line(read, text, says):
+def test_text_that_is_not_a_table_is_refused_with_its_line(read, text, says):
     for name in ("bad.xyz", "bad.csv"):
         with pytest.raises(BadInput) as error:
             read(text, name)
