@@ -45,7 +45,7 @@ def noisy(name: str, count: int, noise: float, seed: int = 0, kind: str = "norma
 
 
 def rings(ratio: float, count: int = 60, noise: float = 0.0, along: str = "any", seed: int = 0) -> Cloud:
-    """A sphere of rings, ``ratio`` times denser along a ring of the equator than across; noise along the ray or any."""
+    """A sphere of rings, ``ratio`` times denser along the equator than across; noise along the ray or isotropic."""
     rng = np.random.default_rng(seed)
     theta = (np.arange(count) + 0.5) / count * np.pi
     phi = np.linspace(0, 2 * np.pi, round(2 * count * ratio), endpoint=False)
@@ -66,7 +66,7 @@ def scans(name: str, sensor: str, views: int, misrotation: float, misshift: floa
 
 
 def plain(points: np.ndarray, k: int) -> np.ndarray:
-    """Normals from k neighbours, the point itself included, without any thought."""
+    """Plane fits to k neighbours, the point itself included, computed naively."""
     from scipy.spatial import cKDTree
 
     normals = np.empty_like(points)

@@ -1,4 +1,4 @@
-"""Colours and scalars follow their points: to the same places, row by row, or to the nearest."""
+"""Colours and scalars follow their points: to equal positions, row by row, or to the nearest point."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def same(cloud: PointCloud, other: PointCloud) -> bool:
     )
 
 
-def test_scalars_are_checked_frozen_and_stay_with_copies():
+def test_scalars_are_validated_frozen_and_copied_with_the_cloud():
     for again in (PointCloud.of(CLOUD.arrays()), pickle.loads(pickle.dumps(CLOUD)), copy.deepcopy(CLOUD)):
         assert same(again, CLOUD)
     with pytest.raises(ValueError, match="read-only"):
@@ -40,7 +40,7 @@ def test_scalars_are_checked_frozen_and_stay_with_copies():
     assert np.array_equal(CLOUD.subset(P[:, 0] > 0).scalars["t"], P[P[:, 0] > 0, 0])
 
 
-def test_same_places_are_those_of_a_loop():
+def test_equal_positions_match_a_loop():
     points = RNG.integers(0, 3, (40, 3)).astype(float)
     others = np.concatenate([points[RNG.permutation(40)[:30]], [[9, 9, 9], [-0.0, 0, 0]]])
     rows, found = same_places(points, others)
@@ -51,7 +51,7 @@ def test_same_places_are_those_of_a_loop():
         assert found[k] == bool(having) and (not having or rows[k] == having[min(nth, len(having) - 1)])
 
 
-def test_a_subset_keeps_all_of_its_points_in_silence():
+def test_a_subset_keeps_all_attributes_without_a_notice():
     kept = RNG.permutation(200)[:150]
     with collected() as notices:
         assert same(carried(CLOUD, PointCloud(P[kept])), CLOUD.subset(kept))
@@ -66,7 +66,7 @@ def test_moved_points_in_order_keep_their_rows():
 
 
 @pytest.mark.parametrize("count", [200, 300])
-def test_points_in_another_order_take_the_nearest(count):
+def test_points_in_another_order_take_the_attributes_of_the_nearest(count):
     source = RNG.integers(0, 200, count)
     moved = P[source] + 1e-6 * RNG.normal(size=(count, 3))
     with collected() as notices:
@@ -74,14 +74,14 @@ def test_points_in_another_order_take_the_nearest(count):
     assert "nearest" in notices[0]
 
 
-def test_what_an_output_has_of_its_own_stays():
+def test_an_output_keeps_its_own_attributes():
     own = PointCloud(P, P / np.linalg.norm(P, axis=1, keepdims=True), np.zeros((200, 3)), {"t": np.ones(200)})
     out = carried(CLOUD, own)
     assert np.array_equal(out.colors, own.colors) and np.array_equal(out.scalars["t"], own.scalars["t"])
     assert np.array_equal(out.scalars["intensity"], CLOUD.scalars["intensity"]) and out.normals is not None
 
 
-def test_a_mesh_whose_vertices_are_points_has_their_colours(tmp_path):
+def test_a_mesh_whose_vertices_are_input_points_has_their_colours(tmp_path):
     hull = trimesh.convex.convex_hull(P)
     rows, found = same_places(P, hull.vertices)
     assert found.all()
@@ -102,7 +102,7 @@ def test_a_mesh_whose_vertices_are_points_has_their_colours(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".xyz", ".txt", ".asc", ".csv"])
 @pytest.mark.parametrize("scale", [255, 65535, 0])
-def test_text_keeps_all_that_a_cloud_has(tmp_path, suffix, scale):
+def test_text_files_keep_all_attributes_of_a_cloud(tmp_path, suffix, scale):
     colors = RNG.integers(0, scale + 1, (200, 3)) / scale if scale else RNG.random((200, 3))
     normals = P / np.linalg.norm(P, axis=1, keepdims=True)
     scalars = dict(CLOUD.scalars) | {

@@ -1,4 +1,4 @@
-"""The shared distances of a case: computed once, independent samples, the right surface."""
+"""The shared distances of a case: computed once, from independent samples, to the right surface."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def sphere_case(subdivisions=3, surface=None, seed=0):
     return Case("sphere", {}, Shape("sphere", trimesh.creation.icosphere(subdivisions), surface=surface), seed=seed)
 
 
-def test_each_distance_is_computed_once_and_only_when_asked(monkeypatch):
+def test_each_distance_is_computed_once_and_only_on_demand(monkeypatch):
     counted = []
     for cls, name in ((module.OrderedPoints, "nearest_in"), (module.MeshSurface, "project")):
         real = getattr(cls, name)

@@ -1,4 +1,4 @@
-"""The realised state of a cloud: against the parameters of sensors that do just one thing."""
+"""Measured conditions of a cloud, against the parameters of sensors that have a single effect."""
 
 import numpy as np
 import pytest
@@ -30,12 +30,12 @@ def test_independent_uniform_points(case, uniform):
 
 
 @pytest.mark.parametrize("sigma", [0.002, 0.01])
-def test_noise_along_the_normal_is_the_rms(case, uniform, sigma):
+def test_the_rms_error_is_the_noise_along_the_normal(case, uniform, sigma):
     moved = uniform * (1 + sigma * np.random.default_rng(1).normal(size=(N, 1)))
     assert describe_cloud(PointCloud(moved), case)["rms"] == pytest.approx(sigma, rel=0.05)
 
 
-def test_outliers_count_and_do_not_hide_the_noise_of_the_rest(case, uniform):
+def test_outliers_are_counted_and_do_not_affect_the_measured_noise(case, uniform):
     points = uniform * 1.01
     points[: N // 10] *= 2
     state = describe_cloud(PointCloud(points), case)
@@ -44,14 +44,14 @@ def test_outliers_count_and_do_not_hide_the_noise_of_the_rest(case, uniform):
     assert state["rms"] > 0.3
 
 
-def test_half_of_the_surface_is_half_of_the_coverage(case, uniform):
+def test_points_on_half_of_the_surface_cover_half_of_it(case, uniform):
     state = describe_cloud(PointCloud(uniform[uniform[:, 2] > 0]), case)
     # A rim of the width 2 sqrt(A / N) beyond the edge counts as covered: on a unit sphere, half of that in area share.
     reach = 2 * np.sqrt(4 * np.pi / (N / 2))
     assert state["coverage"] == pytest.approx((1 + np.sin(reach)) / 2, abs=0.02)
 
 
-def test_uneven_density_shows(case, uniform):
+def test_uneven_density_is_measured(case, uniform):
     crowded = np.concatenate([uniform, np.repeat(uniform[:50], 20, axis=0) * 1.0])
     crowded[N:] += 0.01 * np.random.default_rng(2).normal(size=(1000, 3))
     assert describe_cloud(PointCloud(crowded), case)["density_variation"] > 0.4

@@ -1,4 +1,4 @@
-"""What is said of two sets of points that are of unlike size or place."""
+"""The report on two sets of points that differ much in size or position."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def test_units_are_guessed_from_the_factor(factor, guess):
     assert expected in unlike(POINTS, "b", factor * POINTS, "a")
 
 
-def test_alike_sets_and_a_few_far_points_are_fine():
+def test_similar_sets_and_a_few_far_points_are_accepted():
     stray = np.vstack([POINTS, [[1e4, 0, 0]]])
     for points in (POINTS, 9 * POINTS, stray, POINTS[:1], np.empty((0, 3))):
         assert unlike(points, "a", POINTS, "b") == ""
 
 
-def test_boxes_apart():
+def test_disjoint_boxes_are_reported():
     assert unlike(POINTS + [0, 0, 50], "a", POINTS, "b").startswith("the boxes of a and b do not overlap")

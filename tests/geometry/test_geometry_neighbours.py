@@ -28,7 +28,7 @@ CLOUDS = {
 
 
 @pytest.mark.parametrize("name", CLOUDS)
-def test_nearest_is_that_of_all_pairs(name):
+def test_nearest_neighbours_match_all_pairs(name):
     rng = generator(0, name)
     targets, queries = CLOUDS[name](rng), CLOUDS["gaussian"](rng)
     distance, index = OrderedPoints(queries).nearest_in(OrderedPoints(targets))
@@ -43,7 +43,7 @@ def test_curve_order_is_a_permutation(name):
     assert np.array_equal(np.sort(curve_order(points)), np.arange(len(points)))
 
 
-def test_order_brings_neighbours_together_and_back():
+def test_the_curve_order_brings_neighbours_together_and_can_be_undone():
     points = generator(2).uniform(-1, 1, (20_000, 3))
     ordered = OrderedPoints(points)
     step = np.linalg.norm(np.diff(ordered.along_curve, axis=0), axis=1).mean()
@@ -58,7 +58,7 @@ def test_points_of_a_frozen_cloud_are_not_touched():
     assert np.array_equal(cloud.points, before)
 
 
-def test_collapsed_points_cost_no_minutes():
+def test_collapsed_points_take_little_time():
     # A kd-tree leaf of 50,000 equal points would be searched whole by each of 50,000 queries: about a minute.
     queries = OrderedPoints(generator(4).normal(size=(50_000, 3)))
     begin = time.perf_counter()
@@ -150,7 +150,7 @@ def test_closest_ignores_faces_without_area():
     assert flat.project(np.array([[0.5, 0, 2]])).distance == pytest.approx([2])
 
 
-def test_no_points_are_near_nothing():
+def test_an_empty_set_of_points_is_accepted():
     from trimesh.creation import icosphere
 
     from bench.geometry.mesh_surface import MeshSurface

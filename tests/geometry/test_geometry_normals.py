@@ -24,7 +24,7 @@ CLOUDS |= {"scans": (scans, ("bumps", "triangulation", 2, 1.0, 0.005))}
 
 
 @pytest.mark.parametrize("name", CLOUDS)
-def test_no_worse_than_the_better_of_two_fixed_sizes(name):
+def test_errors_are_no_larger_than_those_of_the_better_of_two_fixed_sizes(name):
     make, arguments = CLOUDS[name]
     points, truth = make(*arguments)
     ours, few, many = (
@@ -42,7 +42,7 @@ def test_edges_and_thin_sheets_are_no_worse_than_from_16_neighbours_where_there_
 
 
 @pytest.mark.parametrize("ratio", [2, 4, 8])
-def test_orientation_crosses_from_one_scan_line_to_the_next(ratio):
+def test_orientation_is_propagated_across_scan_lines(ratio):
     points, truth = rings(ratio, 20)
     assert (np.einsum("ni,ni->n", oriented_normals(points), truth) > 0).mean() > 0.999
 
@@ -54,7 +54,7 @@ def test_orientation_of_noisy_surfaces_and_of_both_sides_of_a_plate(cloud):
 
 
 @pytest.mark.parametrize("k", [3, 15, 32])
-def test_a_fixed_number_of_neighbours_is_the_naive_computation(k):
+def test_a_fixed_number_of_neighbours_matches_the_naive_computation(k):
     points, _ = noisy("torus", 300, 0.01)
     found = estimate_normals(points, k)
     for point, normal in zip(points, found.normals, strict=True):
@@ -70,7 +70,7 @@ def test_few_points_have_normals_too(count):
     assert np.allclose(np.linalg.norm(oriented_normals(points), axis=1), 1)
 
 
-def test_sizes_follow_the_noise_and_are_repeatable_in_any_order():
+def test_sizes_follow_the_noise_and_do_not_depend_on_the_order_of_points():
     points, _ = noisy("sphere", 4000, 0.0)
     blurred, _ = noisy("sphere", 4000, 0.04)
     assert np.median(estimate_normals(points).sizes) < 64 <= np.median(estimate_normals(blurred).sizes) <= SIZES[-1]
@@ -78,7 +78,7 @@ def test_sizes_follow_the_noise_and_are_repeatable_in_any_order():
     assert degrees(estimate_normals(blurred).normals[order], estimate_normals(blurred[order]).normals).max() < 0.1
 
 
-def test_a_note_where_neighbourhoods_are_lines_at_every_size():
+def test_a_note_reports_neighbourhoods_that_are_lines_at_every_size():
     rng = np.random.default_rng(0)
     lines = np.concatenate([rng.random((3000, 1)) * [1.0, 0, 0] + [0, y, 0] for y in range(3)])
     with collected() as notes:
@@ -90,7 +90,7 @@ def test_a_note_where_neighbourhoods_are_lines_at_every_size():
 
 
 def naive_signs(points, normals, edges):
-    """Prim's algorithm and a walk, node by node."""
+    """Prim's algorithm and a traversal, node by node."""
     import networkx as nx
 
     graph = nx.Graph()
@@ -109,7 +109,7 @@ def naive_signs(points, normals, edges):
     return signs
 
 
-def test_signs_are_those_of_a_naive_walk_over_the_forest():
+def test_signs_match_a_naive_traversal_of_the_forest():
     rng = np.random.default_rng(0)
     points = np.concatenate([noisy("sphere", 150, 0.02, seed)[0] + 5 * seed for seed in range(4)])
     normals = rng.normal(size=points.shape)
@@ -121,7 +121,7 @@ def test_signs_are_those_of_a_naive_walk_over_the_forest():
         assert abs((signs * naive)[piece == number].mean()) == 1
 
 
-def test_many_pieces_cost_about_as_much_as_one():
+def test_many_components_take_about_as_long_as_one():
     rng = np.random.default_rng(0)
     n = 24_000
     pieces = (1000 * rng.random((n // 20, 1, 3)) + 0.1 * rng.normal(size=(n // 20, 20, 3))).reshape(-1, 3)

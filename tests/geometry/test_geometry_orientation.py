@@ -1,4 +1,4 @@
-"""Faces that are wound against each other: what winding numbers say after they are mended, against exact volumes."""
+"""Inconsistently wound faces: winding numbers after they are repaired, against exact volumes."""
 
 import numpy as np
 import pytest
@@ -59,14 +59,14 @@ def probes(mesh, count=600):
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_what_is_wound_well_is_returned_as_it_is(name):
+def test_consistently_wound_faces_are_returned_unchanged(name):
     faces = np.array(SOLIDS[name].faces)
     assert oriented(SOLIDS[name].vertices, faces) is faces
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
 @pytest.mark.parametrize("name", SOLIDS)
-def test_flipped_faces_change_no_inside(name, share):
+def test_flipped_faces_do_not_change_the_interior(name, share):
     mesh = SOLIDS[name]
     points = probes(mesh)
     spoilt = flipped(mesh, share)
@@ -75,7 +75,7 @@ def test_flipped_faces_change_no_inside(name, share):
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_copies_of_faces_change_no_inside(name):
+def test_copies_of_faces_do_not_change_the_interior(name):
     mesh, points = SOLIDS[name], probes(SOLIDS[name])
     expected = is_in(mesh, mesh.faces, points)
     for more in (mesh.faces, mesh.faces[:, ::-1], mesh.faces[:100, ::-1], mesh.faces[:100, [1, 2, 0]]):
@@ -84,7 +84,7 @@ def test_copies_of_faces_change_no_inside(name):
         assert (is_in(mesh, faces, points) == expected).mean() > 0.998
 
 
-def test_a_sheet_of_two_sides_that_sticks_out_encloses_nothing():
+def test_a_protruding_double_sided_sheet_encloses_nothing():
     vertices = np.vstack([BOX.vertices, [[2, 0.5, 0.5], [2, -0.5, 0.5]]])
     a, b = (int(np.abs(BOX.vertices - corner).sum(axis=1).argmin()) for corner in ([0.5, 0.5, 0.5], [0.5, -0.5, 0.5]))
     fin = np.array([[a, b, 8], [b, 9, 8], [a, 8, b], [b, 8, 9]])
@@ -102,7 +102,7 @@ def test_a_body_that_is_inside_out_is_turned_with_its_cavity():
     assert (is_in(overlapping, oriented(overlapping.vertices, overlapping.faces), points) == expected).all()
 
 
-def test_a_body_in_another_one_stays_one_where_its_faces_agree():
+def test_a_nested_body_stays_solid_where_its_faces_are_consistent():
     nested = joined(BALL, moved(BALL, scale=0.5))
     assert np.array_equal(oriented(nested.vertices, nested.faces), nested.faces)
     spoilt = joined(flipped(BALL, 0.3), moved(BALL, scale=0.5))
@@ -144,7 +144,7 @@ def grid_torus(closed_by, n=12, m=8):
     return mesh_of(points, np.array(faces))
 
 
-def test_what_has_one_side_only_is_refused():
+def test_a_one_sided_surface_is_refused():
     klein = grid_torus("klein")
     with pytest.raises(NoSides, match="Moebius"):
         oriented(klein.vertices, klein.faces)
@@ -152,8 +152,8 @@ def test_what_has_one_side_only_is_refused():
     assert oriented(torus.vertices, torus.faces) is not None
 
 
-def test_shreds_of_a_sheet_that_meet_others_are_refused():
-    """Three half planes in one line: random winding of an open mesh with an edge of three faces."""
+def test_a_randomly_wound_open_non_manifold_mesh_is_refused():
+    """Three half planes meet in one line: an open mesh with edges of three faces and random winding."""
     rng = generator(3)
     vertices = [(x, np.cos(a) * y, np.sin(a) * y) for a in (0, 2, 4) for x in range(12) for y in range(6)]
     corners = [72 * s + 6 * x + y for s in range(3) for x in range(11) for y in range(5)]
@@ -163,8 +163,8 @@ def test_shreds_of_a_sheet_that_meet_others_are_refused():
         oriented(np.array(vertices), faces)
 
 
-def test_a_few_faces_that_fit_nowhere_do_not_spoil_a_surface():
-    """A fin of two triangles on an open ball, which disagree with the ball and with each other."""
+def test_a_few_contradictory_faces_do_not_affect_the_rest_of_a_surface():
+    """Fins on an open ball, wound inconsistently with the ball and with each other."""
     holed, rng = BALL.faces[10:], generator(4)
     spots = rng.choice(len(holed), 5, replace=False)
     vertices = np.vstack([BALL.vertices, BALL.vertices[holed[spots, 0]] * 1.05])
@@ -175,7 +175,7 @@ def test_a_few_faces_that_fit_nowhere_do_not_spoil_a_surface():
     assert (found == is_in(BALL, BALL.faces, points)).mean() > 0.98
 
 
-def test_signed_distances_to_a_mesh_of_flipped_faces():
+def test_signed_distances_to_a_mesh_with_flipped_faces():
     points = probes(BALL, 500)
     found = signed_distances(flipped(BALL, 0.4), points)
     assert found == pytest.approx(signed_distances(BALL, points), abs=1e-12)

@@ -9,7 +9,7 @@ from bench import generator
 from bench.geometry.sampling import face_normals, sample_uniform
 
 
-def test_faces_get_points_by_their_area():
+def test_faces_get_points_in_proportion_to_their_area():
     # Areas 1 : 2 : 3 along a strip, with faces without an area at the start, between and at the end.
     x = np.array([0, 1, 3, 6.0])
     vertices = np.vstack([np.c_[x, 0 * x, 0 * x], np.c_[x, 0 * x + 2, 0 * x]])
@@ -29,7 +29,7 @@ def test_points_are_uniform_on_a_triangle():
         assert kstest(coordinate, lambda t: 1 - (1 - np.clip(t, 0, 1)) ** 2).pvalue > 1e-4
 
 
-def test_order_tells_nothing_and_seed_tells_all():
+def test_samples_are_in_random_order_and_depend_on_the_seed_alone():
     sphere = trimesh.creation.icosphere(3)
     points, faces = sample_uniform(sphere, 4000, generator(2))
     again, _ = sample_uniform(sphere, 4000, generator(2))

@@ -1,4 +1,4 @@
-"""Crossing faces: the answers and the time of MeshLab, and what no face uses."""
+"""Crossing faces: the results and the time of MeshLab, and vertices that no face uses."""
 
 import time
 from functools import cache
@@ -12,7 +12,7 @@ from bench.geometry.self_intersections import self_intersecting_faces
 
 
 def by_meshlab(mesh):
-    """The crossing faces, and the CPU seconds that it took."""
+    """The crossing faces, and the CPU seconds taken."""
     import pymeshlab
 
     meshes = pymeshlab.MeshSet(verbose=False)
@@ -54,7 +54,7 @@ def fine_and_coarse(rng):
 
 @cache
 def solved(make, seed=0):
-    """A mesh, and what MeshLab says of it."""
+    """A mesh and the result of MeshLab for it."""
     mesh = make(generator(seed, make.__name__))
     return mesh, *by_meshlab(mesh)
 
@@ -62,14 +62,14 @@ def solved(make, seed=0):
 @pytest.mark.parametrize(
     ("make", "seed"), [(bodies, 0), (bodies, 1), (noisy, 0), (soup, 0), (soup, 1), (fine_and_coarse, 0)]
 )
-def test_the_answers_of_meshlab(make, seed):
+def test_the_results_of_meshlab(make, seed):
     mesh, theirs, _ = solved(make, seed)
     found, _ = ours(mesh)
     assert found.any() and (found == theirs).all()
 
 
 @pytest.mark.parametrize("make", [bodies, noisy, fine_and_coarse])
-def test_it_takes_no_more_than_a_few_times_as_long_as_meshlab(make):
+def test_it_takes_at_most_a_few_times_as_long_as_meshlab(make):
     # About twice on a quiet machine; comparing all faces in cells of the largest one's size takes 200 times as long.
     mesh, _, theirs = solved(make, 0)
     assert any(ours(mesh)[1] < 4 * max(theirs, 0.1) for _ in range(3))
@@ -85,7 +85,7 @@ def test_vertices_that_no_face_uses_and_the_order_of_faces_do_not_matter():
 
 
 def test_many_faces_in_one_place():
-    """A face that is known to cross needs no more company; the others still meet each of them."""
+    """A face that is known to cross another is not tested again, but the others are still tested against it."""
     rng = generator(5)
     corners = rng.normal(size=(600, 3, 3))
     far = corners[:5] + 100.0

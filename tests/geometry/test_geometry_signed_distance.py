@@ -23,7 +23,7 @@ def points():
     return np.vstack([rng.uniform(-1.2, 1.2, (4000, 3)), rng.uniform(-1e4, 1e4, (100, 3))])
 
 
-def test_a_box_has_its_closed_form(points):
+def test_distances_to_a_box_match_the_closed_form(points):
     mesh = box(2 * HALF)
     distances = signed_distances(mesh, points)
     assert distances.dtype == np.float64 and distances.shape == (len(points),)
@@ -42,14 +42,14 @@ def test_a_fine_sphere_is_within_its_sagitta_of_the_closed_form(points):
 
 
 @pytest.mark.parametrize("offset", [1e-6, 1e-4])
-def test_the_sign_is_right_next_to_the_surface(offset):
+def test_the_sign_is_right_close_to_the_surface(offset):
     mesh = icosphere(subdivisions=4)
     for side in (-1, 1):
         points = mesh.triangles_center + side * offset * mesh.face_normals
         assert np.allclose(signed_distances(mesh, points), side * offset, rtol=0, atol=1e-12)
 
 
-def test_doubled_vertices_holes_and_degenerate_faces_do_no_harm():
+def test_duplicate_vertices_holes_and_degenerate_faces_are_accepted():
     mesh = icosphere(subdivisions=3)
     points = np.random.default_rng(0).uniform(-0.8, 0.8, (500, 3))
     whole = signed_distances(mesh, points)
@@ -64,7 +64,7 @@ def test_doubled_vertices_holes_and_degenerate_faces_do_no_harm():
     assert (signed_distances(holey, 0.5 * points) < 0).all()
 
 
-def test_no_points_have_no_distances():
+def test_no_points_give_no_distances():
     mesh = box()
     assert signed_distances(mesh, np.empty((0, 3))).shape == (0,)
 
@@ -88,7 +88,7 @@ def test_a_similarity_is_undone(flat):
     assert np.abs(found - R).max() < 1e-12
 
 
-def test_a_mirror_image_gets_a_rotation_and_the_best_one():
+def test_a_mirror_image_gets_the_best_rotation():
     rng = np.random.default_rng(2)
     source = rng.normal(size=(50, 3)) * (3, 2, 1)
     target = source * (-1, 1, 1) + 0.1 * rng.normal(size=source.shape)

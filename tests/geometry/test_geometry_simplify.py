@@ -1,4 +1,4 @@
-"""Fewer faces against closed forms: what is flat loses nothing, a sphere the height of its chords."""
+"""Simplified meshes against closed forms: flat parts lose nothing, a sphere the height of its chords."""
 
 import numpy as np
 import pytest
@@ -28,12 +28,12 @@ def test_a_box_far_from_the_origin_loses_nothing(rng):
     assert distance.largest < 1e-6 and abs(distance.diagonal - np.sqrt(14)) < 1e-6
 
 
-def test_as_few_faces_as_there_are_change_nothing():
+def test_a_mesh_with_few_enough_faces_stays_the_same():
     ball = trimesh.creation.icosphere(2)
     assert simplify(ball, len(ball.faces)) is ball
 
 
-def test_the_open_border_of_a_sheet_stays(rng):
+def test_the_boundary_of_an_open_sheet_stays(rng):
     grid = trimesh.creation.box((1, 1, 1)).subdivide().subdivide()
     sheet = plain_mesh(grid.vertices, grid.faces[grid.face_normals[:, 2] > 0.9])
     fewer = simplify(sheet, 10)
@@ -49,7 +49,7 @@ def test_distances_of_two_spheres_and_of_a_spike(rng):
     assert abs(mesh_distance(inner, spiked, rng).largest - 1) < 1e-3
 
 
-def test_pieces_hang_together_through_vertices():
+def test_pieces_are_connected_through_vertices():
     ball = trimesh.creation.icosphere(1)
     two = trimesh.util.concatenate([ball, ball.copy().apply_translation([3, 0, 0])])
     assert pieces(two.faces) == 2 and pieces(two.faces + 5) == 2 and pieces(np.empty((0, 3), int)) == 0
@@ -71,7 +71,7 @@ def test_vertices_take_the_colours_of_the_nearest_points_and_keep_them_in_files(
     assert np.array_equal(dense.colors, cloud.colors) and dense.normals is not None
 
 
-def test_a_kind_of_file_without_colours_reports_it(tmp_path):
+def test_a_file_format_without_colours_is_reported(tmp_path):
     colored = with_nearest_colors(trimesh.creation.icosphere(1), PointCloud(np.eye(3), colors=np.eye(3)))
     with collected() as notices:
         save(colored, tmp_path / "mesh.stl")

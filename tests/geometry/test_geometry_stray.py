@@ -1,4 +1,4 @@
-"""Points far from all others, and the frame of a scan in spite of them; parts of a scene are no strays."""
+"""Points far from all others, and the frame of a scan without them; parts of a scene are not strays."""
 
 import numpy as np
 import pytest
@@ -14,11 +14,11 @@ def ball():
 
 
 @pytest.mark.parametrize("distance", [5e3, 1e6, 1e12])
-def test_a_point_that_is_very_far_does_not_set_the_frame(ball, distance):
+def test_a_very_far_point_does_not_change_the_frame(ball, distance):
     assert frame_of_bulk(np.vstack([ball, ball[0] + (distance, 0, 0)])) == Frame.of(ball)
 
 
-def test_what_is_near_or_of_many_points_belongs_to_the_scene(ball):
+def test_near_points_and_large_groups_belong_to_the_scene(ball):
     clouds = [ball, np.vstack([ball, ball[0] + (30, 0, 0)]), np.vstack([ball, ball[:100] + (1e5, 0, 0)]), ball[:3]]
     for points in (*clouds, np.vstack([np.zeros((500, 3)), [1, 0, 0]])):
         assert frame_of_bulk(points) == Frame.of(points)
@@ -32,7 +32,7 @@ def test_strays_are_the_points_far_from_all_others(ball, distance, count):
     np.testing.assert_array_equal(np.flatnonzero(strays(np.vstack([far, ball]))), np.arange(count))
 
 
-def test_a_tenth_of_the_points_or_a_few_that_are_near_are_no_strays(ball):
+def test_a_tenth_of_the_points_or_a_few_near_points_are_not_strays(ball):
     center = ball.mean(axis=0)
     assert strays(ball) is None
     assert strays(np.vstack([ball, center + 20 * (ball[:200] - center)])) is None

@@ -1,4 +1,4 @@
-"""Topology counts on surfaces whose counts are known, and against trimesh."""
+"""Topology counts of surfaces whose counts are known, and against trimesh."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def shifted(mesh, x):
 
 
 def strip(turns, n=24):
-    """A band of n quads; its ends meet after so many half-turns: 1 is a Moebius strip."""
+    """A band of n quads whose ends are joined after a number of half-turns: 1 is a Moebius strip."""
     angle = 2 * np.pi * np.arange(n) / n
     tilt = turns * angle / 2
     sides = [(1 + s * np.cos(tilt)) * np.array([np.cos(angle), np.sin(angle), 0 * angle]) for s in (-0.3, 0.3)]
@@ -118,7 +118,7 @@ def test_triangle_soup_is_one_surface():
     assert count_topology(soup, np.arange(len(soup)).reshape(-1, 3)) == of(torus)
 
 
-def test_degenerate_faces_and_unused_vertices_do_not_count():
+def test_degenerate_faces_and_unused_vertices_are_ignored():
     V, F = TETRAHEDRON
     V = np.vstack([[[9, 9, 9.0]], V, V[:1]])
     F = np.vstack([F + 1, [[1, 1, 2], [1, 5, 2], [3, 3, 3]]])

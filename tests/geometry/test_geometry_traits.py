@@ -1,4 +1,4 @@
-"""What is measured of surfaces, and the tags: against closed forms, tessellations, turns and sizes."""
+"""Measured traits of surfaces, and their tags: against closed forms, other tessellations, rotations and sizes."""
 
 from functools import cache
 from math import atan, pi, sqrt
@@ -22,7 +22,7 @@ def known_traits(name: str) -> Traits:
 
 
 def rounded_box(radius: float, edge: float = 0.02, half: float = 0.5) -> Trimesh:
-    """A cube with rounds of ``radius``: the nearest point of an inner cube, and that far from it along the normal."""
+    """A cube whose edges are rounded by ``radius``: the points at that distance from an inner cube."""
     flat = np.linspace(-(half - radius), half - radius, max(2, int((2 * half - 2 * radius) / edge)))
     turn = half - radius + radius * np.tan(np.linspace(0, pi / 4, max(3, int(radius / edge * 2)))[1:])
     lines = np.concatenate([-turn[::-1], flat, turn])
@@ -54,7 +54,7 @@ def turned(mesh: Trimesh, seed: int) -> Trimesh:
 # -- walks -------------------------------------------------------------------------------------------------------------
 
 
-def test_walks_on_a_sphere_turn_as_far_as_they_go():
+def test_walks_on_a_unit_sphere_turn_by_their_length():
     sphere = creation.icosphere(5)
     terrain = Terrain(sphere.vertices, sphere.faces)
     at = np.arange(0, len(terrain.faces), 97)
@@ -65,7 +65,7 @@ def test_walks_on_a_sphere_turn_as_far_as_they_go():
     assert angle == pytest.approx(np.broadcast_to(stops, angle.shape), abs=3e-3)
 
 
-def test_a_walk_around_a_cube_comes_home_and_stops_at_a_border():
+def test_a_walk_around_a_cube_returns_to_its_start_and_stops_at_a_boundary():
     box = creation.box()
     terrain = Terrain(box.vertices, box.faces)
     side = np.flatnonzero(terrain.normals[:, 0] > 0.9)[:1]
@@ -81,8 +81,8 @@ def test_a_walk_around_a_cube_comes_home_and_stops_at_a_border():
     assert walks[0, 0] == pytest.approx([1, 0, 0]) and not walks[0, 1].any()
 
 
-def test_faces_wound_against_each_other_are_walked_over_as_one_side():
-    """Of a cube, whose normals are those of its faces wherever they are: a walk sees the side that it began on."""
+def test_walks_over_inconsistently_wound_faces_stay_on_one_side():
+    """On a cube, whose normals are those of its faces everywhere: a walk stays on the side of its start."""
     box = creation.box().subdivide().subdivide()
     flipped = box.faces.copy()
     flipped[::3] = flipped[::3, ::-1]
@@ -96,7 +96,7 @@ def test_faces_wound_against_each_other_are_walked_over_as_one_side():
     assert np.einsum("ni,ni->n", walks[:, 1], mixed.normals[at]).min() > -1e-9
 
 
-def test_normals_are_those_of_the_round_surface_and_keep_edges():
+def test_normals_approach_those_of_a_smooth_surface_and_keep_edges():
     for subdivisions, error in ((2, 0.03), (4, 0.003)):
         sphere = creation.icosphere(subdivisions)
         normals = Terrain(sphere.vertices, sphere.faces).corner_normals
@@ -117,7 +117,7 @@ def test_a_sphere_is_smooth_however_it_is_tessellated(mesh):
 
 
 @pytest.mark.parametrize("pieces", [0, 4])
-def test_a_cube_is_sharp_by_the_share_of_its_area_near_edges(pieces):
+def test_the_sharpness_of_a_cube_is_the_share_of_its_area_near_edges(pieces):
     mesh = creation.box()
     for _ in range(pieces):
         mesh = mesh.subdivide()
@@ -130,8 +130,8 @@ def test_a_cube_is_sharp_by_the_share_of_its_area_near_edges(pieces):
 
 
 @pytest.mark.parametrize("radius", [0.02, 0.04, 0.07, 0.12])
-def test_rounds_are_edges_where_they_turn_fast_enough(radius):
-    """A round of radius r turns by 30 degrees within r pi / 6: within 0.03 where r is below 0.0573.
+def test_rounded_edges_are_edges_where_the_curvature_is_high_enough(radius):
+    """A rounding of radius r turns by 30 degrees within r pi / 6: within 0.03 where r is below 0.0573.
 
     Then the strip where it does so is 0.03 - r pi / 6 wide on each side: of 2 % of the area where r is below 0.03.
     """
@@ -145,15 +145,15 @@ def test_rounds_are_edges_where_they_turn_fast_enough(radius):
     assert ("smooth" in found.tags) == (radius * farthest / own > NEAR * 6 / pi)
 
 
-def test_a_dodecagonal_prism_is_round_around_and_sharp_at_its_ends():
-    """Sides that turn by less than 30 degrees stand for a round surface; at 60 degrees they are edges."""
+def test_a_prism_of_many_sides_is_smooth_around_and_sharp_at_its_ends():
+    """Sides that meet at less than 30 degrees approximate a smooth surface; at 60 degrees they form edges."""
     few, many = (traits(creation.cylinder(1, 2, sections=n)).edges for n in (6, 64))
     ends = 0.05
     assert many == pytest.approx(ends, abs=0.02) and few > 1.5 * many
 
 
 @pytest.mark.parametrize("radius", [0.025, 0.1, 0.4])
-def test_a_wire_is_bent_and_has_no_edges_but_at_its_ends(radius):
+def test_a_wire_has_edges_only_at_its_ends(radius):
     found = traits(creation.capsule(2 - 2 * radius, radius, count=[64, 64]))
     ends = (2 * NEAR + pi * radius) / (2 + (pi - 2) * radius) if radius < NEAR else 0  # shares of the length
     assert found.edges <= ends and "multiscale" not in found.tags
@@ -173,8 +173,8 @@ def test_a_plate_is_thin_below_the_threshold(factor):
         assert "near_contact" not in found.tags
 
 
-def test_the_other_side_of_a_sheet_is_no_edge():
-    """Only what lies round the rim is."""
+def test_the_opposite_side_of_a_sheet_is_not_an_edge():
+    """Only the strip around the rim is."""
     side, thickness = 1.4, 0.004
     found = traits(creation.box((side, side, thickness)))
     rims = 8 * side * NEAR / (2 * side**2)
@@ -190,7 +190,7 @@ def test_two_spheres_near_each_other(gap):
     assert found.components == 2 and found.genus == 0 and "smooth" in found.tags
 
 
-def test_a_narrow_hole_and_a_corner_are_no_contact_but_a_slot_is():
+def test_a_slot_is_near_contact_but_a_narrow_hole_or_a_corner_is_not():
     tube = traits(creation.annulus(0.02, 0.6, 0.6, sections=48))
     assert "near_contact" not in tube.tags and tube.genus == 1
     slot = [(0, 0), (1, 0), (1, 1), (0.52, 1), (0.52, 0.2), (0.48, 0.2), (0.48, 1), (0, 1)]
@@ -206,7 +206,7 @@ def prism(corners: list[tuple[float, float]]) -> Trimesh:
     return Trimesh(np.asarray(solid.vert_properties)[:, :3], np.asarray(solid.tri_verts).astype(int), process=False)
 
 
-def test_a_ball_tells_a_short_way_from_a_long_one():
+def test_two_sides_are_connected_only_within_a_large_enough_ball():
     box = creation.box((1, 1, 0.01)).subdivide().subdivide().subdivide()
     terrain = Terrain(box.vertices, box.faces)
     top, bottom = (
@@ -239,13 +239,13 @@ def waves(*terms: tuple[float, int]) -> Trimesh:
     return Trimesh(radius[:, None] * x, ball.faces, process=False)
 
 
-def test_detail_on_every_scale_is_multiscale_and_on_one_it_is_not():
+def test_detail_on_every_scale_is_multiscale_and_on_one_scale_is_not():
     assert "multiscale" in known_traits("rough").tags
     for k in (4, 19):
         assert "multiscale" not in traits(waves((0.5 / k, k))).tags
 
 
-def test_a_border_makes_it_open():
+def test_a_surface_with_a_boundary_is_open():
     sphere = creation.icosphere(4)
     half = Trimesh(sphere.vertices, sphere.faces[sphere.triangles_center[:, 2] > 0], process=False)
     assert traits(half).tags == ("smooth", "open") and traits(half).boundary_edges > 0
@@ -264,8 +264,8 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_neither_size_nor_place_nor_turn_matters_but_for_the_box_of_the_frame(name):
-    """A turn changes the box, so its middle and the radius a little; measures change no more than that."""
+def test_size_position_and_rotation_matter_only_through_the_box_of_the_frame(name):
+    """A rotation changes the box, and so its centre and radius, a little; traits change no more than that."""
     mesh = SHAPES[name]
     moved = turned(mesh, 3)
     unturned = Trimesh(37.0 * mesh.vertices + [1e3, -5, 2], mesh.faces, process=False)
@@ -289,13 +289,13 @@ def test_a_finer_tessellation_has_the_same_tags(name):
     assert traits(soup).tags == known_traits(name).tags
 
 
-def test_faces_that_look_inwards_change_nothing():
+def test_inward_faces_change_nothing():
     plate = creation.box((1.4, 1.4, 0.02))
     inward = Trimesh(plate.vertices, plate.faces[:, ::-1], process=False)
     assert traits(inward).tags == traits(plate).tags == ("sharp", "thin")
 
 
-def test_nothing_is_said_of_points_and_of_flat_faces():
+def test_points_and_degenerate_faces_have_no_traits():
     flat = Trimesh(np.zeros((3, 3)), [[0, 1, 2]], process=False)
     for faces in (flat.faces, np.empty((0, 3), dtype=int)):
         found = measure_traits(np.zeros((3, 3)), faces)
@@ -309,7 +309,7 @@ def test_measured_names_cannot_be_declared():
     assert Traits.of(found.arrays()) == found
 
 
-def test_a_hole_in_a_ball_turns_by_what_is_left():
+def test_a_truncated_ball_has_the_edge_of_its_known_angle():
     """A cap cut off a ball leaves an edge of a known angle: at 18 degrees none, at 60 a strip of 2.8 % of the area."""
     for height, edge in ((0.95, 18), (0.5, 60)):
         ball = creation.icosphere(6)

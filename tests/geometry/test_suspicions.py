@@ -1,4 +1,4 @@
-"""Coordinates that were saved too coarsely, and a few points that make the box large."""
+"""Coordinates saved with too few digits, and a few far points that enlarge the bounding box."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def single(points):
     return points.astype(np.float32).astype(np.float64)
 
 
-def test_steps_of_single_precision():
+def test_steps_of_single_precision_are_detected():
     assert single_steps(single(BALL + UTM)) == [0.5]  # of x, 1/32, a sixtieth of the spacing
     assert single_steps(single(BALL / 10 + UTM)) == [2**-5, 0.5]
     assert single_steps(BALL + UTM) == single_steps(single(BALL)) == []
     assert single_steps(np.rint(BALL) + UTM) == []  # a grid of its own
 
 
-def test_the_reader_says_both(tmp_path):
+def test_the_reader_reports_both(tmp_path):
     points = single(np.concatenate([BALL, [[5000, 0, 0]]]) + UTM)
     np.savetxt(tmp_path / "a.xyz", points, "%.17g")
     with collected() as notices:
