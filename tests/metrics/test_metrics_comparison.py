@@ -1,4 +1,4 @@
-"""What the metrics of conventions ask of a comparison: other sample counts, the way back, empty outputs, clouds."""
+"""What metrics require of a comparison: other sample counts, both directions, empty outputs, clouds."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def case_of(samples=None):
     return case
 
 
-def test_another_count_is_shared_too_and_the_usual_one_is_the_usual_comparison():
+def test_comparisons_of_another_count_are_cached_and_the_default_is_that_of_the_case():
     case = case_of(400)
     assert len(case.compare(BALL).reference_points) == 400
     assert compare(BALL, case, 400) is case.compare(BALL)
@@ -31,7 +31,7 @@ def test_another_count_is_shared_too_and_the_usual_one_is_the_usual_comparison()
     assert case_of().compare(BALL).samples == module.SAMPLES
 
 
-def test_the_way_back_is_exact_and_computed_once():
+def test_distances_to_the_output_surface_are_exact_and_computed_once():
     case, box = case_of(500), trimesh.creation.box()
     pair = case.compare(box)
     expected = trimesh.proximity.closest_point_naive(box, pair.reference_points)[1]
@@ -40,7 +40,7 @@ def test_the_way_back_is_exact_and_computed_once():
 
 
 @pytest.mark.parametrize("empty", [PointCloud(np.empty((0, 3))), trimesh.Trimesh(), trimesh.Trimesh(BALL.vertices)])
-def test_an_empty_output_is_infinitely_far(empty):
+def test_an_empty_output_has_infinite_distances(empty):
     pair = case_of(100).compare(empty)
     assert pair.is_empty and not case_of(100).compare(BALL).is_empty
     for found, count in ((pair.to_reference, 1), (pair.to_output, 100), (pair.to_surface, 1)):

@@ -1,4 +1,4 @@
-"""What every metric that is shipped promises: names, keys, kinds of output, floors, light imports."""
+"""The contract of every shipped metric: names, keys, kinds of output, floors, light imports."""
 
 import subprocess
 import sys
@@ -141,7 +141,7 @@ def test_kinds_of_output_and_version(name):
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_registered_as_promised(name):
+def test_metrics_are_registered_as_declared(name):
     better, outputs, keys = KINDS[name]
     plugin = registry().find("metric", name)
     assert plugin.version == VERSIONS.get(name, 1) and plugin.options["floor"] is True
@@ -159,7 +159,7 @@ def test_standard_is_small_and_full_is_all():
     ("name", "origin", "in_full"),
     [("of_a_package", "other 1.0", True), ("of_a_file", "/elsewhere/new.py", False), ("of_a_test", "imported", False)],
 )
-def test_full_has_what_is_installed_and_no_list_is_edited(name, origin, in_full, monkeypatch):
+def test_full_is_all_installed_metrics_without_a_list(name, origin, in_full, monkeypatch):
     known = registry().find("metric", "p2f_mean")
     monkeypatch.setitem(registry()._plugins["metric"], name, replace(known, name=name, origin=origin))
     full = sorted([*METRICS, name] if in_full else METRICS)

@@ -1,4 +1,4 @@
-"""Each formula that a paper's convention needs, held against a naive computation written from its definition."""
+"""Each formula of a paper's convention, against a naive computation written from its definition."""
 
 import igl
 import numpy as np
@@ -38,7 +38,7 @@ def two_points_against_three():
 
 
 def nearest(P, Q):
-    """By three loops: the distance of each of P to the nearest of Q."""
+    """The distance of each point of P to the nearest of Q, by three loops."""
     return np.array([min(sum((a - b) ** 2 for a, b in zip(p, q, strict=True)) ** 0.5 for q in Q) for p in P])
 
 
@@ -76,7 +76,7 @@ def test_directed_statistics_by_hand():
     assert found["to_output_p90"] == pytest.approx(1 + 0.8 * (np.sqrt(5) - 1))  # of 1, 1, sqrt 5, linear between
 
 
-def test_shares_of_the_box_by_hand():
+def test_distances_relative_to_the_box_by_hand():
     case, output = two_points_against_three()  # the reference's box is 2 x 2 x 1: a diagonal of 3
     chamfer = (1 + (2 + np.sqrt(5)) / 3) / 2
     expected = {
@@ -100,7 +100,7 @@ def test_own_spheres_by_loops():
     assert found["own_sphere_hausdorff_sq_sum"] == pytest.approx(max(f) ** 2 + max(b) ** 2)
 
 
-def test_own_spheres_forgive_place_and_size_and_break_at_one_outlier():
+def test_own_spheres_ignore_position_and_size_but_one_outlier_changes_them():
     case = mesh_case(trimesh.creation.icosphere(3))
     points, _ = case.reference.surface.sample(1000, generator(5))
     metric = OwnSphereDistances()
@@ -127,7 +127,7 @@ def test_the_ground_truth_is_a_poisson_disk_sample_as_large_as_the_output(metric
     )
 
 
-def test_a_ground_truth_that_is_a_cloud_is_taken_whole():
+def test_a_ground_truth_that_is_a_cloud_is_used_whole():
     case, output = two_points_against_three()
     f, b = nearest(output.points, case.reference.mesh.vertices), nearest(case.reference.mesh.vertices, output.points)
     expected = {
@@ -137,7 +137,7 @@ def test_a_ground_truth_that_is_a_cloud_is_taken_whole():
     assert EvenDistances().score(output, case) == pytest.approx(expected)
 
 
-def test_poisson_disk_samples_are_made_once_for_all_metrics_and_no_larger_than_said(monkeypatch):
+def test_poisson_disk_samples_are_drawn_once_for_all_metrics_up_to_the_limit(monkeypatch):
     made = []
 
     def counted(shape, count, rng):
@@ -154,7 +154,7 @@ def test_poisson_disk_samples_are_made_once_for_all_metrics_and_no_larger_than_s
 
 
 def test_points2surf_by_loops():
-    """In the frame where the longest edge, 2, is 1: what the paper's table has is the sum times 100 by the number."""
+    """In the frame where the longest edge, 2, is 1: the paper's table gives 100 times the sum over the count."""
     case, output = two_points_against_three()
     found = ChamferL1PointSum().score(output, case)
     mean = (1 + (2 + np.sqrt(5)) / 3) / 2
@@ -202,7 +202,7 @@ def test_exact_distances_of_parallel_squares(delta):
     assert P2mSqSum().score(PointCloud(points), case)["p2m_sq_sum"] == pytest.approx(2 * delta**2, rel=1e-9)
 
 
-def test_faces_count_alike_in_p2m_whatever_their_area():
+def test_p2m_weights_all_faces_equally_whatever_their_area():
     corners = [[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, -1, 0]]
     mesh = trimesh.Trimesh(corners, [[0, 1, 2], [0, 3, 1]], process=False)
     cloud = PointCloud([[2.0, 2, 1], [2, 3, 2]])
@@ -211,7 +211,7 @@ def test_faces_count_alike_in_p2m_whatever_their_area():
     assert P2mSqSum().score(cloud, mesh_case(mesh))["p2m_sq_sum"] == pytest.approx(expected)
 
 
-def test_s2f_looks_at_what_the_output_lacks():
+def test_s2f_measures_what_the_output_lacks():
     half = trimesh.Trimesh(square().vertices * [0.5, 1, 1] - [0.5, 0, 0], square().faces, process=False)
     case = mesh_case(square(), 20_000)
     found = S2f().score(half, case)
@@ -237,7 +237,7 @@ def test_concentric_spheres():
 
 
 @pytest.mark.parametrize("power, key", [(1, "chamfer_l1_sum"), (2, "hausdorff_sq_sum"), (1, "s2f_mean"), (0, "own")])
-def test_scale_goes_in_with_its_power(power, key):
+def test_scores_grow_with_the_declared_power_of_scale(power, key):
     metrics = (ChamferL1Sum(), HausdorffSqSum(), S2f(), OwnSphereDistances())
     ball, box = trimesh.creation.icosphere(2), trimesh.creation.box()
 
@@ -271,7 +271,7 @@ def test_triangles_to_points_against_all_pairs(mesh):
         assert triangles_to_points(triangles, points) == pytest.approx(np.min(every, axis=0), rel=1e-12)
 
 
-def test_triangles_to_points_is_an_upper_bound_where_too_many_are_within_reach(monkeypatch):
+def test_triangles_to_points_is_an_upper_bound_where_too_many_points_are_near(monkeypatch):
     monkeypatch.setattr("bench.geometry.triangles.BRUTE_FORCE", 0)
     mesh, points = trimesh.creation.icosphere(2), generator(0).normal(size=(2000, 3)) * 1e-3
     triangles = mesh.vertices[mesh.faces]

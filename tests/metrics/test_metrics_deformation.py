@@ -1,4 +1,4 @@
-"""Scores of deformations: distances of vertices that correspond, and of outputs to their mirror images."""
+"""Scores of deformations: distances between corresponding vertices, and of outputs to their mirror images."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def apart(output, reference):
     return VertexDistanceMean().score(output, case_of(reference))
 
 
-def test_a_shift_is_its_length_and_the_reference_is_perfect():
+def test_a_shift_scores_its_length_and_the_reference_scores_zero():
     assert apart(BALL, BALL) == {"vertex_distance_mean": 0.0}
     for shift in ((0.3, 0, 0), (0.1, -0.2, 0.2)):
         found = apart(with_vertices(BALL, BALL.vertices + shift), BALL)["vertex_distance_mean"]
@@ -39,15 +39,15 @@ def test_a_scaled_sphere_is_off_by_the_difference_of_radii():
     assert apart(with_vertices(BALL, 1.2 * BALL.vertices), BALL)["vertex_distance_mean"] == pytest.approx(0.2)
 
 
-def test_a_turn_that_leaves_the_surface_alone_is_seen():
-    """By the angle a about z, a vertex at the height z moves by 2 sin(a / 2) times its distance from the axis."""
+def test_a_rotation_of_a_sphere_onto_itself_is_measured():
+    """A rotation by a about the z axis moves a vertex by 2 sin(a / 2) times its distance from the axis."""
     turn = trimesh.transformations.rotation_matrix(0.4, [0, 0, 1])[:3, :3]
     found = apart(with_vertices(BALL, BALL.vertices @ turn.T), BALL)["vertex_distance_mean"]
     assert found == pytest.approx(2 * np.sin(0.2) * np.linalg.norm(BALL.vertices[:, :2], axis=1).mean())
     assert found == pytest.approx(2 * np.sin(0.2) * np.pi / 4, rel=0.01)  # the mean over a sphere
 
 
-def test_it_is_a_mean_and_not_of_squares():
+def test_it_is_a_mean_of_distances_not_of_squares():
     vertices = BALL.vertices.copy()
     vertices[7] += (0, 0, 2)
     assert apart(with_vertices(BALL, vertices), BALL)["vertex_distance_mean"] == pytest.approx(2 / len(vertices))
@@ -69,13 +69,13 @@ def test_vertices_that_no_face_uses_do_not_count():
         trimesh.Trimesh(BALL.vertices, BALL.faces[1:], process=False),
         trimesh.Trimesh(),
     ],
-    ids=["other", "another order", "turned over", "one less", "empty"],
+    ids=["other", "another order", "flipped", "one less", "empty"],
 )
-def test_nothing_corresponds_between_other_faces(output):
+def test_an_output_with_different_faces_is_not_scored(output):
     assert apart(output, BALL) == {}
 
 
-def test_a_vertex_that_no_face_uses_counts_for_nothing():
+def test_an_additional_vertex_that_no_face_uses_is_ignored():
     more = trimesh.Trimesh(np.vstack([BALL.vertices, [[0, 0, 0]]]), BALL.faces, process=False)
     assert apart(more, BALL) == apart(BALL, more) == apart(BALL, BALL) != {}
 
@@ -88,7 +88,7 @@ def mirrored(output, symmetry="mirror x", reference=BALL, samples=N):
 
 
 def plate(x, side=1.0):
-    """A square in the plane of one x."""
+    """A square in a plane of constant x."""
     corners = side / 2 * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]]) + (x, 0, 0)
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
 
@@ -98,7 +98,7 @@ def floor_of(area, samples=N):
 
 
 @pytest.mark.parametrize("name", ["ball", "two plates", "box"])
-def test_what_is_symmetric_is_at_the_floor(name):
+def test_symmetric_outputs_score_the_floor(name):
     mesh = {
         "ball": BALL,
         "two plates": trimesh.util.concatenate([plate(-0.4), plate(0.4)]),
@@ -119,7 +119,7 @@ def test_a_plate_beside_the_plane_is_twice_as_far_from_its_image(x):
     assert mirrored(plate(x))["mirror_chamfer_l2_sum"] == pytest.approx(expected, rel=0.01)
 
 
-def test_points_of_a_cloud_are_taken_as_they_are():
+def test_points_of_a_cloud_are_used_unchanged():
     cloud = PointCloud(np.array([[0.3, 0, 0], [-0.1, 1, 0], [0, 0, 1]]))
     assert mirrored(cloud)["mirror_chamfer_l2_sum"] == pytest.approx(2 * (0.6**2 + 0.2**2) / 3)
     rng = generator("cloud")
@@ -127,19 +127,19 @@ def test_points_of_a_cloud_are_taken_as_they_are():
     assert mirrored(PointCloud(np.vstack([half, half * (-1, 1, 1)])))["mirror_chamfer_l2_sum"] < 1e-24
 
 
-def test_it_says_nothing_of_the_distance_to_the_reference():
+def test_it_does_not_depend_on_the_distance_to_the_reference():
     found = mirrored(with_vertices(BALL, 0.5 * BALL.vertices + (0, 3, 1)))["mirror_chamfer_l2_sum"]
     assert found == pytest.approx(floor_of(BALL.area / 4), rel=0.05)
 
 
-def test_the_more_crooked_the_worse():
+def test_a_less_symmetric_output_scores_worse():
     bent = [with_vertices(BALL, BALL.vertices + b * BALL.vertices[:, 1:2] * (1, 0, 0)) for b in (0.1, 0.2, 0.4)]
     found = [mirrored(mesh)["mirror_chamfer_l2_sum"] for mesh in bent]
     assert found[2] > 2 * found[1] > 4 * found[0] > 0
 
 
 @pytest.mark.parametrize("symmetry", ["mirror x", "mirror x y"])
-def test_it_applies_where_the_reference_has_the_plane(symmetry):
+def test_it_applies_where_the_reference_has_the_mirror_plane(symmetry):
     assert mirrored(BALL, symmetry=symmetry)["mirror_chamfer_l2_sum"] > 0
 
 
@@ -151,12 +151,12 @@ def test_it_does_not_apply_elsewhere(symmetry):
     assert MirrorChamferL2Sum().score(BALL, case_of(BALL)) == {}
 
 
-def test_an_empty_output_is_infinitely_far():
+def test_an_empty_output_scores_infinity():
     for empty in (trimesh.Trimesh(), PointCloud(np.empty((0, 3)))):
         assert mirrored(empty) == {"mirror_chamfer_l2_sum": np.inf}
 
 
-def test_the_samples_are_its_own_number():
+def test_it_uses_its_own_number_of_samples():
     case = case_of(BALL, symmetry="mirror x")
     set_samples(case, 700)
     found = [MirrorChamferL2Sum(n).score(BALL, case)["mirror_chamfer_l2_sum"] for n in (N, 700)]

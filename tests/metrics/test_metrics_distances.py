@@ -1,4 +1,4 @@
-"""Chamfer, Hausdorff, point-to-face and F-score: closed forms, other libraries, and how they behave."""
+"""Chamfer, Hausdorff, point-to-face and F-score: closed forms, other libraries, and invariance."""
 
 import igl
 import numpy as np
@@ -30,7 +30,7 @@ def scores(output, case):
 
 
 def square(z=0.0, side=2.0, cells=4):
-    """A flat square in the plane z, centred."""
+    """A flat, centred square at the height z."""
     x, y = np.meshgrid(*[np.linspace(-side / 2, side / 2, cells + 1)] * 2, indexing="ij")
     i = np.arange((cells + 1) ** 2).reshape(cells + 1, -1)
     a, b, c, d = i[:-1, :-1].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel(), i[:-1, 1:].ravel()
@@ -84,7 +84,7 @@ def test_two_way_surface_distance_of_concentric_spheres(radius):
     assert exact(sphere(radius), few_of(sphere())) == pytest.approx(abs(1 - radius), rel=2e-3)
 
 
-def test_two_way_surface_distance_counts_both_ways_alike():
+def test_two_way_surface_distance_weights_both_directions_equally():
     # Half of a square on it: 0 one way, and the other way half of the points are 0 to 1 away.
     half = moved(square(side=1.0), np.diag([1.0, 2.0, 1.0, 1.0]) + np.array([[0, 0, 0, -0.5]] + [[0] * 4] * 3))
     case = few_of(square())
@@ -111,8 +111,8 @@ def arrays(mesh):
     return np.array(mesh.vertices), np.array(mesh.faces)
 
 
-def test_two_way_surface_distance_sees_what_the_floor_of_chamfer_hides():
-    """The truth scores 0, and twice the noise twice as much, where Chamfer-L1 is nearly all floor."""
+def test_two_way_surface_distance_measures_noise_below_the_floor_of_chamfer():
+    """The truth scores 0, and twice the noise scores twice as much, where Chamfer-L1 is mostly its floor."""
     case, meshes = few_of(sphere(subdivisions=4)), []
     for sigma in (0.0, 1e-3, 2e-3, 0.2):
         meshes.append(sphere(subdivisions=4))
@@ -126,7 +126,7 @@ def test_two_way_surface_distance_sees_what_the_floor_of_chamfer_hides():
 
 
 def few_of(mesh):
-    """Few samples: what is exact needs no more."""
+    """Few samples: an exact distance needs no more."""
     case = case_of(mesh)
     set_samples(case, 5000)
     return case
@@ -136,7 +136,7 @@ def exact(output, case):
     return SurfaceDistanceMean().score(output, case)["surface_distance_mean"]
 
 
-def test_floor_is_the_one_of_two_poisson_processes():
+def test_floor_is_that_of_two_poisson_processes():
     # field: mean f = 0.5 sqrt(A / N) and mean f^2 = A / (pi N) for independent uniform samples of a surface.
     mesh = sphere()
     case = case_of(mesh)
@@ -167,7 +167,7 @@ def test_single_point_at_the_centre_of_a_sphere():
     assert found["fscore@0.01"] == found["precision@0.01"] == found["recall@0.01"] == 0
 
 
-def test_huge_outlier_is_seen_in_full():
+def test_huge_outlier_counts_in_full():
     case = case_of(sphere())
     points = np.vstack([case.perfect(PointCloud(np.zeros((999, 3)))).points, [[1e9, 0, 0]]])
     found = scores(PointCloud(points), case)
@@ -255,7 +255,7 @@ def test_rigid_motion_of_everything_does_not_matter(noisy):
     assert found == pytest.approx(scores(PointCloud(cloud), case), rel=1e-6)
 
 
-def test_scale_goes_in_with_its_power(noisy):
+def test_scores_grow_with_the_declared_power_of_scale(noisy):
     case, points, noise = noisy
     cloud = points + 0.02 * noise
     small = scores(PointCloud(cloud), case)
@@ -277,14 +277,14 @@ def test_a_better_output_scores_better(noisy):
         assert better_first[0] < better_first[-1], key
 
 
-def test_mesh_output_with_degenerate_faces_scores_as_without():
+def test_degenerate_faces_of_the_output_do_not_change_scores():
     mesh, case = sphere(0.9, 4), case_of(sphere(subdivisions=4))
     flat = np.vstack([mesh.faces, np.c_[mesh.faces[:50, :2], mesh.faces[:50, 1]]])
     both = scores(trimesh.Trimesh(mesh.vertices, flat, process=False), case)
     assert both == pytest.approx(scores(mesh, case), rel=1e-9)
 
 
-def test_reference_with_degenerate_faces_scores_as_without():
+def test_degenerate_faces_of_the_reference_do_not_change_scores():
     mesh, output = sphere(subdivisions=4), PointCloud(generator(5).normal(size=(500, 3)))
     flat = np.vstack([np.c_[mesh.faces[:50, :2], mesh.faces[:50, 1]], mesh.faces])
     with_flat = scores(output, case_of(trimesh.Trimesh(mesh.vertices, flat, process=False)))

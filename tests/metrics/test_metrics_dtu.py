@@ -1,4 +1,4 @@
-"""The DTU benchmark's distances against a script that is slow and plain, on masks and planes in MATLAB files."""
+"""The DTU benchmark's distances against a slow, plain computation, on masks and planes in MATLAB files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def attributes(tmp_path):
 
 
 def cloud_about(name, count=500):
-    """Points within and about the box, some of them far away."""
+    """Points within and around the box, some of them far away."""
     rng = generator(name)
     points = rng.uniform(LOW - 12, HIGH + 18, (count, 3))
     points[:20] += 60
@@ -46,7 +46,7 @@ def within(a, b):
 
 
 def by_hand(points, truth, attributes):
-    """Point by point, of an output that is thinned already; the numbers are those of the test, in millimetres."""
+    """Scores computed point by point, of an output already thinned; lengths are in millimetres."""
     box, mask, plane = (attributes[name] for name in ("obs_box", "obs_mask", "ground_plane"))
     inside = [p for p in points if all(box[0] - MARGIN <= p) and all(p < box[1] + 2 * MARGIN)]
     observed = []
@@ -67,7 +67,7 @@ def by_hand(points, truth, attributes):
     }
 
 
-def test_a_cloud_scores_what_a_loop_finds(attributes):
+def test_scores_of_a_cloud_match_a_loop(attributes):
     truth, output = cloud_about("truth"), cloud_about("output")
     case = case_of(truth, attributes)
     points = thinned(output, THIN, generator(0, "scan1", "thinned"))
@@ -89,7 +89,7 @@ def test_a_mesh_is_covered_with_points(attributes):
 
 
 def test_the_grid_on_a_triangle():
-    """The same as a loop over its rows and columns, with the spacing along both edges."""
+    """It matches a loop over rows and columns, with the same spacing along both edges."""
     corners = np.array(
         [[[0, 0, 0], [7, 0, 0], [1, 4, 0]], [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], np.zeros((3, 3))], float
     )
@@ -102,7 +102,7 @@ def test_the_grid_on_a_triangle():
     assert sum(map(len, grids_on(np.repeat(corners, 50, axis=0), 0.5))) == 50 * len(expected)
 
 
-def test_what_is_missing_altogether_does_not_count_and_nothing_is_the_worst(attributes):
+def test_an_output_without_points_nearby_scores_worst(attributes):
     truth = cloud_about("truth")
     case = case_of(truth, attributes)
     far = PointCloud(case.frame.apply(truth[:50] + 1000))
@@ -111,7 +111,7 @@ def test_what_is_missing_altogether_does_not_count_and_nothing_is_the_worst(attr
     assert METRIC.score(case.reference.cloud, case)["dtu_accuracy"] == pytest.approx(0, abs=1e-9)
 
 
-def test_without_a_plane_all_counts_and_without_a_mask_nothing_is_scored(attributes):
+def test_without_a_plane_all_points_count_and_without_a_mask_there_is_no_score(attributes):
     truth = cloud_about("truth")
     output = PointCloud(case_of(truth, {}).frame.apply(cloud_about("output")))
     del attributes["ground_plane"]
@@ -121,7 +121,7 @@ def test_without_a_plane_all_counts_and_without_a_mask_nothing_is_scored(attribu
     assert METRIC.score(output, without) == {} and "dataset.mask=FILE" in METRIC.why_not(output, without)
 
 
-def test_a_reference_that_is_not_thinned_can_be(attributes):
+def test_an_unthinned_reference_can_be_thinned(attributes):
     truth = cloud_about("truth")
     dense = np.repeat(truth, 3, axis=0) + 1e-9 * generator("dense").normal(size=(1500, 3))
     output = cloud_about("output")
@@ -133,7 +133,7 @@ def test_a_reference_that_is_not_thinned_can_be(attributes):
 
 
 @pytest.mark.parametrize("count", [1, 100, 5000])
-def test_thinning_is_the_loop_over_all_points(count):
+def test_thinning_matches_a_loop_over_all_points(count):
     points, distance = generator("thin").uniform(0, 20 if count > 1000 else 4, (count, 3)), 0.5
     order = generator("order")
     shuffled = points[np.lexsort(points.T)]
@@ -146,7 +146,7 @@ def test_thinning_is_the_loop_over_all_points(count):
     np.testing.assert_array_equal(thinned(points[::-1], distance, generator("order")), kept)
 
 
-def test_files_that_are_none_are_told(tmp_path):
+def test_invalid_files_are_refused(tmp_path):
     (tmp_path / "text.mat").write_text("nothing")
     savemat(tmp_path / "other.mat", {"x": 1})
     savemat(tmp_path / "flat.mat", {"ObsMask": np.ones((3, 3)), "BB": np.ones((2, 3)), "Res": 1.0, "P": np.ones(3)})

@@ -50,7 +50,7 @@ def test_concentric_spheres(radius):
     assert found["iou"] == pytest.approx(min(radius, 1 / radius) ** 3, abs=0.02)
 
 
-def test_iou_ends_and_invariance():
+def test_extreme_values_and_invariance_of_iou():
     box = trimesh.creation.box()
     metric = Iou(samples=5000)
     assert metric.score(box, case_of(box)) == {"iou": 1.0}
@@ -61,7 +61,7 @@ def test_iou_ends_and_invariance():
     assert large == pytest.approx(metric.score(placed(box, 1, (0.2, 0, 0)), case_of(box)), rel=1e-9)
 
 
-def test_open_references_have_no_volume_and_open_outputs_the_one_they_close_in():
+def test_open_references_have_no_volume_and_open_outputs_are_closed():
     ball = trimesh.creation.icosphere(3)
     holed = trimesh.Trimesh(ball.vertices, ball.faces[8:], process=False)
     assert Iou().score(ball, case_of(holed)) == {}
@@ -70,7 +70,7 @@ def test_open_references_have_no_volume_and_open_outputs_the_one_they_close_in()
     assert Iou(samples=5000).score(flat, case_of(ball))["iou"] < 0.01
 
 
-def test_a_far_vertex_ends_in_zero_not_in_nan():
+def test_a_far_vertex_gives_zero_not_nan():
     ball = trimesh.creation.icosphere(1)
     vertices = np.vstack([ball.vertices, [[1e6, 1e6, 1e6], [1e6, 1e6, 1e6 + 1e-3], [1e6, 1e6 + 1e-3, 1e6]]])
     spiked = trimesh.Trimesh(vertices, np.vstack([ball.faces, [[42, 43, 44]]]), process=False)
@@ -103,7 +103,7 @@ def test_laplacian_of_one_triangle_by_loops():
     assert not cotangent_laplacian(V[[0, 1, 1]], F).toarray().any()  # no area, no weight
 
 
-def test_rigid_motion_costs_nothing_and_scale_in_proportion():
+def test_the_laplacian_ignores_rigid_motion_and_grows_with_scale():
     metric, case = CotLaplacian(), case_of(PATCH, PATCH)
     assert metric.score(placed(PATCH, shift=(1, 2, 3), turn=TURN), case)["cot_laplacian"] < 1e-12
     once, twice = (metric.score(placed(PATCH, s), case)["cot_laplacian"] for s in (1.1, 1.2))
@@ -188,13 +188,13 @@ def exact(mesh):
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.03, 0.1, 0.5])
-def test_crossings_of_a_noisy_sphere_against_cgal(sigma):
+def test_self_intersections_of_a_noisy_sphere_against_cgal(sigma):
     mesh = placed(BALL)
     mesh.vertices += sigma * generator(3).normal(size=mesh.vertices.shape)
     assert (self_intersecting_faces(mesh.vertices, mesh.faces) == exact(mesh)).all()
 
 
-def test_crossings_of_long_and_short_triangles_against_cgal():
+def test_self_intersections_of_long_and_short_triangles_against_cgal():
     rng = generator(4)
     corners = rng.normal(size=(150, 1, 3)) + rng.normal(size=(150, 3, 3)) * 10.0 ** rng.uniform(-4, 0.5, (150, 1, 1))
     soup = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(450).reshape(-1, 3), process=False)
@@ -216,7 +216,7 @@ def test_two_spheres_that_pass_through_each_other():
 
 
 @pytest.mark.parametrize("turn", [None, TURN])
-def test_flat_regions_touching_and_copies_do_not_cross(turn):
+def test_flat_regions_contact_and_copies_are_not_self_intersections(turn):
     box = trimesh.creation.box().subdivide().subdivide()
     beside = placed(box, shift=(1, 0, 0))  # they touch in a whole side
     mesh = placed(trimesh.util.concatenate([box, beside, box]), turn=turn)

@@ -1,4 +1,4 @@
-"""The angle between normals: closed forms and what must not change it."""
+"""The angle between normals: closed forms and invariance."""
 
 import numpy as np
 import pytest

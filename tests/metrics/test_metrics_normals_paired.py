@@ -1,4 +1,4 @@
-"""Cosines and oriented angles between normals: closed forms, a naive loop, and what must not change them."""
+"""Cosines and oriented angles between normals: closed forms, a naive loop, and invariance."""
 
 import numpy as np
 import pytest
@@ -72,7 +72,7 @@ def test_random_normals(plane):
     assert found["normal_flipped_share"] == pytest.approx(0.5, abs=0.02)
 
 
-def test_inside_out_is_seen_by_the_oriented_ones_alone():
+def test_only_oriented_angles_detect_inverted_normals():
     ball = trimesh.creation.icosphere(3)
     case = Case("ball", {}, Shape("ball", ball))
     set_samples(case, 2000)
@@ -89,7 +89,7 @@ def test_without_normals_there_is_no_score(plane):
         assert metric.score(cloud, plane) == {}
 
 
-def test_angles_keep_their_digits_at_both_ends():
+def test_angles_near_0_and_180_degrees_are_accurate():
     t = np.array([1e-9, 1e-5, 1.0, np.pi - 1e-9])
     a, b = np.tile([1.0, 0, 0], (4, 1)), np.c_[np.cos(t), np.sin(t), np.zeros(4)]
     assert oriented_angles(a, b) == pytest.approx(np.degrees(t), rel=1e-7)

@@ -1,4 +1,4 @@
-"""What meshes of the wild do to scores: vertices that no face uses, spikes, flipped and doubled faces, slivers."""
+"""Scores of meshes with defects: vertices that no face uses, spikes, flipped and doubled faces, slivers."""
 
 import numpy as np
 import pytest
@@ -89,7 +89,7 @@ def without_strays():
 
 
 @pytest.mark.parametrize("name", ["behind", "in faces without an area"])
-def test_no_score_of_a_mesh_changes(name, without_strays):
+def test_vertices_that_no_face_uses_change_no_score_of_a_mesh(name, without_strays):
     # The source of a deformation has the faces of the output; so it has the strays too.
     output, expected = without_strays
     assert len(expected) > 60
@@ -105,13 +105,13 @@ def test_no_score_of_a_mesh_changes(name, without_strays):
                 assert found[key] == expected[key], key
 
 
-def test_no_score_of_a_cloud_changes():
+def test_vertices_that_no_face_uses_change_no_score_of_a_cloud():
     cloud = PointCloud(noisy(BALL).vertices, np.array(BALL.vertices))
     assert scores_of(cloud, with_strays(BALL, "several")) == scores_of(cloud, BALL)
 
 
 @pytest.mark.parametrize("name", STRAYS)
-def test_the_frame_and_the_overlap_of_two_files(tmp_path, name):
+def test_vertices_that_no_face_uses_change_neither_frame_nor_overlap(tmp_path, name):
     save(BALL, tmp_path / "ball.ply")
     save(with_strays(BALL, name), tmp_path / "stray.ply")
     for reference in ("ball", "stray"):
@@ -171,7 +171,7 @@ LENGTH = 0.5
 
 
 def with_needle(mesh, face=7, base=1e-5):
-    """The mesh with a spike on one face, which no sample meets: its area is a millionth of the whole."""
+    """The mesh with a spike on one face that no sample hits: its area is a millionth of the whole."""
     V, F = np.array(mesh.vertices), np.array(mesh.faces)
     corners = V[F[face]]
     middle = corners.mean(axis=0)
@@ -210,7 +210,7 @@ def test_a_cloud_that_lacks_the_spike():
     assert Directed().score(cloud, case_of(with_needle(BALL)))["to_output_max"] == pytest.approx(LENGTH, rel=0.02)
 
 
-def test_means_and_the_protocols_of_papers_are_over_samples():
+def test_means_and_paper_conventions_use_samples_alone():
     spiky, case = with_needle(BALL), case_of(BALL)
     pair = case.compare(spiky)
     assert pair.to_reference.distance.max() < 0.15
@@ -222,7 +222,7 @@ def test_means_and_the_protocols_of_papers_are_over_samples():
     assert SampledDistances(samples=2000).score(spiky, case)["hausdorff@2000"] < 0.15
 
 
-def test_maxima_of_smooth_meshes_are_those_of_their_samples():
+def test_maxima_of_meshes_without_spikes_are_those_of_their_samples():
     ball, case = mesh_of(BALL.vertices * 1.01, BALL.faces), case_of(BALL)
     pair = case.compare(ball)
     assert Hausdorff().score(ball, case)["hausdorff"] == max(
@@ -254,7 +254,7 @@ def test_iou_of_doubled_faces():
     assert Iou(samples=2000).score(BALL, case_of(doubled)) == {"iou": 1.0}
 
 
-def test_why_there_is_no_iou():
+def test_the_reason_for_a_missing_iou_is_reported():
     rng = generator(2)
     sheets = [(x, np.cos(a) * y, np.sin(a) * y) for a in (0, 2, 4) for x in range(12) for y in range(6)]
     corners = [72 * s + 6 * x + y for s in range(3) for x in range(11) for y in range(5)]
@@ -279,8 +279,8 @@ def with_inner(*meshes):
 
 
 @pytest.mark.parametrize("radius", [0.3, 0.6])
-def test_a_ball_inside_a_ball_is_one_piece(radius):
-    """Of the area radius^2, whichever way its faces are wound."""
+def test_a_ball_inside_a_ball_is_one_inner_component(radius):
+    """Its area is radius^2, whichever way its faces are wound."""
     inner = mesh_of(BALL.vertices * radius, BALL.faces)
     for output in (with_inner(inner), with_inner(flipped(inner, 1.0)), with_inner(flipped(inner, 0.5))):
         found = InnerSurface().score(output, case_of(BALL))
@@ -288,7 +288,7 @@ def test_a_ball_inside_a_ball_is_one_piece(radius):
         assert found["inner_components"] == 1
 
 
-def test_what_is_at_the_surface_or_outside_is_no_inner_surface():
+def test_faces_at_the_surface_or_outside_are_not_inner_surface():
     nothing = {"inner_area": 0.0, "inner_components": 0.0}
     for output in (BALL, mesh_of(BALL.vertices * 0.99, BALL.faces), with_inner(mesh_of(BALL.vertices + 5, BALL.faces))):
         assert InnerSurface(samples=3000).score(output, case_of(BALL)) == nothing
@@ -300,7 +300,7 @@ def test_what_is_at_the_surface_or_outside_is_no_inner_surface():
 
 @pytest.mark.parametrize(("half", "pieces"), [(0.5, 1), (2.0, 0)])
 def test_a_plane_inside_a_ball(half, pieces):
-    """Two large faces: what lies within the ball of radius 1 - depth counts, and one that sticks out is no piece."""
+    """Two large faces: the part within radius 1 - depth counts as area; a plane that protrudes is not a component."""
     square = mesh_of([(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [(0, 1, 2), (0, 2, 3)])
     found = InnerSurface(samples=50_000).score(with_inner(square), case_of(trimesh.creation.icosphere(5)))
     area = min(4 * half**2, np.pi * 0.98**2) / (4 * np.pi)
@@ -308,8 +308,8 @@ def test_a_plane_inside_a_ball(half, pieces):
     assert found["inner_components"] == pieces
 
 
-def test_small_pieces_count_one_by_one():
-    """Also those that no sample meets, and one of unmerged triangles; a cavity's own wall is no structure."""
+def test_small_components_are_counted_one_by_one():
+    """Even those that no sample hits, and one of unmerged triangles; the wall of a cavity is not inner surface."""
     crumbs = [mesh_of(0.001 * BALL.vertices + (x, 0, 0), BALL.faces) for x in (-0.5, 0.0, 0.5)]
     soup = mesh_of(crumbs[0].triangles.reshape(-1, 3), np.arange(3 * len(BALL.faces)).reshape(-1, 3))
     found = InnerSurface(samples=500).score(with_inner(soup, *crumbs[1:]), case_of(BALL))
@@ -319,7 +319,7 @@ def test_small_pieces_count_one_by_one():
     assert InnerSurface(samples=3000).score(hollow, case_of(hollow)) == {"inner_area": 0.0, "inner_components": 0.0}
 
 
-def test_where_there_is_no_inside():
+def test_an_open_reference_has_no_inner_surface():
     metric, opened = InnerSurface(samples=500), mesh_of(BALL.vertices, BALL.faces[3:])
     assert metric.score(BALL, case_of(opened)) == {}
     assert "the reference is not closed" in metric.why_not(BALL, case_of(opened))
@@ -334,7 +334,7 @@ def test_where_there_is_no_inside():
 
 
 def with_sliver(mesh, height, kind):
-    """A vertex in one face, so high over the middle of an edge (cap), or so far from a corner (needle)."""
+    """A vertex in one face, at ``height`` above the middle of an edge (cap) or from a corner (needle)."""
     V, F = np.array(mesh.vertices), np.array(mesh.faces)
     a, b, c = F[0]
     start, towards = ((V[a] + V[b]) / 2, V[c]) if kind == "cap" else (V[a], (V[a] + V[b] + V[c]) / 3)
@@ -363,7 +363,7 @@ def test_many_slivers_change_little():
     assert laplacian_of_noise(mesh) == pytest.approx(laplacian_of_noise(BALL), rel=0.1)
 
 
-def test_a_warning_says_that_slivers_are_left_out():
+def test_a_warning_reports_slivers_that_are_left_out():
     with pytest.warns(UserWarning, match="1 of the 1282 faces of the source are slivers"):
         laplacian_of_noise(with_sliver(BALL, 1e-8, "cap"))
 
@@ -378,7 +378,7 @@ def test_a_warning_says_that_slivers_are_left_out():
     ],
     ids=["ball", "strips of 1:1600", "plate", "cone"],
 )
-def test_meshes_that_are_made_of_long_faces_have_no_slivers(mesh):
+def test_meshes_made_of_long_faces_have_no_slivers(mesh):
     assert not slivers(mesh.vertices, mesh.faces).any()
     V, F = np.array(mesh.vertices), np.array(mesh.faces)
     dense = np.zeros((len(V), len(V))) if len(V) < 700 else None

@@ -1,4 +1,4 @@
-"""How evenly a cloud is spread and how much it covers: closed forms, naive loops, and what must not change them."""
+"""Uniformity and coverage of a cloud: closed forms, naive loops, and invariance."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def plane_case(side=2.0, samples=5000):
 
 
 def lattice(n=60):
-    """A hexagonal lattice on the square of side 2, about n a side."""
+    """A hexagonal lattice on the square of side 2, about n points per side."""
     step = 2 / n
     rows = np.arange(-1 + step / 2, 1, step * np.sqrt(0.75))
     points = [
@@ -77,7 +77,7 @@ def test_uniformity_by_loops():
 
 
 def test_projected_uniformity_by_loops():
-    """Of points above the plane, over the disks that hold five of their feet."""
+    """For points off the plane, over the disks that hold five of their foot points."""
     case, share = plane_case(), 0.004
     cloud = PointCloud(random_cloud(900).points + np.c_[np.zeros((900, 2)), generator(3).normal(size=900)])
     feet = cloud.points * [1, 1, 0]
@@ -108,7 +108,7 @@ def test_projected_uniformity_is_not_defined_where_no_disk_holds_five_points():
     assert empty == {"projected_uniformity@0.004": np.inf}
 
 
-def test_holes_and_clumps_are_seen():
+def test_holes_and_clumps_are_measured():
     case, whole = plane_case(), random_cloud(6000)
     half = PointCloud(whole.points[whole.points[:, 0] < 0])
     clumped = PointCloud(np.vstack([whole.points, [0.3, 0.3, 0] + 0.01 * generator(7).normal(size=(3000, 3))]))
@@ -125,7 +125,7 @@ def test_coverage_does_not_reward_more_points():
     assert found[0] == pytest.approx(found[1], abs=0.03)
 
 
-def test_order_does_not_matter_and_scale_goes_in_with_its_power():
+def test_order_does_not_matter_and_scores_grow_with_a_power_of_scale():
     cloud, case = random_cloud(), plane_case()
     usual = scores(cloud, case)
     shuffled = PointCloud(cloud.points[generator(1).permutation(len(cloud))])
@@ -135,7 +135,7 @@ def test_order_does_not_matter_and_scale_goes_in_with_its_power():
     assert large == pytest.approx({key: power[key] * value for key, value in usual.items()}, rel=1e-6)
 
 
-def test_a_rigid_motion_of_the_cloud_leaves_its_spacing():
+def test_a_rigid_motion_of_the_cloud_does_not_change_its_spacing():
     matrix = trimesh.transformations.rotation_matrix(0.7, [1, 1, 0])[:3, :3]
     cloud = random_cloud(500)
     moved = PointCloud(cloud.points @ matrix.T + [3, 2, 1])
@@ -143,7 +143,7 @@ def test_a_rigid_motion_of_the_cloud_leaves_its_spacing():
     assert metric.score(moved, case) == pytest.approx(metric.score(cloud, case), rel=1e-9)
 
 
-def test_copies_and_points_in_one_place():
+def test_duplicate_and_coincident_points():
     points = np.array([[0.0, 0, 0], [0, 0, 0], [1, 0, 0], [3, 0, 0]])
     assert neighbour_distances(points).tolist() == [0, 0, 1, 2]
     metric, case = SpacingVariation(), plane_case()
@@ -170,6 +170,6 @@ def test_one_outlier():
         lambda: ProjectedUniformity(least=1),
     ],
 )
-def test_parameters_that_make_no_sense(metric):
+def test_invalid_parameters(metric):
     with pytest.raises(ValueError, match="expected"):
         metric()

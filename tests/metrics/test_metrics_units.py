@@ -1,4 +1,4 @@
-"""What each score is in: a length, a power of one, or nothing; found by making everything twice as large."""
+"""The unit of each score, a power of length, found by scaling everything by two."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def scored(scale, kind):
 
 
 @pytest.mark.parametrize("kind", ["mesh", "cloud"])
-def test_every_score_grows_as_it_declares(kind):
+def test_every_score_grows_with_its_declared_power(kind):
     once, twice = scored(1.0, kind), scored(2.0, kind)
     assert len(once) > 30 and any(value > 0 for value, _ in once.values())
     assert once.keys() == twice.keys()
