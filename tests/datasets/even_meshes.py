@@ -4,6 +4,6 @@ from bench import Shape
 
 
 def even(shape: Shape) -> Shape:
-    """The shape, not yet built, without finer triangles where it bends: they cost seconds, and have their own tests."""
+    """The shape, not yet built, without refinement of curved regions, which takes seconds and has its own tests."""
     shape._surface._fine = False
     return shape

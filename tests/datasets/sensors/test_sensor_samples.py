@@ -1,4 +1,4 @@
-"""The sensor: exact counts, the noise that was asked for, and nothing from global random state."""
+"""The sensor ``samples``: exact counts, the requested noise, and no use of global random state."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_without_noise_points_and_normals_are_exact(shape, sampling):
     assert np.quantile(np.abs(cloud.normals - normals).max(axis=1), 0.99) < 1e-7  # on an edge of the box there are two
 
 
-def test_the_noise_has_its_deviation():
+def test_the_noise_has_its_standard_deviation():
     quiet, loud = (sense(noise=noise, count=5000) for noise in (0.0, 0.02))
     moved = loud.points - quiet.points
     assert moved.std(axis=0) == pytest.approx([0.02] * 3, rel=0.05)
@@ -55,7 +55,7 @@ def test_the_noise_has_its_deviation():
     assert np.array_equal(quiet.normals, loud.normals)  # exact, whatever the noise
 
 
-def test_outliers_are_as_many_as_asked_and_fill_the_inflated_box():
+def test_outliers_have_the_requested_number_and_fill_the_inflated_box():
     clean, cloud = (sense(BOX, noise=0.0, outliers=outliers, count=5000) for outliers in (0.0, 0.2))
     lost = (cloud.points != clean.points).any(axis=1)
     assert lost.sum() == 1000
@@ -81,7 +81,7 @@ def test_poisson_disk_keeps_its_distance():
 
 
 def test_uniform_is_uniform_by_area():
-    """On a box of sides a < b < c the faces get points in the proportion of their areas."""
+    """On a box of sides a < b < c the faces get points in proportion to their areas."""
     cloud = sense(BOX, noise=0.0, count=20_000, sampling="uniform")
     axis = np.abs(cloud.normals).argmax(axis=1)
     a, b, c = np.ptp(BOX.mesh.vertices, axis=0)
@@ -90,16 +90,16 @@ def test_uniform_is_uniform_by_area():
     assert np.abs(np.bincount(axis) - expected).max() < 5 * np.sqrt(expected.max())
 
 
-def test_normals_can_be_withheld():
+def test_normals_can_be_left_out():
     assert sense(normals=False, count=100).normals is None
     assert np.array_equal(sense(normals=False, count=100).points, sense(count=100).points)
 
 
-def test_seeds_decide_and_nothing_else():
+def test_samples_depend_on_the_seed_alone():
     import open3d as o3d
 
     o3d.utility.random.seed(1)
-    np.random.seed(1)  # noqa: NPY002  (the sensor must not care)
+    np.random.seed(1)  # noqa: NPY002  (the sensor must ignore it)
     first = sense(count=1000, outliers=0.1)
     o3d.utility.random.seed(2)
     np.random.seed(2)  # noqa: NPY002
@@ -108,7 +108,7 @@ def test_seeds_decide_and_nothing_else():
     assert not np.array_equal(first.points, other.points)
 
 
-def test_two_processes_sense_the_same():
+def test_two_processes_give_the_same_samples():
     script = """
 import hashlib, sys
 from bench import generator
@@ -139,6 +139,6 @@ def test_bad_parameters_are_named(parameters, name):
         Samples(**parameters)
 
 
-def test_the_default_noise_shows_but_does_not_drown():
+def test_the_default_noise_is_visible_but_small():
     cloud = sense(BUMPS)
     assert 0.002 < np.sqrt((distances(cloud, BUMPS) ** 2).mean()) < 0.006

@@ -1,4 +1,4 @@
-"""Chains equal their parts, refuse mistakes early, and the presets mean what their comments say."""
+"""Chains match their steps and refuse mistakes early; presets match their comments."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ SENSORS = registry().names("sensor")
 
 @pytest.fixture(scope="module")
 def composed():
-    """The sensor of every preset, as the engine would make it."""
+    """The sensor of every preset, as the engine makes it."""
     with hydra_ready():
         nodes = {name: compose(CONFIG_NAME, overrides=[f"sensor={name}"]).sensor for name in PRESETS}
     values = {name: OmegaConf.to_container(node, resolve=True) for name, node in nodes.items()}
     return {name: build(registry().find("sensor", v["_name_"]), v) for name, v in values.items()}
 
 
-def test_a_chain_equals_its_parts():
+def test_a_chain_matches_its_steps():
     steps = [{"uniform": {"count": 300}}, {"gaussian": {"sigma": 0.02}}, {"holes": {"count": 3, "radius": 0.3}}]
     cloud = Chain(steps=tuple(steps)).sense(BALL, generator(7))
     first, second, third = generator(7).spawn(3)
@@ -49,14 +49,14 @@ def test_a_chain_equals_its_parts():
     assert np.array_equal(cloud.points, by_hand.points) and np.array_equal(cloud.normals, by_hand.normals)
 
 
-def test_a_chain_of_one_and_of_an_effect_alone():
+def test_a_chain_of_one_step_and_of_a_lone_effect():
     assert len(Chain(steps=("uniform",)).sense(BALL, generator(0))) == 5000
     alone = Chain(steps=({"gaussian": {"sigma": 0.0}},)).sense(BALL, generator(0))
     assert len(alone) == 5000
     assert np.array_equal(alone.points, Gaussian(sigma=0.0).sense(BALL, generator(0).spawn(1)[0]).points)
 
 
-def test_steps_draw_independently_of_what_stands_before_them():
+def test_steps_draw_independently_of_earlier_steps():
     """Another count or noise in the middle does not move the holes."""
 
     def missing(*middle):
@@ -134,12 +134,12 @@ def test_bad_parameters_are_named(name, values, parameter):
 @pytest.mark.parametrize(
     ("name", "word"), [("gaussian", "unit"), ("depth_camera", "rig"), ("triangulation", "normals")]
 )
-def test_wrong_words_are_refused(name, word):
+def test_unknown_choices_are_refused(name, word):
     with pytest.raises(ValueError, match=f"^{word}: expected one of"):
         registry().find("sensor", name).cls(**{word: "nonsense"})
 
 
-def test_what_sensors_give_and_the_class_of_it():
+def test_the_output_of_sensors_and_its_class():
     found = registry()
     assert {p.name for p in found.all("sensor") if given_by(p, p.cls()) != "cloud"} == {
         "rig",
@@ -175,7 +175,7 @@ def test_every_sensor_has_help_for_every_parameter():
 # -- presets -----------------------------------------------------------------------------------------------------------
 
 
-def test_no_preset_hides_a_plugin_and_each_says_what_it_is():
+def test_no_preset_hides_a_plugin_and_each_has_a_comment():
     assert not set(PRESETS) & set(SENSORS)
     for name in PRESETS:
         text = (files("bench.conf") / "sensor" / f"{name}.yaml").read_text()
@@ -220,7 +220,7 @@ def test_the_noise_of_dss_is_relative_to_the_diagonal(composed):
         )
 
 
-def test_virtual_scans_share_their_viewpoint_and_rise_in_resolution(composed):
+def test_virtual_scans_share_their_viewpoint_and_grow_in_resolution(composed):
     scans = [composed[f"mpu_scan_{r}"].sense(BOX, generator(0)) for r in (56, 79, 112)]
     assert np.array([len(b) / len(a) for a, b in zip(scans, scans[1:], strict=False)]) == pytest.approx(2, rel=0.06)
     for scan in scans:
@@ -232,7 +232,7 @@ def test_virtual_scans_share_their_viewpoint_and_rise_in_resolution(composed):
         assert np.sqrt((distance**2).mean()) == pytest.approx(0.002 / np.sqrt(3), rel=0.06)
 
 
-def test_scanned_is_like_a_good_scan(composed):
+def test_the_preset_scanned_resembles_a_good_scan(composed):
     for shape in (BALL, BOX):
         cloud = composed["scanned"].sense(shape, generator(0))
         assert 5000 <= len(cloud) <= 10_000

@@ -1,4 +1,4 @@
-"""Effects: each spoils as much as it says, by closed forms, and nothing else."""
+"""Effects: each degrades a cloud by the declared amount, against closed forms, and changes nothing else."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def spoil(effect, shape: Shape = BOX, seed: int = 0, cloud: PointCloud | None = 
 
 
 def moves(effect, shape: Shape = BOX) -> np.ndarray:
-    """How far each point went, in x, y and z; the normals must not have changed."""
+    """The displacement of each point; the normals must not have changed."""
     spoiled = spoil(effect, shape)
     assert np.array_equal(spoiled.normals, CLEAN[shape.id].normals)
     return spoiled.points - CLEAN[shape.id].points
@@ -68,7 +68,7 @@ def test_sources_have_exact_counts_and_lie_on_the_surface(source, count):
 
 @pytest.mark.parametrize("profile", ["linear", "exponential"])
 def test_the_density_falls_by_the_ratio(profile):
-    """On a cylinder's wall the height has the density that was asked for: compare with its distribution function."""
+    """On the wall of a cylinder the height has the requested density: compare with its distribution function."""
     wall = trimesh.creation.cylinder(radius=1e-3, height=2, sections=64)
     shape = Shape("needle", wall).framed()[0]
     cloud = DensityGradient(count=N, ratio=8, profile=profile, direction=(0, 0, 2)).sense(shape, generator(0))
@@ -121,7 +121,7 @@ def test_uniform_noise_is_bounded():
 
 
 @pytest.mark.parametrize("shape", [BALL, BUMPS], ids=lambda s: s.id)
-def test_normal_noise_is_along_the_normal_alone(shape):
+def test_normal_noise_moves_points_only_along_the_normal(shape):
     moved = moves(NormalNoise(sigma=0.02), shape)
     height = np.einsum("ni,ni->n", moved, shape.surface.closest(CLEAN[shape.id].points)[1])
     assert height.std() == pytest.approx(0.02, rel=0.03)
@@ -138,7 +138,7 @@ def test_no_noise_moves_nothing(effect):
 
 @pytest.mark.parametrize("outliers", [OutliersBox, OutliersRay, OutliersClustered])
 @pytest.mark.parametrize("fraction", [0.0, 0.1, 0.5])
-def test_outliers_are_as_many_as_asked(outliers, fraction):
+def test_outliers_have_the_requested_number(outliers, fraction):
     cloud = spoil(outliers(fraction=fraction))
     assert len(cloud) == N
     changed = (cloud.points != CLEAN["box"].points).any(axis=1)
@@ -196,7 +196,7 @@ def test_holes_are_empty_balls_around_points_of_the_surface(count, radius):
     assert np.array_equal(cloud.points, clean[~inside])
 
 
-def test_one_hole_takes_its_share_of_a_ball():
+def test_one_hole_removes_its_share_of_a_ball():
     """A cap of chord r on the unit sphere has the area pi r^2, of 4 pi."""
     cloud = spoil(Holes(count=1, radius=0.6), BALL)
     assert 1 - len(cloud) / N == pytest.approx(0.6**2 / 4, rel=0.08)
@@ -223,7 +223,7 @@ def test_dropout_keeps_an_exact_number_in_order():
     assert order == sorted(order)
 
 
-def test_one_view_of_a_ball_is_a_half():
+def test_one_view_of_a_ball_shows_half_of_it():
     effect = ViewSubset(views=1)
     (direction,) = effect.directions(generator(0, "effect"))
     seen = spoil(effect, BALL).points @ direction
@@ -231,15 +231,15 @@ def test_one_view_of_a_ball_is_a_half():
     assert len(seen) / N == pytest.approx(0.5, abs=0.02)
 
 
-def test_noise_hides_nothing():
+def test_noise_does_not_cause_occlusion():
     noisy = spoil(Gaussian(sigma=0.01), BALL)
     direction = ViewSubset(views=1).directions(generator(0, "effect"))[0]
     seen = spoil(ViewSubset(views=1), BALL, cloud=noisy)
     assert len(seen) == pytest.approx((noisy.points @ direction > 0).sum(), rel=0.01)
 
 
-def test_what_stands_in_front_hides_what_is_behind():
-    """Seen from above, a plate hides the one under it, and its own lower side."""
+def test_nearer_surfaces_occlude_farther_ones():
+    """Seen from above, a plate occludes the one below it, and its own lower side."""
     plates = [
         trimesh.creation.box((width, width, 0.02), trimesh.transformations.translation_matrix((0, 0, z)))
         for width, z in ((1.9, 0), (2, 1))
@@ -251,14 +251,14 @@ def test_what_stands_in_front_hides_what_is_behind():
     assert seen.normals[:, 2].min() > -0.5
 
 
-def test_the_bracket_of_elevations_holds():
+def test_elevations_are_within_their_bounds():
     directions = ViewSubset(views=1000, lowest=20, highest=40).directions(generator(0))
     elevation = np.degrees(np.arcsin(directions[:, 2]))
     assert 20 <= elevation.min() < 21 and 39 < elevation.max() <= 40
     assert np.abs(np.linalg.norm(directions, axis=1) - 1).max() < 1e-12
 
 
-def test_nothing_left_is_a_clear_error():
+def test_an_effect_that_removes_all_points_is_refused():
     few = PointCloud(BALL.mesh.vertices[:5])
     with pytest.raises(BadInput, match="sensor holes: removes all 5 points of ball"):
         spoil(Holes(count=1, radius=2.5), BALL, cloud=few)
@@ -269,7 +269,7 @@ def test_nothing_left_is_a_clear_error():
 # -- normals -----------------------------------------------------------------------------------------------------------
 
 
-def test_flips_are_as_many_as_asked():
+def test_flipped_normals_have_the_requested_number():
     cloud = spoil(NormalsFlip(fraction=0.3))
     same = np.einsum("ni,ni->n", cloud.normals, CLEAN["box"].normals)
     assert np.abs(np.abs(same) - 1).max() < 1e-12
@@ -305,8 +305,8 @@ def test_estimated_normals_are_near_the_true_ones(orientation):
 
 
 @pytest.mark.parametrize("k", [15, 32])
-def test_normals_of_a_fixed_number_of_neighbours_count_the_point_itself(k):
-    """As in the clouds that were released with DSS, whose signs are those of the true normals."""
+def test_a_fixed_number_of_neighbours_includes_the_point_itself(k):
+    """As in the clouds released with DSS, whose normals have the signs of the true ones."""
     points, truth = BUMPS.surface.sample(300, generator(0))
     estimated = spoil(NormalsPca(orientation="exact", k=k), BUMPS, cloud=PointCloud(points)).normals
     for point, normal, true in zip(points, estimated, truth, strict=True):
@@ -316,12 +316,12 @@ def test_normals_of_a_fixed_number_of_neighbours_count_the_point_itself(k):
 
 
 @pytest.mark.parametrize("k", [-1, 1, 2])
-def test_a_plane_has_three_points(k):
+def test_a_plane_needs_three_points(k):
     with pytest.raises(ValueError, match="k: expected 0, or at least 3"):
         NormalsPca(k=k)
 
 
-def test_normals_can_be_taken_away_and_missing_ones_are_refused():
+def test_normals_can_be_removed_and_missing_ones_are_refused():
     bare = spoil(NormalsNone())
     assert bare.normals is None and np.array_equal(bare.points, CLEAN["box"].points)
     for effect in (NormalsFlip(), NormalsNoise()):
@@ -341,7 +341,7 @@ def test_rotations_are_rotations():
 
 
 @pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0, -1), (1, 2, 3)])
-def test_poses_look_at_their_target(direction):
+def test_poses_face_their_target(direction):
     pose = look_at(np.array(direction, float), np.zeros(3))
     assert pose.axes @ pose.axes.T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(pose.axes) == pytest.approx(1)  # right x down = forward

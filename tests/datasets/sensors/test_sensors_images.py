@@ -1,4 +1,4 @@
-"""Rigs at several distances and in white light, and effects on images, against closed forms and naive statistics."""
+"""Rigs at several distances and under white light, and effects on images: closed forms and naive statistics."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def same(views, others, *but):
 # -- the rig -----------------------------------------------------------------------------------------------------------
 
 
-def test_distances_are_uniform_and_directions_stay():
+def test_distances_are_uniform_and_directions_unchanged():
     near = Rig(views=400, resolution=4, placement="random", distance=1.5).sense(BALL, generator(2))
     far = Rig(views=400, resolution=4, placement="random", distance=1.5, farthest=4.5).sense(BALL, generator(2))
     distances = np.sort(np.linalg.norm(far.centers, axis=1))
@@ -40,7 +40,7 @@ def test_distances_are_uniform_and_directions_stay():
     same(Rig(views=4, resolution=16, distance=1.5).sense(BALL, generator(2)), level)
 
 
-def test_white_light_shades_as_the_formula_says():
+def test_white_light_shades_by_the_formula():
     rig = Rig(views=6, resolution=48, distance=2.5, normals="smooth", ambient=0.2, lights="white")
     views = rig.sense(Shape("fine", icosphere(5)).framed()[0], generator(4))
     assert views.light_directions.shape == (6, 1, 3)
@@ -66,13 +66,13 @@ def test_white_lights_are_uniform_on_the_side_of_the_camera():
 @pytest.mark.parametrize(
     ("wrong", "message"), [({"farthest": 2.0}, "farthest: expected"), ({"lights": "red"}, "lights")]
 )
-def test_wrong_rigs_are_refused(wrong, message):
+def test_invalid_rigs_are_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
         Rig(**wrong)
 
 
 @pytest.mark.parametrize("name", ["multiview_24", "multiview_48", "multiview_thesis"])
-def test_presets_hold_the_shape_or_cut_it_as_published(name):
+def test_presets_show_the_whole_shape_or_cut_it_off_as_published(name):
     preset = presets.presets("sensor")[name]
     assert preset.plugin == "rig"
     rig = Rig(**(dict(preset.values) | {"resolution": 32}))
@@ -86,7 +86,7 @@ def test_presets_hold_the_shape_or_cut_it_as_published(name):
 
 
 @pytest.mark.parametrize("effect", [PixelNoise(), MaskErrors(holes=0.5, blobs=0.5), ViewFew(), CameraNoise()])
-def test_effects_stand_in_chains_and_repeat_themselves(effect):
+def test_effects_work_in_chains_and_are_repeatable(effect):
     name, values = {
         PixelNoise: ("pixel_noise", {}),
         MaskErrors: ("mask_errors", {"holes": 0.5, "blobs": 0.5}),
@@ -133,7 +133,7 @@ def test_few_views():
 
 
 def test_few_views_that_are_evenly_spread():
-    """By a naive loop over angles; and wider apart than random ones."""
+    """Against a naive loop over angles."""
     directions = VIEWS.centers / np.linalg.norm(VIEWS.centers, axis=1, keepdims=True)
     chosen = [0]
     while len(chosen) < 6:
@@ -160,7 +160,7 @@ def test_camera_noise_has_its_moments():
     np.testing.assert_allclose(still.extrinsics, VIEWS.extrinsics, atol=1e-12)
 
 
-def test_the_field_that_moves_borders_is_smooth_and_of_deviation_one():
+def test_the_field_that_moves_mask_boundaries_is_smooth_and_of_unit_deviation():
     for smoothness in (1.0, 3.0, 6.0):
         fields = np.stack([smooth_field((96, 96), smoothness, generator(seed)) for seed in range(40)])
         assert fields.std() == pytest.approx(1, rel=0.05)
@@ -170,7 +170,7 @@ def test_the_field_that_moves_borders_is_smooth_and_of_deviation_one():
             assert found == pytest.approx(np.exp(-(apart**2) / (4 * smoothness**2)), abs=0.04)
 
 
-def test_signed_distances_are_those_of_a_naive_loop():
+def test_signed_distances_match_a_naive_loop():
     mask = np.random.default_rng(2).random((9, 11)) < 0.5
     places = np.argwhere(np.ones_like(mask))
     for row, column in places:
@@ -179,8 +179,8 @@ def test_signed_distances_are_those_of_a_naive_loop():
         assert signed_distance(mask)[row, column] == pytest.approx(nearest if mask[row, column] else -nearest)
 
 
-def test_borders_of_masks_move_by_the_amplitude():
-    """A half plane: where the border is after it moved, column by column, has the deviation of the field."""
+def test_boundaries_of_masks_move_by_the_amplitude():
+    """A half plane: the shift of its boundary, column by column, has the standard deviation of the field."""
     masks = np.zeros((30, 64, 96), dtype=bool)
     masks[:, 32:] = True
     many = np.tile(VIEWS.extrinsics[:1], (30, 1, 1))
@@ -195,7 +195,7 @@ def test_borders_of_masks_move_by_the_amplitude():
     same(MaskErrors().spoil(full, BALL, generator(6)), full)  # without a border nothing moves
 
 
-def test_holes_and_blobs_come_as_often_as_asked_for():
+def test_holes_and_blobs_have_the_requested_frequency():
     many = Views.of({name: np.repeat(array, 20, axis=0) for name, array in VIEWS.arrays().items()})
     noisy = MaskErrors(amplitude=0.0, holes=0.3, blobs=0.6, radius=4.0).spoil(many, BALL, generator(8))
     lost, gained = many.masks & ~noisy.masks, noisy.masks & ~many.masks
@@ -207,7 +207,7 @@ def test_holes_and_blobs_come_as_often_as_asked_for():
     assert lost.sum(axis=(1, 2)).max() > 0.9 * whole
 
 
-def test_masks_that_lose_everything_are_refused():
+def test_views_without_any_visible_shape_are_refused():
     with pytest.raises(BadInput, match="none of the 20 remaining views shows the shape"):
         MaskErrors(amplitude=0.0, holes=1.0, radius=1000.0).spoil(VIEWS, BALL, generator(0))
 

@@ -1,4 +1,4 @@
-"""Scanners: what they see is there and visible, and what they measure is off by as much as the formulas say."""
+"""Scanners: measured points are on visible surface, and their errors follow the formulas."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ FRONT = look_at(np.array([0.0, -3.0, 0.0]), np.zeros(3))
 
 
 def wall(angle: float = 0.0, at: float = 0.0) -> Scene:
-    """A square of side 2 that faces FRONT, turned about z by an angle in degrees, a distance behind the origin."""
+    """A square of side 2 that faces FRONT, rotated about z by an angle in degrees, at a distance behind the origin."""
     square = trimesh.Trimesh([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], [[0, 1, 2], [0, 2, 3]], process=False)
     square.apply_transform(trimesh.transformations.rotation_matrix(np.radians(angle), (0, 0, 1)))
     square.apply_translation((0, at, 0))
@@ -56,7 +56,7 @@ def wall(angle: float = 0.0, at: float = 0.0) -> Scene:
 
 
 def blocked(mesh: trimesh.Trimesh, points: np.ndarray, viewer: np.ndarray) -> np.ndarray:
-    """Whether a triangle comes between points and a viewer, by Möller and Trumbore in float64, all against all."""
+    """Whether a triangle lies between points and a viewer, by Möller and Trumbore in float64, for all pairs."""
     a, b, c = (mesh.triangles[:, k] for k in range(3))
     direction = viewer - points
     e1, e2 = b - a, c - a
@@ -92,8 +92,8 @@ def test_occluded_points_are_never_returned(name):
         assert not blocked(POST.mesh, scan.hits, pose.center).any()
 
 
-def test_a_camera_sees_every_pixel_that_the_mesh_covers():
-    """Against every ray cast at every triangle in float64."""
+def test_a_camera_measures_every_pixel_that_the_mesh_covers():
+    """Against casting every ray at every triangle in float64."""
     scene = Scene(POST.mesh)
     view = see(scene, FRONT, focal_length(scene, 3, 15), 15)
     line = np.arange(15) - 7
@@ -107,7 +107,7 @@ def test_a_camera_sees_every_pixel_that_the_mesh_covers():
 
 
 def first_hit(triangles, origin, direction):
-    """Where a ray first meets triangles (f, 3, 3), or None: Cramer's rule for a + u e + v f = o + t d."""
+    """The first hit of a ray on triangles (f, 3, 3), or None: Cramer's rule for a + u e + v f = o + t d."""
     a, e, f = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     determinant = np.cross(e, f) @ -direction
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -133,7 +133,7 @@ def test_incidence_is_that_of_the_faces():
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_scans_depend_on_the_seed_and_on_nothing_else(name):
+def test_scans_depend_on_the_seed_alone(name):
     first, again, other = (REAL[name].sense(POST, generator(seed)) for seed in (0, 0, 1))
     assert np.array_equal(first.points, again.points) and np.array_equal(first.normals, again.normals)
     assert not np.array_equal(first.points[:10], other.points[:10])
@@ -160,7 +160,7 @@ def test_open_thin_tiny_and_flat_meshes(name, shape):
     assert np.median(np.linalg.norm(cloud.points - shape.surface.closest(cloud.points)[0], axis=1)) < 0.05
 
 
-def test_nothing_visible_is_a_clear_error():
+def test_a_scene_without_visible_surface_is_refused():
     speck = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1e-9, 0]], [[0, 1, 2]], process=False)
     shape = Shape("speck", speck).framed()[0]
     with pytest.raises(
@@ -232,7 +232,7 @@ def test_the_scanner_keeps_its_distance(rig):
         assert centers[:, 2] == pytest.approx(1.25)
 
 
-def test_grazing_measurements_are_lost_in_proportion():
+def test_grazing_measurements_are_lost_in_proportion_to_the_cosine():
     cosine = np.linspace(0, 1, 100_001)
     kept = survives_grazing(cosine, 0.1, 0.3, generator(0))
     assert not kept[cosine < 0.1].any() and kept[cosine > 0.3].all()
@@ -251,7 +251,7 @@ def quiet_stereo(baseline: float) -> Stereo:
 
 
 @pytest.mark.parametrize("scanner", [quiet_triangulation, quiet_stereo])
-def test_shadows_shrink_with_the_baseline_to_nothing(scanner):
+def test_shadows_vanish_with_the_baseline(scanner):
     scene = Scene(POST.mesh)
     seen = [{tuple(p) for p in scanner(b).measure(scene, FRONT, generator(0)).hits} for b in (1e-5, 0.05, 0.2)]
     assert seen[0] > seen[1] > seen[2]
@@ -260,8 +260,8 @@ def test_shadows_shrink_with_the_baseline_to_nothing(scanner):
     assert {tuple(p) for p in view.points[view.cosine > 0.01]} <= seen[0]
 
 
-def test_a_stripe_is_off_by_what_its_pixels_noise_makes_of_it():
-    """First order: the vertex of the parabola through three logarithms."""
+def test_the_error_of_a_stripe_follows_from_the_noise_of_its_pixels():
+    """First-order error of the vertex of the parabola through three logarithms."""
     made = Triangulation(intensity_noise=0.01, quantised=False)
     _, exact = Triangulation(intensity_noise=0, quantised=False)._peaks(np.full(1000, 0.8), generator(0))
     assert np.abs(exact).max() < 1e-5
@@ -274,7 +274,7 @@ def test_a_stripe_is_off_by_what_its_pixels_noise_makes_of_it():
     assert abs(delta.mean()) < 1e-3
 
 
-def test_dark_stripes_are_lost_and_eight_bits_leave_an_error():
+def test_dark_stripes_are_lost_and_quantisation_leaves_an_error():
     made = Triangulation(intensity_noise=0, peak_threshold=0.1)
     found, delta = made._peaks(np.array([1.0, 0.5, 0.09, 0.0]), generator(0))
     assert list(found) == [0, 1]
@@ -285,7 +285,7 @@ def test_dark_stripes_are_lost_and_eight_bits_leave_an_error():
 
 
 def test_kinect_noise_follows_its_formula():
-    """Monte Carlo over a wall, at several depths and angles; at 70 degrees the lateral noise shows in the depth too."""
+    """Monte Carlo over a wall, at several depths and angles; at 70 degrees the lateral noise affects the depth too."""
     assert axial_sigma(np.array([1.0]), np.array([0.0]))[0] == pytest.approx(0.0012 + 0.0019 * 0.36)
     assert lateral_sigma(np.array([0.0]))[0] == 0.8
     for angle, distance in ((0, 2.0), (0, 5.0), (70, 3.0)):
@@ -305,7 +305,7 @@ def test_kinect_noise_follows_its_formula():
 
 
 @pytest.mark.parametrize("scanner", [Kinect(), Stereo(steps=16)], ids=["kinect", "stereo"])
-def test_disparities_come_in_steps(scanner):
+def test_disparities_are_quantised(scanner):
     scene = Scene(BALL.mesh)
     scan = scanner.measure(scene, FRONT, generator(0))
     depth = (scan.points - FRONT.center) @ FRONT.axes[2] * 0.4
@@ -317,7 +317,7 @@ def test_disparities_come_in_steps(scanner):
     assert len(np.unique(np.round(disparity))) < len(depth) / 20
 
 
-def test_kinect_sees_between_its_limits_only():
+def test_kinect_measures_only_within_its_limits():
     scene = Scene(BALL.mesh)
     near = Kinect(size=0.15).measure(scene, FRONT, generator(0))  # 0.3 to 0.45 m away
     depth = (near.points - FRONT.center) @ FRONT.axes[2] * 0.15
