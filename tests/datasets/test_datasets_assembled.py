@@ -1,4 +1,4 @@
-"""Families put together from parts: fractals, furniture, humanoids and scenes."""
+"""Families assembled from parts: fractals, furniture, humanoids and scenes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHAPES = [shape for family in FAMILIES.values() for shape in islice(family.shape
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.id)
-def test_a_shape_is_what_it_says(shape):
+def test_a_shape_has_the_stated_properties(shape):
     mesh, info = shape.mesh, shape.info
     counts = count_topology(mesh.vertices, mesh.faces)
     assert counts.watertight and counts.boundary_edges == 0
@@ -46,7 +46,7 @@ def test_a_shape_is_what_it_says(shape):
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-def test_twice_the_same_and_the_splits_differ(name):
+def test_shapes_are_repeatable_and_splits_differ(name):
     family = FAMILIES[name]
     first, again = (next(family.shapes("test")).mesh for _ in range(2))
     assert first.vertices.tobytes() == again.vertices.tobytes() and first.faces.tobytes() == again.faces.tobytes()
@@ -87,7 +87,7 @@ def test_wrong_parameters_are_named(make):
 
 
 def test_the_genus_of_the_menger_sponge():
-    """The closed formula against a naive count of blocks, sides, edges and corners (Euler)."""
+    """The closed form against a naive count of blocks, sides, edges and corners (Euler)."""
     for level in (1, 2):
         n = 3**level
         digits = [[i // 3**k % 3 for k in range(level)] for i in range(n)]
@@ -108,13 +108,13 @@ def test_the_genus_of_the_menger_sponge():
 
 
 def test_a_twisted_koch_prism_does_not_cross_itself():
-    """The others are made by booleans or of whole blocks, which cannot."""
+    """The others are made by boolean operations or from whole blocks, and cannot cross themselves."""
     small = (s for s in fractals.Fractals(kind="koch").shapes("test") if s.info["level"] == 2)
     for shape in islice(small, 2):
         assert not self_intersecting_faces(shape.mesh.vertices, shape.mesh.faces).any()
 
 
-def test_fractals_come_in_turn_and_are_turned():
+def test_kinds_of_fractals_alternate_and_are_rotated():
     shapes = SHAPES[:4]
     assert [shape.info["kind"] for shape in shapes] == list(fractals.KINDS)
     assert all(np.abs(shape.mesh.face_normals).max(axis=1).mean() < 0.99 for shape in shapes)
@@ -134,7 +134,7 @@ def test_the_stated_genus_of_furniture_and_its_labels(category):
 
 
 @pytest.mark.parametrize("category", furniture_parts.CATEGORIES)
-def test_a_category_has_one_topology(category):
+def test_all_shapes_of_a_category_have_the_same_faces(category):
     pairs = [*islice(furniture.Furniture(category=category).pairs("test"), 3)]
     faces = pairs[0].source.mesh.faces
     for pair in pairs:
@@ -161,7 +161,7 @@ def test_the_template_is_on_the_implicit_body():
     assert not self_intersecting_faces(V, F).any()
 
 
-def test_weights_are_a_smooth_partition():
+def test_weights_are_a_smooth_partition_of_unity():
     V, F = template()
     W = humanoids.skin()
     assert W.min() >= 0 and np.allclose(W.sum(axis=1), 1)
@@ -172,15 +172,15 @@ def test_weights_are_a_smooth_partition():
     assert W[hand, [n.startswith("right") for n in skeleton.NAMES]].sum() < 1e-3
 
 
-def test_weights_do_not_hang_on_the_last_digits():
-    """Processors round otherwise, and vertices at a joint are as near to one bone as to the next."""
+def test_weights_do_not_depend_on_rounding():
+    """Processors round differently, and vertices at a joint are equally near to two bones."""
     V, F = template()
     noise = 1e-12 * np.random.default_rng(0).normal(size=V.shape)
     W = skinning.heat_weights(V + noise, F, skeleton.REST, skeleton.ENDS)
     assert np.abs(W - humanoids.skin()).max() < 2e-4  # what is below 1e-4 is set to zero
 
 
-def test_skinning_one_rigid_motion_is_that_motion():
+def test_skinning_with_one_rigid_motion_is_that_motion():
     rng = np.random.default_rng(0)
     V, W = rng.normal(size=(50, 3)), rng.dirichlet(np.ones(4), size=50)
     R, t = skeleton.rotation_about(rng.normal(size=3), 2.5), rng.normal(size=3)
@@ -196,7 +196,7 @@ def test_skinning_of_a_vertex_of_one_bone_follows_that_bone():
     assert np.allclose(skinning.dual_quaternion_skinning(V, W, turns, shifts), expected)
 
 
-def test_the_skeleton_keeps_together_and_rest_is_rest():
+def test_the_rest_pose_is_the_template_and_joints_stay_connected():
     V, _ = template()
     still, joints = shaped(V, humanoids.skin(), Build())
     assert np.allclose(still, V) and np.allclose(joints, skeleton.REST)
@@ -214,7 +214,7 @@ def test_knees_bend_backwards_and_elbows_forwards():
         assert bend * moved[1] > 0.15
 
 
-def test_key_poses_keep_to_the_limits_and_bones_apart():
+def test_key_poses_respect_the_limits_and_keep_bones_apart():
     for name, angles in poses.KEYS.items():
         for freedom, angle in angles.items():
             low, high = poses.FREEDOMS[freedom][2:]
@@ -230,7 +230,7 @@ def test_no_body_crosses_itself(index):
 
 
 @pytest.mark.parametrize("build", [Build(), Build(bulk=1, muscle=1, arms=-1, legs=-1), Build(bulk=-1, arms=1, legs=1)])
-def test_bent_limbs_do_not_cross_themselves_however_thick(build):
+def test_bent_limbs_of_any_thickness_do_not_cross_themselves(build):
     limits = poses.bend_limits([build])
     assert 70 < limits["left_elbow"] <= 106 and 80 < limits["right_knee"] <= 110
     for twist in (-50, 50):
@@ -258,7 +258,7 @@ def transfers():
     return {t.character.tags[0]: t for t in islice(FAMILIES["humanoids"].transfers("test"), 4)}
 
 
-def test_transfers_bring_a_pose_to_another_figure(transfers):
+def test_transfers_pose_another_figure(transfers):
     assert set(transfers) == {"body", "robot", "skeleton", "stout"}
     for kind, transfer in transfers.items():
         assert (transfer.template_posed.mesh.faces == transfer.template.mesh.faces).all()
@@ -273,7 +273,7 @@ def test_transfers_bring_a_pose_to_another_figure(transfers):
 
 @pytest.mark.parametrize("kind", ["robot", "skeleton"])
 def test_rigid_parts_stay_rigid(transfers, kind):
-    """Posing changes no edge, and each part moves by one rotation."""
+    """Posing changes no edge length, and each part moves rigidly."""
     rest, posed = transfers[kind].character.mesh, transfers[kind].character_posed.mesh
     edges = rest.edges_unique
     lengths = [np.linalg.norm(m.vertices[edges[:, 0]] - m.vertices[edges[:, 1]], axis=1) for m in (rest, posed)]
@@ -294,7 +294,7 @@ def test_landmarks_are_where_rays_from_the_joints_leave_a_figure(transfers):
         assert (front[:, 1] < back[:, 1] - 0.04).all() and (marks["left_knee_left"][:, 0] > 0.05).all()
 
 
-def test_parts_within_parts_are_left_together():
+def test_rays_leave_nested_and_overlapping_parts_together():
     """A ray leaves a ball within a block where it leaves the block, and overlapping balls where it leaves the last."""
     from trimesh.creation import box, icosphere
 
@@ -308,7 +308,7 @@ def test_parts_within_parts_are_left_together():
     assert exits(far, np.zeros((len(skeleton.NAMES), 3))) == {}
 
 
-def test_a_kind_of_character_can_be_asked_for():
+def test_a_kind_of_character_can_be_chosen():
     kinds = [t.character.tags for t in islice(humanoids.Humanoids(characters="robot").transfers("train"), 3)]
     assert kinds == [("robot",)] * 3
     with pytest.raises(ValueError, match="characters: expected all, body"):

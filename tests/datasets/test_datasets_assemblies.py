@@ -1,4 +1,4 @@
-"""Assemblies: closed bodies, each apart from the others by the stated clearance, and threads that are metric."""
+"""Assemblies: closed bodies separated by the stated clearance, and metric threads."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_bodies_are_closed_and_as_far_apart_as_stated(shape):
     assert min(nearest) == pytest.approx(gap, rel=0.1)
 
 
-def test_the_kinds_take_turns_and_a_shape_comes_again():
+def test_kinds_alternate_and_shapes_are_repeatable():
     assert [shape.info["kind"] for shape in SHAPES] == list(assembled.KINDS)
     again, train = (next(Assemblies(kind="hinge").shapes(split)).mesh for split in ("test", "train"))
     same = next(Assemblies(kind="hinge").shapes("test")).mesh
@@ -47,12 +47,12 @@ def test_wrong_parameters_are_named(values):
         Assemblies(**values)
 
 
-def test_near_contacts_are_seen():
+def test_near_contacts_are_tagged():
     assert "near_contact" in SHAPES[2].traits.tags
 
 
 def test_a_thread_is_a_closed_rod_with_the_metric_profile():
-    """Through the axis the profile is that of ISO 68: crest P/8, root P/4, flanks of 60 degrees."""
+    """The profile through the axis is that of ISO 68: crest P/8, root P/4, flanks of 60 degrees."""
     radius, pitch, length = 0.5, 0.1, 0.6
     rod = threads.thread(radius, pitch, length, 256)
     assert rod.genus() == 0 and rod.bounding_box()[5] == pytest.approx(length)
@@ -64,8 +64,8 @@ def test_a_thread_is_a_closed_rod_with_the_metric_profile():
     assert rod.volume() == pytest.approx(area * length, rel=2e-3)
 
 
-def test_a_thread_rises_by_its_pitch_to_the_right():
-    """The highest points at height z stand at the angle 2 pi z / pitch, all the way up."""
+def test_a_thread_is_right_handed_and_rises_by_its_pitch():
+    """The crest at height z is at the angle 2 pi z / pitch."""
     solid = threads.thread(0.5, 0.1, 0.6, 360)
     angles = []
     for z in (0.20, 0.21, 0.22):

@@ -1,4 +1,4 @@
-"""Buildings: one closed body each, with as many openings and as high a genus as stated."""
+"""Buildings: one closed body each, with the stated openings and genus."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHAPES = list(islice(Buildings().shapes("test"), len(architecture.KINDS)))
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.id)
-def test_a_building_is_what_it_says(shape):
+def test_a_building_has_the_stated_properties(shape):
     mesh, info = shape.mesh, shape.info
     counts = count_topology(mesh.vertices, mesh.faces)
     assert (counts.watertight, counts.components, counts.genus) == (True, 1, info["genus"])
@@ -36,7 +36,7 @@ def test_a_building_is_about_two_in_size_and_of_the_stated_genus(kind):
 
 
 def test_columns_stand_all_around():
-    """A level through the columns of a temple has as many outlines, and one more."""
+    """A horizontal section through the columns of a temple has an outline per column, and one more."""
     temple = architecture.temple(generator("architecture", 0))
     assert temple.build().slice(0.2).num_contour() == temple.openings + 1  # and the walls within
 
@@ -46,7 +46,7 @@ def test_a_church_has_buttresses_on_both_sides():
     assert left.volume() == pytest.approx(right.volume(), rel=5e-3)  # the spokes of the rose are turned
 
 
-def test_the_kinds_take_turns_and_a_shape_comes_again():
+def test_kinds_alternate_and_shapes_are_repeatable():
     assert [shape.info["kind"] for shape in SHAPES] == list(architecture.KINDS)
     first, again, train = (next(Buildings(kind="church").shapes(split)).mesh for split in ("test", "test", "train"))
     assert first.vertices.tobytes() == again.vertices.tobytes() != train.vertices.tobytes()

@@ -39,7 +39,7 @@ def sphere(radius: float = 1.0) -> StarSurface:
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 7, 16, 40])
-def test_the_sum_is_that_of_scipy(degree):
+def test_the_sum_matches_scipy(degree):
     a = np.random.default_rng(degree).normal(size=(degree + 1) ** 2)
     u = directions(400)
     theta, phi = np.arctan2(np.hypot(u[:, 0], u[:, 1]), u[:, 2]), np.arctan2(u[:, 1], u[:, 0])
@@ -54,7 +54,7 @@ def test_the_sum_is_that_of_scipy(degree):
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 5, 16])
-def test_derivatives_along_great_circles_are_those_of_finite_differences(degree):
+def test_derivatives_along_great_circles_match_finite_differences(degree):
     f = HarmonicSum(np.random.default_rng(3).normal(size=(degree + 1) ** 2))
     u = directions(300)
     t = np.cross(u, directions(300, 1))
@@ -94,7 +94,7 @@ def test_samples_lie_on_the_surface(index):
     assert np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 1e-14
 
 
-def test_normals_are_orthogonal_to_differences_of_the_surface_and_point_outward():
+def test_normals_are_orthogonal_to_the_surface_and_point_outward():
     surface = shape(1).surface
     u = directions(500)
     points, normals = surface.at(u)
@@ -109,7 +109,7 @@ def test_normals_are_orthogonal_to_differences_of_the_surface_and_point_outward(
 
 
 def test_samples_are_uniform_by_area():
-    """Chi-square over the cells of an icosphere, whose exact areas come from quadrature in a fine one."""
+    """Chi-square over the cells of an icosphere, whose exact areas come from quadrature on a finer one."""
     surface = shape(1).surface
     fine, faces = icosphere(5)
     cells = icosphere(2)[0]
@@ -169,7 +169,7 @@ def test_closest_points_of_the_surface_are_themselves():
     assert np.abs(found - normals).max() < 1e-8
 
 
-def test_on_a_sphere_everything_is_known():
+def test_a_sphere_matches_its_closed_forms():
     ball = sphere(2.0)
     points = directions(500) * np.linspace(0.5, 5, 500)[:, None]
     closest, normals = ball.closest(points)
@@ -211,7 +211,7 @@ def test_the_amplitude_is_the_root_mean_square():
 
 
 def test_the_spectrum_has_its_exponent():
-    """Recovered from values alone: the mean square of a_lm over many shapes falls as l^-exponent."""
+    """Recovered from values only: the mean square of a_lm over many shapes falls as l^-exponent."""
     exponent, degree = 3.0, 12
     dataset = Bumps(degree=degree, exponent_low=exponent, exponent_high=exponent)
     u = directions(800)
@@ -227,12 +227,12 @@ def test_the_spectrum_has_its_exponent():
     assert slope == pytest.approx(-exponent, abs=0.25)
 
 
-def test_a_few_shapes_hold_both_kinds():
+def test_a_few_shapes_include_smooth_and_other_ones():
     tags = [made.traits.tags for made in islice(Bumps().shapes("test"), 2)]
     assert tags == [("smooth",), ()]  # from 0.3 % of the second one an edge is near
 
 
-def test_splits_never_meet_and_ids_are_file_names():
+def test_splits_are_disjoint_and_ids_are_file_names():
     train, test = ([*islice(Bumps(subdivisions=2).shapes(split), 5)] for split in ("train", "test"))
     assert [made.id for made in test[:2]] == ["bumps-test-000", "bumps-test-001"]
     vertices = [made.mesh.vertices.tobytes() for made in train + test]
@@ -259,7 +259,7 @@ sys.stdout.write(digest.hexdigest())
 """
 
 
-def test_two_processes_make_the_same():
+def test_two_processes_make_the_same_shapes():
     other = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True).stdout
     digest = hashlib.sha256()
     for made in islice(Bumps(subdivisions=4).shapes("test"), 3):

@@ -1,4 +1,4 @@
-"""Parts: closed manifolds of one component whose genus is what they say."""
+"""Parts: closed manifolds of one component with the stated genus."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def digest(shapes) -> str:
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.id)
-def test_a_part_is_what_it_says(shape):
+def test_a_part_has_the_stated_properties(shape):
     mesh = shape.mesh
     assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
     assert mesh.body_count == 1
@@ -38,8 +38,8 @@ def test_a_part_is_what_it_says(shape):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_measures_of_a_part(kind):
-    """The stated size is the box's diagonal, and no wall that a ray meets is thinner than is stated."""
+def test_the_stated_measures_of_a_part(kind):
+    """The stated size is the diagonal of the box, and no wall that a ray crosses is thinner than stated."""
     for index in range(3):
         rng = generator("measures", kind, index)
         part = KINDS[kind](rng)
@@ -53,7 +53,7 @@ def test_the_measures_of_a_part(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_wall_is_thinner_than_stated(kind):
-    """Rays into the solid from the middle of its large faces leave it no sooner than after the thinnest wall."""
+    """Rays into the solid from its surface do not leave it before the stated thickness."""
     import open3d as o3d
 
     for shape in islice(Cad(kind=kind).shapes("test"), 2):
@@ -69,7 +69,7 @@ def test_no_wall_is_thinner_than_stated(kind):
         assert np.quantile(hits / diagonal, 0.03) > 0.01
 
 
-def test_every_kind_comes_in_turn():
+def test_kinds_alternate():
     assert [shape.info["kind"] for shape in SHAPES[: len(KINDS)]] == list(KINDS)
     assert {tag for shape in SHAPES for tag in shape.traits.tags} >= {"sharp", "thin", "high_genus"}
     assert len({shape.id for shape in SHAPES}) == len(SHAPES)
@@ -81,7 +81,7 @@ def test_one_kind_alone():
         Cad(kind="spoon")
 
 
-def test_twice_and_in_two_processes_the_same_to_the_last_bit():
+def test_shapes_are_bitwise_equal_in_repeated_calls_and_another_process():
     first = digest(SHAPES[:7])
     assert digest(islice(Cad().shapes("test"), 7)) == first
     script = (
@@ -99,7 +99,7 @@ def test_splits_differ_and_parts_of_a_kind_differ():
     assert len(set(meshes)) == len(meshes)
 
 
-def test_parts_are_turned():
+def test_parts_are_rotated():
     box = next(Cad(kind="block").shapes("test")).mesh
     assert np.abs(box.face_normals).max(axis=1).mean() < 0.99
 

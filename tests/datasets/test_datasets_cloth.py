@@ -1,4 +1,4 @@
-"""Cloth: open sheets that do not cross themselves, exact, with gaps as narrow as stated."""
+"""Cloth: open, exact sheets that do not cross themselves, with the stated gaps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ APART = {"curtain": 2.5, "skirt": 2.5, "napkin": 2.5, "scroll": 5.0}  # of the p
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.id)
-def test_a_sheet_is_open_whole_and_does_not_cross_itself(shape):
+def test_a_sheet_is_open_connected_and_does_not_cross_itself(shape):
     mesh = shape.mesh
     counts = count_topology(mesh.vertices, mesh.faces)
     assert (counts.components, counts.genus, counts.flipped_faces, counts.watertight) == (1, 0, 0, False)
@@ -40,7 +40,7 @@ def test_the_vertices_are_on_the_exact_surface(shape):
 @pytest.mark.parametrize("kind", APART)
 @pytest.mark.parametrize("gap", [0.01, 0.04])
 def test_the_stated_gap_is_the_nearest_distance_of_facing_parts(kind, gap):
-    """Of points along a section, those that are far apart along the sheet."""
+    """The distance of points of a section that are far apart along the sheet."""
     sheet = drapery.KINDS[kind](np.random.default_rng(3), gap)
     u = np.linspace(sheet.u[0], sheet.u[-1], 1500)
     apart = np.abs(u[:, None] - u)
@@ -56,7 +56,7 @@ def test_the_stated_gap_is_the_nearest_distance_of_facing_parts(kind, gap):
 
 
 def test_the_neck_of_a_fold():
-    """Against the sides of the curve itself: the farthest that one reaches towards the other."""
+    """Against the curve itself: how far one side reaches towards the other."""
     t = np.linspace(-pi / 2, 0, 200_001)
     for q in (1.7, 3.0, 4.5):
         x = t - q / 2 * np.sin(2 * t)
@@ -64,7 +64,7 @@ def test_the_neck_of_a_fold():
         assert drapery.overhang(drapery.neck(q)) == pytest.approx(q, abs=1e-9)
 
 
-def test_the_kinds_take_turns_and_a_shape_comes_again():
+def test_kinds_alternate_and_shapes_are_repeatable():
     assert [shape.info["kind"] for shape in SHAPES] == list(drapery.KINDS)
     first, again, train = (next(Cloth(kind="scroll").shapes(split)).mesh for split in ("test", "test", "train"))
     assert first.vertices.tobytes() == again.vertices.tobytes() != train.vertices.tobytes()

@@ -1,4 +1,4 @@
-"""Plane curves and the family of them: closed forms, brute force, even samples, and what distances to a ribbon say."""
+"""Plane curves and their family: closed forms, brute force, even samples, and distances to a ribbon."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def shape(kind: str, index: int, split: str = "test"):
 
 @cache
 def along(surface: PlaneCurves, count: int = 20_000) -> np.ndarray:
-    """(count, 2) points on the curves, in order, at even distances."""
+    """Evenly spaced points (count, 2) on the curves, in order."""
     return surface.at((np.arange(count) + 0.5) / count * surface.lengths.sum())[0][:, :2]
 
 
 # -- curves of closed form ---------------------------------------------------------------------------------------------
 
 
-def test_on_a_square_everything_is_known():
+def test_a_square_matches_its_closed_forms():
     surface = PlaneCurves(lambda: [polygon(SQUARE, 0.0)])
     assert surface.lengths == pytest.approx([8])
     rng = np.random.default_rng(0)
@@ -60,7 +60,7 @@ def test_on_a_square_everything_is_known():
     assert np.abs((sampled[:, :2] ** 2).mean(axis=0) - 2 / 3).max() < 0.02
 
 
-def test_a_spline_through_a_circle_is_nearly_one():
+def test_a_spline_through_points_of_a_circle_is_nearly_a_circle():
     angles = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     surface = PlaneCurves(lambda: [spline(np.stack([np.cos(angles), np.sin(angles)], axis=1))])
     assert surface.lengths == pytest.approx([2 * np.pi], rel=1e-6)
@@ -71,7 +71,7 @@ def test_a_spline_through_a_circle_is_nearly_one():
     assert np.linalg.norm(far[-1]) == pytest.approx(1, abs=1e-5)
 
 
-def test_bends_continue_their_sides():
+def test_rounded_corners_are_tangent_to_their_sides():
     curve = polygon(SQUARE, 0.5)
     assert len(curve) == 8 and area(curve) > 0 > area(turned(curve))
     joints = np.roll(curve, -1, axis=0)
@@ -84,7 +84,7 @@ def test_bends_continue_their_sides():
 
 
 @pytest.mark.parametrize(("kind", "index"), CASES)
-def test_curves_are_closed_and_have_the_inside_on_their_left(kind, index):
+def test_curves_are_closed_with_the_interior_on_the_left(kind, index):
     made = shape(kind, index)
     curves = made.surface.curves
     assert len(curves) == made.info["curves"] and made.tags == (kind,) == (made.info["kind"],)
@@ -153,7 +153,7 @@ def test_closest_points_against_brute_force(kind, index):
 
 
 @pytest.mark.parametrize(("kind", "index"), CASES)
-def test_a_distance_to_the_ribbon_is_one_to_the_curve(kind, index):
+def test_distances_to_the_ribbon_are_distances_to_the_curve(kind, index):
     made = shape(kind, index)
     dataset, mesh = Contours(), made.mesh
     assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(dataset.height) and mesh.body_count == made.info["curves"]
@@ -173,7 +173,7 @@ def test_a_distance_to_the_ribbon_is_one_to_the_curve(kind, index):
         assert np.abs(ribbon.project(lifted).distance - exact).max() < within
 
 
-def test_a_shape_is_the_same_every_time_and_all_are_distinct():
+def test_shapes_are_repeatable_and_distinct():
     made = [*islice(Contours().shapes("train"), 60), *islice(Contours().shapes("test"), 20)]
     assert len({np.concatenate(one.surface.curves).tobytes() for one in made}) == 80
     for one, again in zip(made[:5], Contours().shapes("train"), strict=False):
@@ -182,13 +182,13 @@ def test_a_shape_is_the_same_every_time_and_all_are_distinct():
 
 @pytest.mark.parametrize("kind", list(GLYPHS))
 def test_glyphs_have_their_holes(kind):
-    """The hand may shake and the pen be broad, but a B has two holes and an E has none."""
+    """With a shaky hand and a broad pen, a B still has two holes and an E has none."""
     shapes = list(islice(Contours(kind=kind).shapes("train"), 2 * len(GLYPHS[kind])))
     assert [len(s.surface.curves) for s in shapes] == 2 * [count for count, _ in GLYPHS[kind].values()]
     assert [s.info["name"] for s in shapes] == 2 * list(GLYPHS[kind])
 
 
-def test_kinds_take_turns_and_every_other_star_is_sharp():
+def test_kinds_alternate_and_every_other_star_is_sharp():
     assert [s.info["kind"] for s in islice(Contours().shapes("test"), 7)] == [*KINDS, *KINDS[:2]]
     pieces = [len(s.surface.curves[0]) for s in islice(Contours(kind="star").shapes("test"), 2)]
     assert pieces[0] % 4 == 0 and len(shape("star", 1).surface.curves[0]) == pieces[1]
@@ -235,8 +235,8 @@ def test_presets_have_their_count_and_their_noise_in_the_plane(preset, count, si
     assert np.sqrt((distance**2).mean()) == pytest.approx(sigma, rel=0.1, abs=1e-9)
 
 
-def test_a_case_of_a_contour_is_scored_as_it_should():
-    """The distance of points that are moved off the curve by a known length is that length."""
+def test_a_case_of_a_contour_scores_the_known_distance():
+    """Points moved off the curve by a known length are at that distance."""
     made, frame = shape("polygon", 0).framed()
     cloud = PoissonDisk(count=100).sense(made, generator(0))
     moved = PointCloud(cloud.points + 0.01 * cloud.normals)
@@ -247,7 +247,7 @@ def test_a_case_of_a_contour_is_scored_as_it_should():
     assert case.compare(moved).to_output.distance.max() < 0.05
 
 
-def test_ten_kinds_of_man_made_things_take_turns():
+def test_ten_kinds_of_man_made_shapes_alternate():
     values = OmegaConf.to_container(compose(["dataset=man_made"])["dataset"], resolve=True)
     dataset = build(registry().find("dataset", values["_name_"]), values)
     shapes = list(islice(dataset.shapes("test"), 40))

@@ -1,4 +1,4 @@
-"""Dirty meshes: the dirt is there, the surface stays where it is, and pairs still correspond."""
+"""Dirty meshes: the defects are present, the surface is unchanged, and pairs still correspond."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def both():
 
 
 def test_a_sensor_gives_the_cloud_of_the_clean_shape(both):
-    """So a method is given the same, and what its scores differ by is the metrics' doing."""
+    """A method gets the same input, so differences between scores come from the metrics."""
     for clean, soiled in both:
         assert (clean.id, clean.tags, clean.exactness) == (soiled.id, soiled.tags, soiled.exactness)
         assert len(soiled.mesh.faces) > len(clean.mesh.faces)
@@ -51,7 +51,7 @@ def test_the_faces_cover_the_same_points(both):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_each_kind_of_dirt_alone_is_what_it_is_called(kind, both):
+def test_each_kind_of_dirt_alone_has_its_stated_effect(kind, both):
     mesh = both[1][0].mesh  # smooth, closed, of small faces
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     before = count_topology(vertices, faces)
@@ -81,13 +81,13 @@ def test_each_kind_of_dirt_alone_is_what_it_is_called(kind, both):
         assert (area == 0).sum() == more == round(0.02 * len(faces))
 
 
-def test_the_same_dirt_every_time_and_other_dirt_elsewhere():
+def test_dirt_is_repeatable_and_differs_between_splits():
     first, again, train = (next(dirty().shapes(split)).mesh for split in ("test", "test", "train"))
     assert first.vertices.tobytes() == again.vertices.tobytes() and first.faces.tobytes() == again.faces.tobytes()
     assert first.faces.tobytes() != train.faces.tobytes()
 
 
-def test_pairs_that_correspond_still_do_and_attributes_follow():
+def test_corresponding_pairs_still_correspond_and_attributes_follow():
     pair = next(dirty(of=["furniture"], share=0.05).pairs("test"))
     clean = next(Mixture(of=["furniture"]).pairs("test"))
     assert np.array_equal(pair.source.mesh.faces, pair.target.mesh.faces)

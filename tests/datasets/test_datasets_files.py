@@ -1,4 +1,4 @@
-"""The user's meshes: found, named, hashed, read lazily."""
+"""The user's meshes: found, named, hashed, and read lazily."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_all_shapes_are_read(folder):
         assert shape.framed()[1].radius == pytest.approx(1)
 
 
-def test_without_train_files_the_train_split_says_what_to_do(folder):
+def test_without_train_files_the_error_of_the_train_split_gives_advice(folder):
     with pytest.raises(
         UsageError, match=r"split=train has no meshes.*dataset\.train_path=FOLDER.*train_share"
     ) as error:
@@ -75,7 +75,7 @@ def test_without_train_files_the_train_split_says_what_to_do(folder):
 
 @pytest.fixture
 def two_folders(tmp_path: Path) -> tuple[Path, Path]:
-    """Folders with a, b and a, c: four meshes of other contents."""
+    """Folders with a, b and a, c: four meshes with different contents."""
     for size, name in enumerate(("test/a.ply", "test/b.ply", "train/a.ply", "train/c.ply"), 1):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         save(trimesh.creation.icosphere(1, radius=size), tmp_path / name)
@@ -106,12 +106,12 @@ def test_a_mesh_in_both_splits_is_refused_with_both_names(two_folders):
         assert str(test / "b.ply") in str(error.value) and str(train / "another.ply") in str(error.value)
 
 
-def test_a_wrong_train_path_is_told_by_its_own_name(folder):
+def test_the_error_of_a_wrong_train_path_names_that_parameter(folder):
     with pytest.raises(UsageError, match=r"dataset\.train_path=nowhere: no such file"):
         Files(str(folder), train_path="nowhere").check("test")
 
 
-def test_a_share_goes_to_the_train_split_by_content_alone(tmp_path):
+def test_the_train_share_is_chosen_by_content_alone(tmp_path):
     for number in range(40):
         (tmp_path / f"{number:02d}.off").write_bytes(b"%d" % number)
     splits = {split: ids_of(Files(str(tmp_path), train_share=0.3), split) for split in ("test", "train")}
@@ -136,20 +136,20 @@ def test_copies_stay_in_one_split(tmp_path):
         assert len(found) == 1
 
 
-def test_a_share_that_leaves_nothing_says_so(folder):
+def test_a_share_that_leaves_nothing_is_refused(folder):
     with pytest.raises(UsageError, match=r"train_share=1 leaves none of the 4 mesh files .* to the split test"):
         Files(str(folder), train_share=1.0).check("test")
     Files(str(folder), train_share=1.0).check("train")
 
 
 @pytest.mark.parametrize("given", [{"train_share": 1.5}, {"train_share": 0.5, "train_path": "x"}])
-def test_a_share_out_of_range_or_beside_a_folder_is_refused(given):
+def test_a_share_out_of_range_or_together_with_a_folder_is_refused(given):
     with pytest.raises(ValueError, match="train_share"):
         Files("x", **given)
 
 
-def test_cells_without_the_train_parameters_are_called_as_before_there_were_any(folder):
-    """The id is that of a cell whose dataset has the parameter path alone."""
+def test_cells_without_the_train_parameters_keep_their_ids(folder):
+    """The id is that of a cell whose dataset has only the parameter path."""
     plugin = registry().find("dataset", "files")
     assert parameters(plugin, Files("x")) == {"path": "x"}
     assert parameters(plugin, Files("x", train_share=0.25)) == {"path": "x", "train_share": 0.25}
@@ -185,7 +185,7 @@ def test_ids_are_unique_and_safe(tmp_path):
         ("*.txt", "holds no mesh file"),
     ],
 )
-def test_a_wrong_path_is_told_early(folder, monkeypatch, path, says):
+def test_a_wrong_path_is_reported_early(folder, monkeypatch, path, says):
     (folder / "void").mkdir()
     monkeypatch.chdir(folder)
     with pytest.raises(UsageError, match="dataset.path") as error:
@@ -195,11 +195,11 @@ def test_a_wrong_path_is_told_early(folder, monkeypatch, path, says):
         list(Files(path).shapes("test"))
 
 
-def test_check_is_content_with_what_is_there(folder):
+def test_check_accepts_existing_files(folder):
     assert Files(str(folder)).check() is None
 
 
-def test_a_bad_file_fails_alone_and_late(folder):
+def test_a_bad_file_fails_alone_when_it_is_read(folder):
     (folder / "b.ply").write_bytes((folder / "b.ply").read_bytes()[:-20])
     shapes = {shape.id: shape for shape in Files(str(folder)).shapes("test")}
     with pytest.raises(BadInput, match=r"b\.ply: ends early"):
@@ -239,7 +239,7 @@ def test_the_state_survives_an_unreadable_file(folder, monkeypatch):
     assert Files(str(folder)).state()["a (a.obj)"] == "unreadable (Permission denied)"
 
 
-def test_a_name_with_the_separator_in_it(tmp_path):
+def test_a_name_that_contains_the_path_separator(tmp_path):
     file = tmp_path / f"left{os.pathsep}right.ply"
     save(trimesh.creation.icosphere(0), tmp_path / "mesh.ply")
     (tmp_path / "mesh.ply").rename(file)
@@ -252,7 +252,7 @@ def paired(**own: object) -> list[tuple[str, str, str]]:
     return [(pair.id, pair.source.info["file"], pair.target.info["file"]) for pair in pairs]
 
 
-def test_pairs_are_neighbours_or_have_one_name(folder, tmp_path):
+def test_pairs_are_successive_files_or_files_of_the_same_name(folder, tmp_path):
     three = str(folder / "[abd].*")
     assert paired(path=three) == [
         ("a-to-b", "a.obj", "b.ply"),
@@ -285,7 +285,7 @@ def test_pairs_without_targets_are_refused(folder, tmp_path):
         list(Files(str(folder / "a.obj"), train_path=str(folder / "b.ply"), target_path=str(targets)).pairs("train"))
 
 
-def test_pairs_are_deformed(folder, tmp_path):
+def test_pairs_make_cases_of_deform(folder, tmp_path):
     from bench.tasks.deform import Deform
 
     save(trimesh.creation.box(), tmp_path / "box.ply")
@@ -302,7 +302,7 @@ def test_pairs_are_deformed(folder, tmp_path):
     assert len(recipe(folder / "b.ply", corresponding=True).build().reference.mesh.faces) == 80
 
 
-def test_points_are_told_where_to_go(folder, tmp_path):
+def test_the_error_for_point_files_names_the_right_dataset(folder, tmp_path):
     (folder / "scan.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n")
     (folder / "lone").mkdir()
     (folder / "lone" / "scan.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n")
@@ -320,13 +320,13 @@ def test_points_are_told_where_to_go(folder, tmp_path):
     assert len(shapes["a"].mesh.faces) == 80
 
 
-def test_how_many_there_are(two_folders):
+def test_the_number_of_shapes(two_folders):
     test, train = two_folders
     files = Files(str(test), train_path=str(train))
     assert (files.count("test"), files.count("train"), Files(str(test)).count("train")) == (2, 2, 0)
 
 
-def test_a_gltf_is_another_input_when_the_file_of_its_places_changes(tmp_path):
+def test_the_state_of_a_gltf_covers_its_buffer_file(tmp_path):
     for name in ("a", "b"):
         for file, data in trimesh.creation.box().export(file_type="gltf").items():
             (tmp_path / file.replace("model", name)).write_bytes(data)

@@ -1,4 +1,4 @@
-"""Foot points of points far away are the nearest of all, not the nearest bump's: against dense samples."""
+"""Foot points of far points are the global minimum, not that of the nearest bump: against dense samples."""
 
 from itertools import islice
 
@@ -32,8 +32,8 @@ def test_far_foot_points_are_nearer_than_all_samples(family, index):
     assert (distance > brute + 1e-9).sum() <= 1 and (distance - brute).max() < 2e-4
 
 
-def test_starts_are_all_vertices_that_are_nearer_than_their_neighbours():
-    """Two balls as far from a point in the middle: two starts; from nearer to one of them, none are needed."""
+def test_starts_are_all_vertices_nearer_than_their_neighbours():
+    """Two balls equally far from a point in the middle: two starts; nearer to one of them, none are needed."""
     ball = icosphere(3)
     vertices = np.concatenate([ball.vertices - [2, 0, 0], ball.vertices + [2, 0, 0]])
     faces = np.concatenate([ball.faces, ball.faces + len(ball.vertices)])

@@ -1,4 +1,4 @@
-"""Implicit surfaces and tubes, and the families made of them: blobs, tpms, knots, smooth_csg and branches."""
+"""Implicit surfaces and tubes, and their families: blobs, tpms, knots, smooth_csg, branches and teapots."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ IMPLICIT = [(family, index) for family, index in ONE if family != "knots"]
 
 @cache  # meshes are made once
 def shape(family: str, index: int = 0, split: str = "test"):
-    """A shape of a family without its fine triangles, which take seconds and are in the tests of refining."""
+    """A shape of a family without refinement, which takes seconds and has its own tests."""
     made = next(islice(FAMILIES[family]().shapes(split), index, None))
     return made if family == "knots" else even(made)
 
@@ -74,7 +74,7 @@ def torus_distance(points, major, minor):
 
 
 @pytest.mark.parametrize("kind", ["teapot", "mug"])
-def test_teapots_and_mugs_have_one_handle_whose_hole_is_open(kind):
+def test_teapots_and_mugs_have_one_handle_with_an_open_hole(kind):
     made = even(next(islice(Teapots(kind=kind, upright=True).shapes("test"), 3, None)))
     counts = count_topology(made.mesh.vertices, made.mesh.faces)
     assert (counts.components, counts.genus, counts.watertight) == (1, 1, True)
@@ -91,7 +91,7 @@ def test_teapots_and_mugs_have_one_handle_whose_hole_is_open(kind):
 # -- the building block ------------------------------------------------------------------------------------------------
 
 
-def test_the_torus_is_that_of_its_formulas():
+def test_the_torus_matches_its_formulas():
     made = implicit(placed(torus(1.0, 0.4)), 0.04)
     mesh = made.mesh
     assert tuple(count_topology(mesh.vertices, mesh.faces)) == (1, 1, 0, True, 0)
@@ -127,14 +127,14 @@ def test_the_mesh_converges_with_second_order():
 
 
 def test_symmetric_shapes_on_symmetric_grids_are_manifold():
-    """Corners and faces of this box would fall on grid points."""
+    """Corners and faces of this box would coincide with grid points."""
     for step in (0.1, 0.125):
         mesh = implicit(placed(box(np.array([1.0, 0.5, 0.25]), 0.25)), step, 2.0).mesh
         assert tuple(count_topology(mesh.vertices, mesh.faces)) == (1, 0, 0, True, 0)
         assert (mesh.area_faces > 0).all() and len(np.unique(mesh.vertices, axis=0)) == len(mesh.vertices)
 
 
-def test_no_component_is_missed_and_the_largest_can_be_taken():
+def test_no_component_is_missed_and_the_largest_can_be_selected():
     rng = np.random.default_rng(1)
     centres = [(x, y, z) for x in (-1, 0.1, 1) for y in (-1, 1) for z in (-1, 1)]
     node = placed(sphere(0.3))
@@ -175,7 +175,7 @@ def test_a_grid_too_coarse_is_refused():
 
 
 def check_gradient(gradient, points, tolerance):
-    """Central differences along the axes, and no slope above ``1``."""
+    """Checks a gradient against central differences along the axes."""
     value, exact = gradient(points)
     h = 1e-5
     for axis in range(3):
@@ -222,8 +222,8 @@ def test_smooth_minima_blend_twice_differentiably():
 
 
 @pytest.mark.parametrize(("family", "index"), IMPLICIT)
-def test_gradients_are_those_of_differences_near_the_surface(family, index):
-    """Of the surface's exact function, also in blends and rims; its bounds hold for points in the ball."""
+def test_gradients_match_finite_differences_near_the_surface(family, index):
+    """Gradients of the exact function, also in blends and rims; its bounds hold for points in the ball."""
     surface = shape(family, index).surface
     points, _ = surface.sample(1000, generator(0))
     rng = np.random.default_rng(0)
@@ -242,7 +242,7 @@ def test_gradients_are_those_of_differences_near_the_surface(family, index):
 
 
 @pytest.mark.parametrize(("family", "index"), ALL)
-def test_a_shape_is_what_it_says(family, index):
+def test_a_shape_has_the_stated_properties(family, index):
     made = shape(family, index)
     mesh = made.mesh
     counts = count_topology(mesh.vertices, mesh.faces)
@@ -303,7 +303,7 @@ def test_samples_are_uniform_by_area(family, index):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_the_same_twice_and_never_in_both_splits(family):
+def test_shapes_are_repeatable_and_splits_are_disjoint(family):
 
     def made(split):
         return even(next(islice(FAMILIES[family]().shapes(split), 1, None)))
@@ -375,7 +375,7 @@ def test_parameters_at_their_limits(family, parameters):
 
 @pytest.mark.parametrize("variant", WINDOWS, ids="-".join)
 def test_the_genus_holds_over_each_window_of_sizes(variant):
-    """At one of its ends, with the thinnest or the thickest sheet, the lowest or the highest level."""
+    """At one end of each window, with the thinnest or the thickest sheet, the lowest or the highest level."""
     for window in WINDOWS[variant]:
         cells, share = (window.fewest, 1.0) if window.genus % 2 else (window.most, 0.0)
         body = _body(*variant, window.centre, cells, share, rotation(1))
@@ -385,7 +385,7 @@ def test_the_genus_holds_over_each_window_of_sizes(variant):
 
 
 @pytest.mark.parametrize("key", SYMMETRY, ids=lambda key: f"{key[0]}-{key[1]}-{key[2]:.1f}")
-def test_the_symmetry_is_the_one_stated(key):
+def test_the_symmetry_is_as_stated(key):
     kind, form, centre = key
     field = ClippedLevel(kind, 1.7, centre, np.eye(3), 0.1, sheet=form == "sheet")
     points = np.random.default_rng(0).uniform(-0.9, 0.9, size=(200, 3))
@@ -403,7 +403,7 @@ def test_the_symmetry_is_the_one_stated(key):
 
 @pytest.mark.parametrize("index", [0, 2, 4])
 def test_sheets_are_as_thin_as_stated(index):
-    """From points of the surface inward, along the normal, to where the function changes its sign."""
+    """From the surface inward along the normal to the change of sign of the function."""
     made = shape("tpms", index)
     points, normals = made.surface.sample(1000, generator(0))
     stated = made.info["thickness"] * diagonal(made.mesh)
@@ -417,7 +417,7 @@ def test_sheets_are_as_thin_as_stated(index):
 
 @pytest.mark.parametrize("index", range(6))
 def test_the_gap_of_a_knot(index):
-    """Rays from the surface, along its normals, meet another part no sooner than after the gap, and some do then."""
+    """The shortest ray along a normal from the surface to another part is as long as the gap."""
     import open3d as o3d
 
     made = shape("knots", index)
@@ -460,7 +460,7 @@ def test_a_tube_around_a_circle_is_the_torus():
     assert np.linalg.norm(normals) == pytest.approx(1) and abs(normals[0, 1]) < 1e-12
 
 
-def test_torus_knots_are_those_of_the_formula():
+def test_torus_knots_match_the_formula():
     s = np.linspace(0, 6, 50)
     for p, q in ((2, 3), (3, 2)):
         around = 1 + 0.4 * np.cos(q * s)
@@ -474,8 +474,8 @@ def test_radii_follow_murrays_law():
     assert radius == pytest.approx(0.1 * np.array([3, 3, 1, 2, 1, 1]) ** (1 / 3))
 
 
-def test_twigs_that_come_back_are_cut():
-    """A ring that almost closes, and a side twig that is near its own trunk but also along it."""
+def test_twigs_that_return_to_the_tree_are_cut():
+    """A ring that almost closes is cut; a straight twig is not."""
     angle = np.linspace(0, 2 * np.pi, 40)[:-1]
     points = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     skeleton = Skeleton(points, np.arange(-1, 38), np.linspace(0.1, 0.05, 39))
@@ -506,8 +506,8 @@ def test_plants_have_thin_twigs():
     assert "thin" in made.traits.tags
 
 
-def test_the_rings_of_a_chain_keep_their_gap_from_all_others():
-    """From the next but one, too, whose plane is nearly the same."""
+def test_all_rings_of_a_chain_are_apart_by_the_gap():
+    """Even from the next ring but one, whose plane is nearly the same."""
     for made in islice(Knots(kind="chain").shapes("test"), 8):
         around = np.linspace(0, 2 * np.pi, 1000)
         rings = [curve.at(around)[0] for curve in made.surface.curves]
@@ -517,8 +517,8 @@ def test_the_rings_of_a_chain_keep_their_gap_from_all_others():
         assert made.surface.radius > 0.079
 
 
-def test_differences_leave_what_formulas_say():
-    """A ball with a drilled bore: a ring of genus 1, whose volume is nearly that of the napkin ring."""
+def test_a_difference_has_the_volume_of_its_formula():
+    """A ball with a bore: a ring of genus 1, whose volume is nearly that of the napkin ring."""
     ring = implicit(Difference(placed(sphere(1.0)), placed(capsule(3.0, 0.6)), 0.002), 0.04, refine=False).mesh
     assert count_topology(ring.vertices, ring.faces).genus == 1
     assert ring.volume == pytest.approx(np.pi / 6 * (2 * 0.8) ** 3, rel=0.01)

@@ -1,4 +1,4 @@
-"""Several datasets in one: their own shapes in turn, under ids that no two share."""
+"""Several datasets in one: their shapes alternate, under unique ids."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def folder(tmp_path):
 
 
 @pytest.mark.parametrize("split", SPLITS)
-def test_the_shapes_are_those_of_the_families_in_turn(split):
+def test_the_shapes_of_the_families_alternate(split):
     names = ["cad", "bumps", "furniture"]
     found = first(mixture(*names), 9, split)
     for position, name in enumerate(names):
@@ -59,13 +59,13 @@ def test_the_shapes_are_those_of_the_families_in_turn(split):
             }
 
 
-def test_the_exact_surface_is_the_family_s():
+def test_the_exact_surface_is_that_of_the_family():
     (mine,), (theirs,) = first(mixture("bumps"), 1), first(family("bumps"), 1)
     for a, b in zip(*(s.surface.sample(50, np.random.default_rng(1)) for s in (mine, theirs)), strict=True):
         assert np.array_equal(a, b)
 
 
-def test_parameters_and_a_family_that_comes_twice():
+def test_parameters_and_a_repeated_family():
     found = first(mixture({"cad": {"kind": "gear"}}, {"cad": {"kind": "plate"}}), 4)
     assert [s.id for s in found] == [
         "cad-test-000-gear",
@@ -77,14 +77,14 @@ def test_parameters_and_a_family_that_comes_twice():
     assert mesh_hash(found[3].mesh) == mesh_hash(first(family("cad", kind="plate"), 2)[1].mesh)
 
 
-def test_a_family_that_has_no_more_is_left_out(folder):
+def test_an_exhausted_family_is_left_out(folder):
     mixed = mixture("cad", {"files": {"path": str(folder)}}, "furniture")
     names = [s.info["family"] for s in first(mixed, 10)]
     assert names == ["cad", "files", "furniture"] * 2 + ["cad", "furniture"] * 2
     assert [s.id for s in mixture({"files": {"path": str(folder)}}).shapes("test")] == ["files-scan0", "files-scan1"]
 
 
-def test_ids_are_unique_whatever_the_families_call_their_shapes(tmp_path):
+def test_ids_are_unique_whatever_the_ids_within_families(tmp_path):
     for name in ("a", "files-a", "files-files-a", "cad-test-000-plate"):
         save(trimesh.creation.icosphere(1), tmp_path / f"{name}.off")
     found = [s.id for s in first(mixture("cad", {"files": {"path": str(tmp_path)}}, {"mixture": {"of": ["cad"]}}), 12)]
@@ -92,7 +92,7 @@ def test_ids_are_unique_whatever_the_families_call_their_shapes(tmp_path):
     assert found[2].startswith("mixture-cad-test-000-")
 
 
-def test_nothing_is_made_before_it_is_asked_for(monkeypatch):
+def test_nothing_is_built_before_it_is_needed(monkeypatch):
     made = []
     shape = first(family("cad"), 1)[0]
     monkeypatch.setattr(type(shape), "mesh", property(lambda self: made.append(self.id)))
@@ -101,7 +101,7 @@ def test_nothing_is_made_before_it_is_asked_for(monkeypatch):
 
 
 @pytest.mark.parametrize("split", SPLITS)
-def test_pairs_are_those_of_the_families_that_have_some(split):
+def test_pairs_are_those_of_families_with_pairs(split):
     found = list(islice(mixture("cad", "reliefs", "furniture").pairs(split), 4))
     theirs = [list(islice(family(name).pairs(split), 2)) for name in ("reliefs", "furniture")]
     for mine, pair in zip(found, [theirs[0][0], theirs[1][0], theirs[0][1], theirs[1][1]], strict=True):
@@ -112,7 +112,7 @@ def test_pairs_are_those_of_the_families_that_have_some(split):
     assert not hasattr(mixture("cad", "bumps"), "pairs")
 
 
-def test_the_state_is_that_of_the_files_and_none_without(folder):
+def test_the_state_is_that_of_the_files_and_absent_without_files(folder):
     assert not hasattr(mixture("cad"), "state")
     mixed = mixture("cad", {"files": {"path": str(folder)}})
     assert mixed.state() == {f"files: {key}": value for key, value in Files(str(folder)).state().items()}
@@ -138,7 +138,7 @@ def test_the_fingerprint_covers_the_families_and_the_files(folder, monkeypatch):
     assert provenance.ingredients(one)["source of dataset cad"] == before["source of dataset cad"] + "x"
 
 
-def test_a_sweep_s_memory_holds_the_meshes(tmp_path):
+def test_the_memo_of_a_sweep_caches_the_meshes(tmp_path):
     remembered = RememberedDataset(mixture("cad", "furniture"), Memo(tmp_path, "key"))
     meshes = [mesh_hash(s.mesh) for s in islice(remembered.shapes("test"), 4)]
     assert len(list(tmp_path.glob("*/*.npz"))) == 4
@@ -158,12 +158,12 @@ def test_a_sweep_s_memory_holds_the_meshes(tmp_path):
         ([3], r"dataset\.of\[0\]=3: expected a text"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place(of, words):
+def test_errors_name_the_entry_of_the_mixture(of, words):
     with pytest.raises(UsageError, match=words):
         mixture(*of)
 
 
-def test_a_part_s_own_check_is_made_when_a_cell_is_planned(folder):
+def test_the_check_of_a_part_runs_when_a_cell_is_planned(folder):
     with pytest.raises(UsageError, match="dataset.path=gone: no such file"):
         cell("dataset.of=[cad,{files:{path:gone}}]")
     files = f"dataset.of=[cad,{{files:{{path:'{folder}',train_share:0.0}}}}]"

@@ -1,4 +1,4 @@
-"""The user's scans with their truths: matched, listed, cropped, read, run, and made again when a file changes."""
+"""The user's scans with their references: matched, listed, cropped, read, run, and rerun when a file changes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def scan_of(mesh: trimesh.Trimesh, count: int) -> PointCloud:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Scans a, b and c with their meshes and denser clouds, in millimetres, far from the origin."""
+    """Scans a, b and c with meshes and denser clouds as references, in millimetres, far from the origin."""
     for number, name in enumerate(NAMES):
         mesh = trimesh.creation.icosphere(1, radius=50 + number)
         mesh.vertices += (1000, 0, 0)
@@ -66,7 +66,7 @@ ALL = [(f"{name}_noisy.ply", f"{name}.off") for name in NAMES]
 # --- which file belongs to which --------------------------------------------------------------------------------------
 
 
-def test_stars_match(folder):
+def test_stars_match_names(folder):
     assert matched(paired(folder)) == ALL
     assert [shape.id for shape in paired(folder).shapes("test")] == list(NAMES)
     assert matched(paired(folder, input="scans/[ab]_noisy.ply", reference="mesh/a.off")) == [
@@ -82,7 +82,7 @@ def test_names_match_where_folders_are_given(folder):
     assert matched(paired(folder, input="scans", reference="**/*.off")) == [(f"{n}.ply", f"{n}.off") for n in NAMES]
 
 
-def test_notes_and_hidden_files_beside_the_data_are_left_alone(folder):
+def test_other_and_hidden_files_beside_the_data_are_ignored(folder):
     for file in (folder / "scans").iterdir():
         file.rename(file.with_name(file.name.replace("_noisy", "")))
     for name in ("readme.txt", "._a.ply", ".hidden.ply"):
@@ -96,7 +96,7 @@ def test_without_a_common_folder(folder, monkeypatch):
     assert matched(Paired(input=str(folder / "scans/*_noisy.ply"), reference="mesh/*.off")) == ALL
 
 
-def test_folders_may_be_what_matches(tmp_path):
+def test_folders_may_be_matched(tmp_path):
     for name in NAMES:
         (tmp_path / name).mkdir()
         for file in ("scan.ply", "truth.ply"):
@@ -113,7 +113,7 @@ def test_numbers_match_with_and_without_zeros(tmp_path):
     assert matched(dataset) == [("scan105_x.ply", "stl105_total.ply"), ("scan24_x.ply", "stl024_total.ply")]
 
 
-def test_the_last_stars_count_where_one_pattern_has_more(tmp_path):
+def test_the_last_stars_are_matched_where_one_pattern_has_more(tmp_path):
     for name in ("scan/x/a.ply", "scan/y/b.ply", "mesh/a.ply", "mesh/b.ply"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
@@ -133,7 +133,7 @@ def test_the_last_stars_count_where_one_pattern_has_more(tmp_path):
         ({"reference": "**/*.off"}, "two files match it as its reference"),
     ],
 )
-def test_what_does_not_fit_is_told(folder, given, says):
+def test_mismatched_patterns_are_refused(folder, given, says):
     if "**" in given.get("reference", ""):
         (folder / "mesh" / "more").mkdir()
         (folder / "mesh" / "more" / "a.off").touch()
@@ -141,7 +141,7 @@ def test_what_does_not_fit_is_told(folder, given, says):
         list(paired(folder, **given).shapes("test"))
 
 
-def test_any_folders_count_where_nothing_else_does(tmp_path):
+def test_folders_under_a_double_star_are_matched(tmp_path):
     for name in ("[1]/x/a/scan.ply", "[1]/x/a/truth.ply", "[1]/b/scan.ply", "[1]/b/truth.ply", "[1]/scan.ply"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
@@ -192,7 +192,7 @@ def planned(layout: str, folder: Path):
 # --- splits -----------------------------------------------------------------------------------------------------------
 
 
-def test_lists_make_the_splits(folder):
+def test_lists_define_the_splits(folder):
     (folder / "test.txt").write_text("# comment\na_noisy\n\n")
     (folder / "train.txt").write_text("\ufeffb\nc_noisy.ply\n")
     both = paired(folder, test_names="test.txt", train_names="train.txt")
@@ -207,7 +207,7 @@ def test_lists_make_the_splits(folder):
     assert matched(paired(folder, test_names="test.txt", reference="mesh/[a].off")) == ALL[:1]
 
 
-def test_wrong_lists_are_told(folder):
+def test_invalid_lists_are_refused(folder):
     (folder / "test.txt").write_text("a\nz\n")
     with pytest.raises(UsageError, match=r"test_names=test.txt: 1 of 2 names match no scan \(z\)"):
         paired(folder, test_names="test.txt").check()
@@ -220,7 +220,7 @@ def test_wrong_lists_are_told(folder):
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_a_table_says_what_belongs_together(folder, separator):
+def test_a_table_defines_the_pairs(folder, separator):
     rows = [
         ("scan", "reference", "split"),
         ("scans/a_noisy.ply", "mesh/c.off", ""),
@@ -244,14 +244,14 @@ def test_a_table_says_what_belongs_together(folder, separator):
         (None, "cannot be read"),
     ],
 )
-def test_a_wrong_table_is_told_by_line(folder, text, says):
+def test_an_invalid_table_is_refused_with_its_line(folder, text, says):
     if text is not None:
         (folder / "pairs.csv").write_text(text)
     with pytest.raises(UsageError, match=says):
         Paired(table=str(folder / "pairs.csv")).check()
 
 
-def test_a_table_stands_alone(folder):
+def test_a_table_excludes_patterns(folder):
     with pytest.raises(ValueError, match="table and input: give one of them"):
         Paired(table="pairs.csv", input="scans")
 
@@ -260,7 +260,7 @@ def test_a_table_stands_alone(folder):
 
 
 @pytest.mark.parametrize("reference", ["mesh/*.off", "cloud/*.ply"])
-def test_the_scan_is_in_the_frame_of_the_reference_with_all_it_has(folder, reference):
+def test_the_scan_is_in_the_frame_of_the_reference_with_all_attributes(folder, reference):
     case = next(recipes(paired(folder, reference=reference))).build()
     cloud, truth = case.input["cloud"], case.reference
     assert np.linalg.norm(truth.mesh.vertices, axis=1).max() == pytest.approx(1)
@@ -272,7 +272,7 @@ def test_the_scan_is_in_the_frame_of_the_reference_with_all_it_has(folder, refer
     assert isinstance(truth.surface, CloudSurface) == (truth.cloud is not None) and not truth.is_exact
 
 
-def test_a_cloud_as_truth_scores_what_a_search_by_hand_finds(folder):
+def test_scores_against_a_cloud_match_a_naive_search(folder):
     case = next(recipes(paired(folder, reference="cloud/*.ply"))).build()
     cloud = case.input["cloud"]
     metrics = [Choice.of("metric", {"_name_": name}) for name in ("chamfer_l1_mean", "p2f_mean", "iou")]
@@ -287,17 +287,17 @@ def test_a_cloud_as_truth_scores_what_a_search_by_hand_finds(folder):
     assert call.score([topology], mesh, case).values == {}
 
 
-def test_the_ratio_of_upsampling_is_the_task_s(folder):
+def test_the_ratio_of_upsampling_is_that_of_the_task(folder):
     case = next(recipes(paired(folder, reference="cloud/*.ply"), Upsample(ratio=4))).build()
     assert case.input["ratio"] * len(case.input["cloud"]) == len(case.reference.cloud)
 
 
-def test_what_is_known_of_a_pair(folder):
+def test_the_info_of_a_pair(folder):
     shape = next(paired(folder, units="mm", licence="CC BY 4.0").shapes("test"))
     assert shape.info == {"file": "a.off", "scan": "a_noisy.ply", "units": "mm", "licence": "CC BY 4.0"}
 
 
-def test_both_are_cropped(folder):
+def test_scan_and_reference_are_cropped(folder):
     box = [1000.0, -100.0, -100.0, 1100.0, 100.0, 100.0]
     for reference in ("mesh/*.off", "cloud/*.ply"):
         shape = next(paired(folder, reference=reference, crop=box).shapes("test"))
@@ -355,15 +355,15 @@ def test_a_simulated_sensor_is_refused(folder):
         Cell.from_config(resolved(["sensor=scan", "task=denoise", "method=identity"]))
 
 
-def test_an_edited_file_is_another_fingerprint(folder):
+def test_an_edited_file_changes_the_fingerprint(folder):
     before = fingerprint(ingredients(cell(folder)))
     assert fingerprint(ingredients(cell(folder))) == before
     save(scan_of(trimesh.creation.icosphere(1), 50), folder / "cloud" / "b.ply")
     assert fingerprint(ingredients(cell(folder))) != before
 
 
-def test_a_run_is_kept_explained_and_reproduced(folder, shell):
-    """The truths are clouds: no floors, but worst scores; kept references are clouds, with their normals."""
+def test_a_run_is_stored_explained_and_reproduced(folder, shell):
+    """The references are clouds: no floors, but worst scores; stored references are clouds with normals."""
     words = ["dataset=paired", f"dataset.path={folder}", "dataset.input=scans/*_noisy.ply", "task=denoise"]
     words += ["dataset.reference=cloud/*.ply", "method=identity", "outputs=first", "metric=[chamfer_l1_mean,p2f_mean]"]
     done = shell.call("run", *words, f"results={shell.results}")
@@ -383,7 +383,7 @@ def test_a_run_is_kept_explained_and_reproduced(folder, shell):
     assert "file b scan (b_noisy.ply) has other content" in why.stdout, why.stdout + why.stderr
 
 
-def test_messages_name_the_scan_and_failures_report_what_its_reader_noted(folder, shell):
+def test_messages_name_the_scan_and_failures_include_notes_of_its_reader(folder, shell):
     words = ["dataset=paired", f"dataset.path={folder}", "dataset.reference=mesh/*.off", "task=denoise"]
     missing = shell.call("run", *words, "method=identity", "dataset.input=none/*.ply", f"results={shell.results}")
     assert missing.stderr.startswith("error: denoise paired scan identity seed=0: "), missing.stderr

@@ -1,4 +1,4 @@
-"""Pairs in which nothing corresponds: furniture of other parts, and vases."""
+"""Pairs without correspondence: furniture with different parts, and vases."""
 
 from itertools import islice
 
@@ -24,7 +24,7 @@ DATASETS = {
 
 
 @pytest.mark.parametrize("name", DATASETS)
-def test_twice_the_same_and_the_splits_differ(name):
+def test_pairs_are_repeatable_and_splits_differ(name):
     first, again, train = (next(DATASETS[name]().pairs(split)) for split in ("test", "test", "train"))
     assert first.id == again.id != train.id and not first.corresponding and not first.landmarks
     for side in ("source", "target"):
@@ -49,7 +49,7 @@ def used_parts(shape):
 
 
 @furniture_pairs
-def test_the_two_pieces_are_of_one_category_and_of_other_parts(pair):
+def test_the_two_pieces_share_a_category_but_not_all_parts(pair):
     assert pair.source.tags == pair.target.tags == (pair.source.info["category"],)
     assert used_parts(pair.source) != used_parts(pair.target)
     optional = ("slat", "arm", "stretcher", "board", "divider", "back panel")
@@ -92,7 +92,7 @@ def test_both_stand_upright_on_their_legs(pair):
 
 
 @furniture_pairs
-def test_a_stated_mirror_is_one(pair):
+def test_a_stated_mirror_symmetry_holds(pair):
     for shape in (pair.source, pair.target):
         if "mirror x" not in shape.info["symmetry"]:
             assert shape.tags == ("shelf",)

@@ -53,7 +53,7 @@ def diagonal(mesh) -> float:
 # -- building blocks ---------------------------------------------------------------------------------------------------
 
 
-def test_jets_have_the_derivatives_of_finite_differences():
+def test_derivatives_of_jets_match_finite_differences():
     def f(u, v):
         smooth = sin(u * v) * exp(u) / (2 + cos(v)) + (u * u + v * v + 1) ** -0.5
         return smooth + abs_power(u - 0.3, 3.5) + smooth_step(v) - 1 / (u + 2)
@@ -67,7 +67,7 @@ def test_jets_have_the_derivatives_of_finite_differences():
         assert np.abs((ahead - behind) / (2 * h) - exact.derivative(k).c).max() < 1e-6
 
 
-def test_the_normal_of_a_sphere_is_its_point():
+def test_the_normal_of_a_sphere_is_its_position():
     u, v = np.random.default_rng(1).uniform(-1.4, 1.4, size=(2, 40))
     U, V = Jet.variables(u, v, 3)
     x = stack(cos(U) * cos(V), cos(U) * sin(V), sin(U))
@@ -97,7 +97,7 @@ def ball(radius: float = 2.0, cells: int = 48) -> ParametricSurface:
     return ParametricSurface(lambda: ([Chart(position, flip=True)], [Patch(0, *lines, reach=(0, 2 * np.pi))]))
 
 
-def test_on_a_sphere_everything_is_known():
+def test_a_sphere_matches_its_closed_forms():
     surface = ball()
     mesh = surface.mesh()
     assert count_topology(mesh.vertices, mesh.faces)[:2] == (1, 0) and mesh.volume > 0
@@ -126,7 +126,7 @@ def test_noise_is_bounded_twice_differentiable_and_zero_on_the_lattice():
     assert np.abs(FractalNoise(4, 0.5, 2.0, rng)(Jet(places[None])).value).max() <= 1
 
 
-def test_letters_end_within_their_cells_and_heights_are_within_0_and_1():
+def test_letters_stay_within_their_cells_and_heights_within_0_and_1():
     assert np.abs(SEGMENTS).max(axis=(0, 1)).max() + STROKE <= 0.5
     u, v = Jet.variables(*np.random.default_rng(0).uniform(-3.1, 3.1, size=(2, 20_000)), 0)
     for pattern in (hexagons(8, 8), knurl(7, 9), weave(8, 6), letters(5, 8, np.random.default_rng(1))):
@@ -178,7 +178,7 @@ def test_samples_are_on_the_surface_and_uniform_by_area(family, index):
 
 
 @pytest.mark.parametrize(("family", "index"), [(family, index) for family in FAMILIES for index in (0, 3)])
-def test_no_place_grows_beyond_the_bound_of_its_cell(family, index):
+def test_area_elements_are_within_the_bound_of_their_cell(family, index):
     surface = shape(family, index).surface
     owners, corners, widths, bounds, _ = surface._cells
     rng = np.random.default_rng(3)
@@ -231,7 +231,7 @@ def test_normals_and_derivatives_against_finite_differences(family):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_splits_never_meet_shapes_are_the_same_twice_and_cost_nothing(family):
+def test_splits_are_disjoint_and_shapes_are_repeatable_and_lazy(family):
     made = [*islice(COARSE[family].shapes("test"), 5)]
     assert [one.id.startswith(f"{family}-test-{i:03d}") for i, one in enumerate(made)] == [True] * 5
     assert all(one.exactness == "parametric" and "parts" not in vars(one._surface) for one in made)
@@ -295,7 +295,7 @@ def test_superellipsoids_satisfy_their_implicit_equation(index):
     assert np.abs(value - 1).max() < 1e-11
 
 
-def test_the_exponents_reach_from_box_to_octahedron():
+def test_exponents_range_from_box_to_octahedron():
     box = next(Superquadrics(exponent_low=0.1, exponent_high=0.1, kind="ellipsoid", rows=64, columns=96).shapes("test"))
     volume = np.prod(box.info["axes"])
     assert 0.96 < box.mesh.volume / (8 * volume) < 1 and box.info["sharpest_turn"] > 20
@@ -307,8 +307,8 @@ def test_the_exponents_reach_from_box_to_octahedron():
     assert sphere.mesh.volume == pytest.approx(4 / 3 * np.pi * np.prod(sphere.info["axes"]), rel=5e-3)
 
 
-def test_no_turn_along_the_curves_means_no_edge():
-    """The tags are measured on the mesh; here, the turn along the two generating curves, which is exact."""
+def test_shapes_without_sharp_turns_have_no_edges():
+    """Tags, measured on the mesh, against the exact turn along the two generating curves."""
     for family in ("superquadrics", "supershapes"):
         for made in (shape(family, index) for index in range(8)):
             if made.info["sharpest_turn"] < 20:  # within 0.02 of the diagonal: more than the 0.03 radii of the tags
@@ -318,8 +318,8 @@ def test_no_turn_along_the_curves_means_no_edge():
 
 
 @pytest.mark.parametrize("base", ["sphere", "torus", "box", "ellipsoid"])
-def test_rough_skins_do_not_cross_themselves(base):
-    """The displacement stays below the base's reach, which is held against the base's own curvature and width."""
+def test_rough_surfaces_do_not_cross_themselves(base):
+    """The displacement stays below the reach of the base, checked against its curvature and width."""
     dataset = Fbm(base=base, cells=24, octaves=1, strength=0.0)
     bare = next(dataset.shapes("test"))
     reach = next(Fbm(base=base, strength=0.5).shapes("test")).info["largest_displacement"] / 0.5
@@ -355,7 +355,7 @@ def test_the_wall_of_a_vase_has_its_thickness_everywhere(index):
     assert 0.75 < thickness / diagonal(made.mesh) / made.info["thickness"] < 1.33  # whose box is that of the turned one
 
 
-def test_single_sheets_have_one_border():
+def test_single_sheets_have_one_boundary():
     made = shape("vases", 2)
     assert "open" in made.traits.tags and "thin" not in made.traits.tags and "thickness" not in made.info
     counts = count_topology(made.mesh.vertices, made.mesh.faces)
@@ -397,7 +397,7 @@ def test_ratios_span_the_range():
 
 
 @pytest.mark.parametrize("index", range(6))
-def test_a_relief_is_its_base_and_its_displacement(index):
+def test_a_relief_is_its_base_plus_its_displacement(index):
     made = shape("reliefs", index)
     known = made.attributes
     detailed = known["base_vertices"] + known["displacement"][:, None] * known["base_normals"]
@@ -430,7 +430,7 @@ def test_pairs_carry_the_same_displacement_on_another_base(index):
     assert target.mesh.is_watertight and target.mesh.volume > 0
 
 
-def test_pairs_can_be_of_one_family_and_one_amplitude():
+def test_pairs_can_be_limited_to_one_family_and_amplitude():
     def apart(**parameters):
         dataset = Reliefs(cells=64, **parameters)
         infos, angles = [], []
@@ -450,7 +450,7 @@ def test_pairs_can_be_of_one_family_and_one_amplitude():
         Reliefs(amplitude=0.02)
 
 
-def test_three_amplitudes_and_four_patterns_come_soon():
+def test_a_few_shapes_cover_three_amplitudes_and_four_patterns():
     made = [*islice(Reliefs().shapes("test"), 12)]
     assert {one.info["amplitude"] for one in made[:3]} == {1e-1, 1e-2, 1e-3}
     assert len({(one.info["amplitude"], one.info["pattern"]) for one in made}) == 12

@@ -1,4 +1,4 @@
-"""Parts: closed manifolds with true fillets and numbers that can be read."""
+"""Parts: closed manifolds with circular fillets and legible numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHAPES = list(islice(Parts().shapes("test"), len(filleted.KINDS)))
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.id)
-def test_a_part_is_what_it_says(shape):
+def test_a_part_has_the_stated_properties(shape):
     mesh, info = shape.mesh, shape.info
     counts = count_topology(mesh.vertices, mesh.faces)
     assert (counts.watertight, counts.components, counts.genus) == (True, 1, info["genus"])
@@ -30,11 +30,11 @@ def test_a_part_is_what_it_says(shape):
     assert info["text"].replace("-", "").isalnum()
 
 
-def test_a_part_is_sharp_where_its_lettering_is():
+def test_a_part_with_lettering_is_tagged_sharp():
     assert "sharp" in SHAPES[1].traits.tags
 
 
-def test_the_kinds_take_turns_and_a_shape_comes_again():
+def test_kinds_alternate_and_shapes_are_repeatable():
     assert [shape.info["kind"] for shape in SHAPES] == list(filleted.KINDS)
     again, train = next(Parts().shapes("test")).mesh, next(Parts().shapes("train")).mesh
     assert again.vertices.tobytes() == SHAPES[0].mesh.vertices.tobytes()
@@ -46,8 +46,8 @@ def test_the_kinds_take_turns_and_a_shape_comes_again():
 # -- fillets -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_rounded_disc_has_the_volume_that_an_integral_gives():
-    """At the height z of a fillet of radius r, the disc of radius R has the radius R - r + sqrt(r^2 - z^2)."""
+def test_the_volume_of_a_rounded_disc_matches_an_integral():
+    """At height z of a fillet of radius r, a disc of radius R has the radius R - r + sqrt(r^2 - z^2)."""
     radius, height, r = 1.0, 0.5, 0.2
     z = (np.arange(20_000) + 0.5) / 20_000 * r
     rounded = pi * ((radius - r + np.sqrt(r * r - z * z)) ** 2).mean() * r
@@ -55,8 +55,8 @@ def test_a_rounded_disc_has_the_volume_that_an_integral_gives():
     assert solid.volume() == pytest.approx(pi * radius**2 * (height - 2 * r) + 2 * rounded, rel=2e-3)
 
 
-def test_a_fillet_is_an_arc_at_every_side_of_an_outline_with_a_hole_and_an_inner_corner():
-    """The vertices of the upper fillet are r from the outline moved in by r, which is r below the top."""
+def test_fillets_are_arcs_also_at_holes_and_inner_corners():
+    """The vertices of the upper fillet are at distance r from the outline offset inward by r, r below the top."""
     r, height = 0.05, 0.4
     ell = fillets.polygon([(0, 0), (1, 0), (1, 0.4), (0.4, 0.4), (0.4, 1), (0, 1)], [0.08] * 3 + [0.1] + [0.08] * 2)
     hole = fillets.circle(0.1).at(0.2, 0.2).hole
@@ -77,7 +77,7 @@ def _to_polygon(points, corners):
     return np.linalg.norm(away - share[..., None] * along, axis=2).min(axis=1)
 
 
-def test_normals_of_lobes_are_across_the_curve():
+def test_normals_of_lobes_are_perpendicular_to_the_curve():
     curve = fillets.lobes(0.5, 0.05, 7, 2000)
     along = np.roll(curve.points, -1, axis=0) - np.roll(curve.points, 1, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -100,7 +100,7 @@ def test_the_ink_of_a_straight_stroke_is_a_stadium():
     assert stroke.area() == pytest.approx(0.2 * 1.0 + pi * 0.1**2, rel=0.02)
 
 
-def test_a_line_of_text_is_as_wide_as_stated_and_bends_onto_a_circle():
+def test_a_line_of_text_has_the_stated_width_and_can_follow_a_circle():
     strokes = lettering.lines("H-8 H", 2.0)
     points = np.concatenate(strokes)
     assert np.ptp(points[:, 1]) == pytest.approx(2.0, rel=0.01)
@@ -111,7 +111,7 @@ def test_a_line_of_text_is_as_wide_as_stated_and_bends_onto_a_circle():
 
 
 @pytest.mark.parametrize("depth", [0.1, -0.1])
-def test_lettering_takes_away_or_adds_its_area_times_its_depth(depth):
+def test_lettering_removes_or_adds_its_area_times_its_depth(depth):
     block, strokes = Manifold.cube((4, 2, 1), True), lettering.lines("K-48", 0.8)
     written = filleted._written(block, strokes, 0.8, 0.5, depth)
     area = lettering.ink(strokes, filleted.PEN * 0.8).area()

@@ -1,4 +1,4 @@
-"""Real shapes: how they are fetched and found, on small packages that are made here; the network is this machine."""
+"""Real shapes: fetching and finding them, with small packages made here and a local server as the network."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def deb_of(data: bytes, name: str = "data.tar.xz") -> bytes:
 # --- archives ---------------------------------------------------------------------------------------------------------
 
 
-def test_only_what_is_asked_for_comes_out_of_a_package(tmp_path):
+def test_only_requested_files_are_read_from_a_package(tmp_path):
     inner = tar_of({"data/a.off": b"A", "../../evil": b"E", "/abs": b"X"}, "gz")
     deb = tmp_path / "p.deb"
     deb.write_bytes(deb_of(tar_of({"./usr/other": b"O", "./usr/data.tar.gz": inner, "../up": b"U"}, "xz")))
@@ -77,7 +77,7 @@ def test_only_what_is_asked_for_comes_out_of_a_package(tmp_path):
 
 
 @pytest.mark.parametrize("compression", ["", "gz", "bz2", "xz"])
-def test_all_compressions_that_packages_had(tmp_path, compression):
+def test_all_compressions_used_by_packages(tmp_path, compression):
     deb = tmp_path / "p.deb"
     suffix = f".{compression}" if compression else ""
     deb.write_bytes(deb_of(tar_of({"./f": b"F" * 99}, compression), f"data.tar{suffix}"))
@@ -109,7 +109,7 @@ CONTENT = np.random.default_rng(1).bytes(300_000)
 
 @pytest.fixture
 def server():
-    """Serves ``/good`` (resumes), ``/plain`` (does not), ``/other`` (other bytes), ``/short`` (breaks off)."""
+    """Serves ``/good`` (resumes), ``/plain`` (does not), ``/other`` (other bytes), ``/short`` (ends early)."""
     log: list[tuple[str, str]] = []
 
     class Handler(http.server.BaseHTTPRequestHandler):
@@ -144,30 +144,30 @@ def archive(server, *paths: str) -> Archive:
     return Archive("p.deb", sha(CONTENT), len(CONTENT), urls, "apt-get download p")
 
 
-def test_a_download_goes_on_where_it_ended(server, tmp_path):
+def test_an_interrupted_download_is_resumed(server, tmp_path):
     (tmp_path / "p.deb.part").write_bytes(CONTENT[:123_456])
     assert fetch_archive(archive(server, "good"), tmp_path, quiet).read_bytes() == CONTENT
     assert server.log == [("/good", "bytes=123456-")]
     assert [path.name for path in tmp_path.iterdir()] == ["p.deb"]
 
 
-def test_a_server_that_does_not_resume_is_asked_for_all(server, tmp_path):
+def test_a_server_that_cannot_resume_sends_the_whole_file(server, tmp_path):
     (tmp_path / "p.deb.part").write_bytes(CONTENT[:1000])
     assert fetch_archive(archive(server, "plain"), tmp_path, quiet).read_bytes() == CONTENT
 
 
-def test_a_part_of_another_file_is_taken_anew(server, tmp_path):
+def test_a_partial_download_of_another_file_is_restarted(server, tmp_path):
     (tmp_path / "p.deb.part").write_bytes(b"x" * 1000)
     assert fetch_archive(archive(server, "good"), tmp_path, quiet).read_bytes() == CONTENT
     assert [wanted for _, wanted in server.log] == ["bytes=1000-", ""]
 
 
-def test_other_bytes_are_never_kept_and_the_next_address_is_tried(server, tmp_path):
+def test_a_file_with_other_content_is_discarded_and_the_next_address_tried(server, tmp_path):
     assert fetch_archive(archive(server, "gone", "other", "good"), tmp_path, quiet).read_bytes() == CONTENT
     assert [path for path, _ in server.log] == ["/gone", "/other", "/good"]
 
 
-def test_what_breaks_off_is_kept_for_the_next_time(server, tmp_path):
+def test_an_interrupted_download_is_kept_for_the_next_run(server, tmp_path):
     with pytest.raises(UsageError, match=r"/short: .*\n.*no longer have it"):
         fetch_archive(archive(server, "short"), tmp_path, quiet)
     assert (tmp_path / "p.deb.part").read_bytes() == CONTENT[:1000]
@@ -175,7 +175,7 @@ def test_what_breaks_off_is_kept_for_the_next_time(server, tmp_path):
     assert server.log[-1] == ("/good", "bytes=1000-")
 
 
-def test_without_a_network_the_message_says_what_to_do(tmp_path):
+def test_without_a_network_the_error_gives_advice(tmp_path):
     nobody = Archive("p.deb", sha(CONTENT), len(CONTENT), ("http://127.0.0.1:9/p.deb",), "apt-get download p")
     with pytest.raises(UsageError) as caught:
         fetch_archive(nobody, tmp_path, quiet)
@@ -208,7 +208,7 @@ def gifti(vertices: np.ndarray, faces: np.ndarray, endian: str = "LittleEndian")
 
 
 @pytest.mark.parametrize("endian", ["LittleEndian", "BigEndian"])
-def test_a_surface_is_read_back(endian):
+def test_a_surface_can_be_read(endian):
     for data in (gifti(BALL.vertices, BALL.faces, endian), gzip.compress(gifti(BALL.vertices, BALL.faces, endian))):
         vertices, faces = read_surface(data, "ball.gii")
         assert (vertices == np.float32(BALL.vertices)).all() and (faces == BALL.faces).all()
@@ -226,7 +226,7 @@ def test_a_surface_is_read_back(endian):
         gifti(BALL.vertices, BALL.faces).replace(b'Dim0="42"', b'Dim0="43"'),
     ],
 )
-def test_what_is_no_surface_is_refused_by_name(data):
+def test_a_file_that_is_not_a_surface_is_refused_by_name(data):
     with pytest.raises(BadInput, match=r"ball\.gii"):
         read_surface(data, "ball.gii")
 
@@ -243,7 +243,7 @@ def halves(surface: np.ndarray, order: np.ndarray) -> dict[str, cortex.Surface]:
     }
 
 
-def test_the_mirror_image_of_a_half_corresponds_to_it_vertex_by_vertex():
+def test_the_mirrored_half_corresponds_vertex_by_vertex():
     rng = np.random.default_rng(2)
     surface = BALL.vertices * [1, 2, 3] + 0.1 * rng.standard_normal(BALL.vertices.shape)
     files = halves(surface, rng.permutation(len(BALL.vertices)))
@@ -257,7 +257,7 @@ def test_the_mirror_image_of_a_half_corresponds_to_it_vertex_by_vertex():
 
 @pytest.fixture
 def small(tmp_path, monkeypatch, server):
-    """``real`` with three meshes of two packages that this machine serves; the folder that they are fetched to."""
+    """``real`` with three meshes of two packages from a local server; the folder that they are fetched to."""
     files = {}
     for name, mesh in (("a", BALL), ("b", icosphere(subdivisions=2)), ("c", icosphere(subdivisions=1, radius=2))):
         save(mesh, tmp_path / f"{name}.off")
@@ -305,7 +305,7 @@ def _package(name: str, content: bytes, inside: str, **more) -> Package:
     return Package(known, inside, source=f"source of {name}", licence=f"licence of {name}", notice="A notice.", **more)
 
 
-def test_fetched_shapes_are_there_in_order_with_their_origin(small):
+def test_fetched_shapes_are_listed_in_order_with_their_origin(small):
     dataset = Real(path=str(small))
     said: list[str] = []
     dataset.fetch(said.append)
@@ -320,7 +320,7 @@ def test_fetched_shapes_are_there_in_order_with_their_origin(small):
     assert sorted(p.name for p in (small / "downloads").iterdir()) == ["p.deb", "p.whl"]  # brought by hand: left there
 
 
-def test_what_is_there_is_not_fetched_again_and_what_is_wrong_is(small):
+def test_only_missing_or_wrong_files_are_fetched(small):
     dataset = Real(path=str(small))
     dataset.fetch(quiet)
     for file in (small / "downloads").iterdir():
@@ -334,7 +334,7 @@ def test_what_is_there_is_not_fetched_again_and_what_is_wrong_is(small):
         dataset.fetch(quiet)
 
 
-def test_a_package_without_a_file_or_with_another_one_is_refused(small, monkeypatch):
+def test_a_package_with_a_missing_or_different_file_is_refused(small, monkeypatch):
     meshes, brain = real._table()
     monkeypatch.setattr(real, "_table", lambda: ((meshes[0]._replace(sha256="0" * 64),), brain))
     with pytest.raises(BadInput, match=r"its a\.off differs from the published one"):
@@ -350,7 +350,7 @@ def test_a_folder_that_cannot_be_written_is_named(small):
         Real(path=str(small.parent / "file")).fetch(quiet)
 
 
-def test_without_the_data_the_line_to_run_is_said_and_cells_are_left_out(tmp_path, monkeypatch, capsys):
+def test_without_the_data_the_command_is_named_and_cells_are_left_out(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     for ask in (Real().check, lambda: list(Real().shapes("test")), lambda: Real().pairs("test")):
         with pytest.raises(MissingData, match=rf"are not in {tmp_path}.*fetch them with: make real") as caught:
@@ -366,13 +366,13 @@ def test_without_the_data_the_line_to_run_is_said_and_cells_are_left_out(tmp_pat
     assert "not planned: dataset real" in capsys.readouterr().out
 
 
-def test_the_train_split_is_refused_and_says_why():
+def test_the_train_split_is_refused_with_a_reason():
     for ask in (lambda: Real().check("train"), lambda: list(Real().shapes("train")), lambda: Real().pairs("train")):
         with pytest.raises(UsageError, match="split=train has no meshes.*nothing is tuned"):
             ask()
 
 
-def test_the_command_fetches_and_refuses_what_it_does_not_know(small, capsys):
+def test_the_command_fetches_and_refuses_unknown_names(small, capsys):
     assert main(["fetch", "real", f"dataset.path={small}"]) == 0
     assert "A notice." in capsys.readouterr().err
     for words, message in ((["fetch", "reel"], "'real'"), (["fetch", "real", "method.x=1"], "dataset.KEY=VALUE")):
@@ -393,7 +393,7 @@ def test_the_choice_of_meshes(small):
             Real(which=wrong)
 
 
-def test_pairs_have_one_topology_and_their_inflated_half_as_base(small):
+def test_pairs_share_their_faces_and_have_the_inflated_half_as_base(small):
     dataset = Real(path=str(small))
     dataset.fetch(quiet)
     pairs = list(dataset.pairs("test"))

@@ -1,4 +1,4 @@
-"""The fetched meshes are what the table says of them; collected where they are there (see tests/conftest.py)."""
+"""The fetched meshes match the table; collected only where they have been fetched (see tests/conftest.py)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LIGHT = [name for name, mesh in MESHES.items() if mesh.faces < 6000]
 
 
 @pytest.mark.parametrize("name", LIGHT)
-def test_a_mesh_is_what_the_table_says(name):
+def test_a_mesh_matches_the_table(name):
     (shape,) = Real(which=[name]).shapes("test")
     line, mesh = MESHES[name], shape.mesh
     assert (len(mesh.vertices), len(mesh.faces)) == (line.vertices, line.faces)
@@ -31,7 +31,7 @@ def test_a_mesh_is_what_the_table_says(name):
         assert crossing > 0
 
 
-def test_no_two_are_the_same():
+def test_no_two_meshes_are_the_same():
     spectra = []
     for shape in Real(which=LIGHT).shapes("test"):
         moved = shape.mesh.vertices - shape.mesh.centroid

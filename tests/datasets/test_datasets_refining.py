@@ -1,4 +1,4 @@
-"""Meshes that are refined where their surface bends away from them: closed forms, and exact samples of families."""
+"""Meshes refined where their surface deviates from them: closed forms, and exact samples of families."""
 
 from itertools import islice
 
@@ -23,7 +23,7 @@ def onto_ball(middles, _):
 
 
 def onto_ring(middles, _):
-    """The torus of radius 1 and tube 0.3 about z."""
+    """The torus about z of radius 1 and tube radius 0.3."""
     spine = middles * [1, 1, 0] / np.linalg.norm(middles[:, :2], axis=1, keepdims=True)
     away = middles - spine
     return spine + 0.3 * away / np.linalg.norm(away, axis=1, keepdims=True)
@@ -32,7 +32,7 @@ def onto_ring(middles, _):
 @pytest.mark.parametrize(
     ("mesh", "onto"), [(icosphere(1), onto_ball), (torus(1, 0.3, major_sections=12, minor_sections=8), onto_ring)]
 )
-def test_all_middles_come_within_the_tolerance_and_the_topology_stays(mesh, onto):
+def test_all_midpoints_are_within_the_tolerance_and_the_topology_stays(mesh, onto):
     before = count_topology(mesh.vertices, mesh.faces)
     V, F = refined(mesh.vertices, mesh.faces, onto, tolerance=1e-3)
     assert count_topology(V, F) == before and (V[: len(mesh.vertices)] == mesh.vertices).all()
@@ -47,8 +47,8 @@ def test_all_middles_come_within_the_tolerance_and_the_topology_stays(mesh, onto
     assert not self_intersecting_faces(V, F).any()
 
 
-def test_what_is_flat_stays_as_it_is_and_a_bend_alone_gets_finer():
-    """A sheet with a round bend of radius 0.1 along y: only edges that run around it are off."""
+def test_flat_regions_stay_and_only_a_bend_is_refined():
+    """A sheet with a bend of radius 0.1 along y: only edges around the bend deviate."""
 
     def at(u):
         turn = np.clip(u / 0.1, 0, np.pi / 2)
@@ -74,7 +74,7 @@ def test_what_is_flat_stays_as_it_is_and_a_bend_alone_gets_finer():
     assert (V[:, 1] >= 0).all() and count_topology(V, G).genus == 0 and len(seen) > 1
 
 
-def test_the_number_of_faces_has_a_limit_and_the_worst_go_first():
+def test_the_number_of_faces_is_limited_and_the_worst_are_refined_first():
     ball = icosphere(2)
     V, F = refined(
         ball.vertices * [3, 1, 1], ball.faces, lambda m, _: onto_ball(m / [3, 1, 1], _) * [3, 1, 1], most=600
@@ -84,8 +84,8 @@ def test_the_number_of_faces_has_a_limit_and_the_worst_go_first():
     assert np.abs(new[:, 0]).mean() > 1.5  # at the pointed ends
 
 
-def test_what_would_cross_itself_is_left_alone():
-    """Middles that come to lie far beyond their neighbours: as where a mesh cuts off a deep crease."""
+def test_refinement_that_would_cause_self_intersections_is_omitted():
+    """Midpoints that move far beyond their neighbours, as where a mesh cuts off a deep crease."""
     ball = icosphere(2)
 
     def shifted(middles, _):

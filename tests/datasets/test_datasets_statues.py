@@ -1,4 +1,4 @@
-"""Statues: forward differentiation, the parts that they are made of, exactness, and detail over three decades."""
+"""Statues: forward differentiation, their parts, exactness, and detail over three decades of scale."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ FORMULAS = {
 
 
 @pytest.mark.parametrize("name", FORMULAS)
-def test_duals_have_the_derivatives_of_finite_differences(name):
+def test_derivatives_of_duals_match_finite_differences(name):
     points = np.random.default_rng(0).uniform(-1.2, 1.2, size=(3000, 3))
     exact = FORMULAS[name](Dual.coordinates(points, gradients=True))
     plain = FORMULAS[name](Dual.coordinates(points, gradients=False))
@@ -70,7 +70,7 @@ def test_duals_have_the_derivatives_of_finite_differences(name):
     assert np.quantile(wrong, 0.998) < 1e-7  # but for the kinks of a clamp and of a box's inside
 
 
-def test_noise_in_space_is_that_of_jets_with_its_gradient():
+def test_noise_of_duals_matches_jets_and_has_its_gradient():
     noise = GradientNoise(np.random.default_rng(0))
     points = np.random.default_rng(1).uniform(-20, 300, size=(4000, 3))
     found = noise.at(Dual.coordinates(points, gradients=True))
@@ -78,8 +78,8 @@ def test_noise_in_space_is_that_of_jets_with_its_gradient():
     assert np.abs(differences(noise.at, points) - found.g).max() < 1e-7
 
 
-def test_parts_that_are_looked_up_change_nothing():
-    """A union or difference with a part in a ball is the one without a look at where it is."""
+def test_bounding_balls_of_parts_do_not_change_the_result():
+    """A union or difference with a part in a bounding ball equals the one without the ball."""
     points = np.random.default_rng(2).uniform(-1.5, 1.5, size=(6000, 3))
     at = Dual.coordinates(points, gradients=True)
     body, part = sculpting.ball(at, (0, 0, 0), 0.8), lambda p: sculpting.ball(p, (0.7, 0, 0), 0.3)
@@ -95,7 +95,7 @@ def test_parts_that_are_looked_up_change_nothing():
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("index", "resolution"), [(0, COARSE), (1, COARSEST)])
-def test_a_statue_is_one_closed_body_without_handles(kind, index, resolution):
+def test_a_statue_is_one_closed_body_of_genus_0(kind, index, resolution):
     made = shape(kind, index, "test", resolution)
     mesh = made.mesh
     counts = count_topology(mesh.vertices, mesh.faces)
@@ -109,7 +109,7 @@ def test_a_statue_is_one_closed_body_without_handles(kind, index, resolution):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_gradients_and_bounds_are_those_of_differences(kind):
+def test_gradients_match_finite_differences_and_bounds_hold(kind):
     field, mesh = shape(kind).surface.body.field, shape(kind).mesh
     rng = np.random.default_rng(0)
     points = mesh.vertices[rng.choice(len(mesh.vertices), 1000)] + 0.002 * rng.normal(size=(1000, 3))
@@ -145,7 +145,7 @@ def test_foot_points_agree_with_brute_force(kind):
     assert np.median(np.abs(found - outward[:150]).max(axis=1)) < 1e-7
 
 
-def test_kinds_take_turns_seeds_differ_and_splits_never_meet():
+def test_kinds_alternate_and_shapes_differ_between_indices_and_splits():
     first = list(islice(Statues().shapes("test"), 4))
     assert [s.info["kind"] for s in first] == [*KINDS, next(iter(KINDS))]
     places = np.random.default_rng(0).uniform(-1, 1, size=(2000, 3))
@@ -201,13 +201,13 @@ def removed(mesh, scale: float) -> np.ndarray:
 
 @cache
 def detail_at(scale: float, kind: str, detail: float = 1.0) -> float:
-    """What smoothing takes away, as a root of the mean square."""
+    """The detail that smoothing removes, as an RMS."""
     return float(np.sqrt((removed(shape(kind, detail=detail).mesh, scale) ** 2).mean()))
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_there_is_detail_at_three_decades(kind):
-    """Smoothing at each scale takes something away, at the finer ones more than it does of the bare forms."""
+    """Smoothing removes detail at each scale, at the finer ones more than from the bare forms."""
     for scale, least in ((0.1, 8e-3), (0.01, 6e-4), (0.003, 6.3e-5)):
         rms = detail_at(scale, kind)
         assert rms > least, (scale, rms)
@@ -235,7 +235,7 @@ def anisotropy(mesh, rows, patch: float, scale: float = 0.01) -> float:
     return float(np.mean(found))
 
 
-def test_hair_has_a_direction_and_fractal_noise_has_none():
+def test_hair_is_anisotropic_and_fractal_noise_is_not():
     mesh = shape("bust", 2).mesh  # hair in waves from the forehead to a bun
     centres = mesh.triangles_center
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Wires: round, as thin as stated, and joined or apart as stated."""
+"""Wires: round, with the stated thickness, connected or separate as stated."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHAPES = list(islice(Wires().shapes("test"), len(wirework.KINDS)))
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.id)
-def test_wires_are_closed_joined_and_thinner_than_half_a_per_cent_of_the_radius(shape):
+def test_wires_are_closed_and_thinner_than_half_a_per_cent_of_the_radius(shape):
     mesh, info = shape.mesh, shape.info
     counts = count_topology(mesh.vertices, mesh.faces)
     assert (counts.watertight, counts.components, counts.genus) == (True, info["components"], info["genus"])
@@ -32,7 +32,7 @@ def test_wires_are_closed_joined_and_thinner_than_half_a_per_cent_of_the_radius(
     assert info["thickness"] / Frame.of(mesh.vertices).radius < 0.005
 
 
-def test_the_kinds_take_turns_and_a_shape_comes_again():
+def test_kinds_alternate_and_shapes_are_repeatable():
     assert [shape.info["kind"] for shape in SHAPES] == list(wirework.KINDS)
     first, again, train = (next(Wires(kind="spring").shapes(split)).mesh for split in ("test", "test", "train"))
     assert first.vertices.tobytes() == again.vertices.tobytes() != train.vertices.tobytes()
@@ -43,7 +43,7 @@ def test_the_kinds_take_turns_and_a_shape_comes_again():
 
 
 def test_a_ring_of_wire_is_a_torus():
-    """Pappus: the area of the octagon times the way of its middle, which is a polygon here."""
+    """Pappus: the area of the octagon times the path of its centre, which is a polygon here."""
     n, thickness = 200, 0.02
     a = 2 * pi * np.arange(n) / n
     ring = np.column_stack([np.cos(a), np.sin(a), 0 * a])
@@ -61,7 +61,7 @@ def test_no_wires_of_a_cloth_or_a_spring_touch(number):
     assert not self_intersecting_faces(mesh.vertices, mesh.faces).any()
 
 
-def test_lattices_are_connected_and_their_joints_have_as_many_struts_as_the_lattice_says():
+def test_lattices_are_connected_and_have_the_struts_of_their_kind():
     found = [wirework.lattice(np.random.default_rng(seed), 0.01) for seed in range(12)]
     degrees = set()
     for work in found:

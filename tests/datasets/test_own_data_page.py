@@ -1,4 +1,4 @@
-"""The commands of docs/own-data.md: each is planned, or scored, as it is printed, on files of the names it has."""
+"""The commands of docs/own-data.md: each is planned, or scored, as printed, on files with the names in it."""
 
 from __future__ import annotations
 
