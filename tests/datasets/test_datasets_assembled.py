@@ -37,7 +37,7 @@ def test_a_shape_has_the_stated_properties(shape):
     assert mesh.area_faces.min() > 1e-12
     found = shape.traits
     assert ("high_genus" in found.tags) == (info["genus"] >= 10)
-    if "gap" in info and info["gap"] > 0.035:  # of the diagonal, about twice the radius: more than the gap of the tag
+    if "gap" in info and info["gap"] > 0.035:  # of the diagonal, about two radii: more than the threshold of the tag
         assert "near_contact" not in found.tags
     if "sharp" in found.tags:
         assert (mesh.face_adjacency_angles > np.radians(30)).sum() > 10
@@ -98,7 +98,7 @@ def test_the_genus_of_the_menger_sponge():
             for k in range(n)
             if all((a == 1) + (b == 1) + (c == 1) < 2 for a, b, c in zip(digits[i], digits[j], digits[k], strict=True))
         ]
-        # A block of the doubled grid has 27 cells; the Euler characteristic is an alternating sum over them.
+        # A block covers 27 cells of the doubled grid; the Euler characteristic is an alternating sum over them.
         solid = {
             (2 * i + a, 2 * j + b, 2 * k + c) for i, j, k in cells for a in range(3) for b in range(3) for c in range(3)
         }
@@ -165,7 +165,7 @@ def test_weights_are_a_smooth_partition_of_unity():
     V, F = template()
     W = humanoids.skin()
     assert W.min() >= 0 and np.allclose(W.sum(axis=1), 1)
-    assert W.max(axis=0).min() > 0.25  # the pelvis shares all it has with spine and thighs
+    assert W.max(axis=0).min() > 0.25  # all vertices of the pelvis are shared with spine or thighs
     edges = np.concatenate([F[:, [0, 1]], F[:, [1, 2]], F[:, [2, 0]]])
     assert np.abs(W[edges[:, 0]] - W[edges[:, 1]]).max() < 0.9
     hand = humanoids.Landmarks()["left_hand"]
@@ -177,7 +177,7 @@ def test_weights_do_not_depend_on_rounding():
     V, F = template()
     noise = 1e-12 * np.random.default_rng(0).normal(size=V.shape)
     W = skinning.heat_weights(V + noise, F, skeleton.REST, skeleton.ENDS)
-    assert np.abs(W - humanoids.skin()).max() < 2e-4  # what is below 1e-4 is set to zero
+    assert np.abs(W - humanoids.skin()).max() < 2e-4  # weights below 1e-4 are set to zero
 
 
 def test_skinning_with_one_rigid_motion_is_that_motion():
@@ -202,7 +202,7 @@ def test_the_rest_pose_is_the_template_and_joints_stay_connected():
     assert np.allclose(still, V) and np.allclose(joints, skeleton.REST)
     turns, shifts = skeleton.forward(joints, poses.joint_rotations(poses.KEYS["kick"]))
     for child, parent in enumerate(skeleton.PARENTS):
-        if parent >= 0:  # a joint is where both its bones say
+        if parent >= 0:  # both bones of a joint place it equally
             assert np.allclose(*(turns[j] @ joints[child] + shifts[j] for j in (child, parent)))
 
 
@@ -286,7 +286,7 @@ def test_landmarks_are_where_rays_from_the_joints_leave_a_figure(transfers):
 
     for kind, transfer in transfers.items():
         marks = transfer.landmarks
-        assert len(marks) >= 83, kind  # as many as the thesis's
+        assert len(marks) >= 83, kind  # as many as in the thesis
         places = np.array(list(marks.values()))
         for mesh, at in ((transfer.template.mesh, places[:, 0]), (transfer.character.mesh, places[:, 1])):
             assert MeshSurface(mesh).project(at).distance.max() < 1e-5, kind
@@ -302,7 +302,7 @@ def test_rays_leave_nested_and_overlapping_parts_together():
 
     block, ball = box((0.2, 0.2, 0.2)), icosphere(subdivisions=3, radius=0.05)
     far = icosphere(subdivisions=3, radius=0.05)
-    far.apply_translation((0, -0.3, 0))  # not touched: behind a gap
+    far.apply_translation((0, -0.3, 0))  # ignored: behind a gap
     places = exits(block + ball + far, np.zeros((len(skeleton.NAMES), 3)))
     assert np.abs(places["spine_front"][1] + 0.1) < 1e-5 and np.abs(places["spine_left"][0] - 0.1) < 1e-5
     assert exits(far, np.zeros((len(skeleton.NAMES), 3))) == {}

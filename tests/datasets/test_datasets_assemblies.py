@@ -26,7 +26,7 @@ def test_bodies_are_closed_and_as_far_apart_as_stated(shape):
     assert len(np.unique(mesh.vertices, axis=0)) == len(mesh.vertices)
     gap, nearest = info["gap"] * info["size"], []
     pieces = mesh.split(only_watertight=False)
-    for one in pieces:  # of two convex or concave bodies a vertex is nearest, or a place inside a flat face
+    for one in pieces:  # the nearest point of a body is a vertex or lies inside a flat face
         others = trimesh.util.concatenate([piece for piece in pieces if piece is not one])
         samples = np.concatenate([one.vertices, one.triangles_center])
         nearest.append(TriangleTree(others.vertices, others.faces).closest(samples).distance.min())
@@ -56,7 +56,7 @@ def test_a_thread_is_a_closed_rod_with_the_metric_profile():
     radius, pitch, length = 0.5, 0.1, 0.6
     rod = threads.thread(radius, pitch, length, 256)
     assert rod.genus() == 0 and rod.bounding_box()[5] == pytest.approx(length)
-    # The mean over a pitch of pi r^2, which is the area of every cross section, by the trapezoidal rule.
+    # Every cross section has the mean over a pitch of pi r^2 as its area, by the trapezoidal rule.
     profile = np.interp(np.linspace(0, 1, 4001), [0, 1 / 8, 7 / 16, 11 / 16, 1], [0, 0, 1, 1, 0])
     root = 5 / 8 * sqrt(3) / 2 * pitch
     area = pi * ((radius - root * profile) ** 2).mean()

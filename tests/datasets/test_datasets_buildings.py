@@ -38,12 +38,12 @@ def test_a_building_is_about_two_in_size_and_of_the_stated_genus(kind):
 def test_columns_stand_all_around():
     """A horizontal section through the columns of a temple has an outline per column, and one more."""
     temple = architecture.temple(generator("architecture", 0))
-    assert temple.build().slice(0.2).num_contour() == temple.openings + 1  # and the walls within
+    assert temple.build().slice(0.2).num_contour() == temple.openings + 1  # plus the inner walls
 
 
 def test_a_church_has_buttresses_on_both_sides():
     left, right = architecture.church(generator("architecture", 0)).build().split_by_plane((1, 0, 0), 0)
-    assert left.volume() == pytest.approx(right.volume(), rel=5e-3)  # the spokes of the rose are turned
+    assert left.volume() == pytest.approx(right.volume(), rel=5e-3)  # the spokes of the rose window are rotated
 
 
 def test_kinds_alternate_and_shapes_are_repeatable():

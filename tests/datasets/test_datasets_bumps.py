@@ -26,7 +26,7 @@ def directions(count: int, seed: int = 0) -> np.ndarray:
     return u / np.linalg.norm(u, axis=1, keepdims=True)
 
 
-@cache  # surfaces keep their trees and bounds
+@cache  # surfaces cache their trees and bounds
 def shape(index: int = 1, split: str = "test", **parameters):
     return next(islice(Bumps(**parameters).shapes(split), index, None))
 
@@ -129,10 +129,10 @@ def test_samples_are_uniform_by_area():
     expected *= 30_000 / expected.sum()
     chi_square = ((seen - expected) ** 2 / expected).sum()
     freedom = len(cells) - 1
-    # Centres on the border of a cell blur its area a little; six deviations still find any real bias.
+    # Centres on the boundary of a cell blur its area a little; six deviations still reveal any real bias.
     assert abs(chi_square - freedom) < 6 * np.sqrt(2 * freedom)
     uniform_on_sphere = np.full(len(cells), 30_000 / len(cells))
-    assert ((seen - uniform_on_sphere) ** 2 / uniform_on_sphere).sum() > 5 * freedom  # so the test can tell
+    assert ((seen - uniform_on_sphere) ** 2 / uniform_on_sphere).sum() > 5 * freedom  # so the test can detect a bias
 
 
 def test_the_bound_of_rejection_sampling_holds():
@@ -150,11 +150,11 @@ def test_foot_points_agree_with_brute_force(index):
     on, _ = surface.sample(300, rng)
     points = on + rng.normal(size=on.shape) * np.repeat([0.001, 0.03, 0.3], 100)[:, None]
     closest, normals = surface.closest(points)
-    # On the surface, and the connection is normal to it
+    # On the surface, and the connecting line is normal to it
     r = np.linalg.norm(closest, axis=1)
     assert np.abs(surface.radius.value(closest / r[:, None]) - r).max() < 1e-12
     assert np.linalg.norm(np.cross(points - closest, normals), axis=1).max() < 1e-10
-    # No vertex of a tessellation of 163,842 is nearer; none of them is much farther than the foot point
+    # None of the 163,842 vertices of a tessellation is nearer; the nearest is not much farther than the foot point
     brute, _ = cKDTree(surface.mesh(7).vertices).query(points)
     distance = np.linalg.norm(points - closest, axis=1)
     assert (distance <= brute + 1e-12).all()
@@ -175,7 +175,7 @@ def test_a_sphere_matches_its_closed_forms():
     closest, normals = ball.closest(points)
     assert np.abs(closest - 2 * normals).max() < 1e-12
     assert np.abs(normals - points / np.linalg.norm(points, axis=1, keepdims=True)).max() < 1e-10
-    assert np.linalg.norm(ball.closest(np.zeros((1, 3)))[0]) == pytest.approx(2)  # from the centre all are equal
+    assert np.linalg.norm(ball.closest(np.zeros((1, 3)))[0]) == pytest.approx(2)  # from the centre all are equally near
     assert all(part.shape == (0, 3) for part in ball.closest(np.empty((0, 3))))
     assert all(part.shape == (0, 3) for part in ball.sample(0, generator(0)))
 
@@ -229,7 +229,7 @@ def test_the_spectrum_has_its_exponent():
 
 def test_a_few_shapes_include_smooth_and_other_ones():
     tags = [made.traits.tags for made in islice(Bumps().shapes("test"), 2)]
-    assert tags == [("smooth",), ()]  # from 0.3 % of the second one an edge is near
+    assert tags == [("smooth",), ()]  # 0.3 % of the second one is near an edge
 
 
 def test_splits_are_disjoint_and_ids_are_file_names():

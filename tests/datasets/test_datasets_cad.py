@@ -30,7 +30,7 @@ def test_a_part_has_the_stated_properties(shape):
     assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
     assert mesh.body_count == 1
     assert (2 - mesh.euler_number) // 2 == shape.info["genus"]
-    assert np.unique(np.asarray(mesh.vertices), axis=0).shape == mesh.vertices.shape  # manifold as a soup, too
+    assert np.unique(np.asarray(mesh.vertices), axis=0).shape == mesh.vertices.shape  # manifold even as a triangle soup
     sharp = mesh.face_adjacency_angles > np.radians(60)
     assert sharp.sum() > 10 and "sharp" in shape.traits.tags
     assert shape.traits.genus == shape.info["genus"]
@@ -64,7 +64,7 @@ def test_no_wall_is_thinner_than_stated(kind):
         points, normals = shape.surface.sample(4000, generator(0))
         start = points - 1e-4 * normals
         hits = scene.cast_rays(np.hstack([start, -normals]).astype(np.float32))["t_hit"].numpy() + 1e-4
-        # Corners, where a ray crosses a wedge, are below; they are few.
+        # A few rays near corners cross a thinner wedge.
         assert np.quantile(hits / diagonal, 0.03) > 0.9 * shape.info["thickness"]
         assert np.quantile(hits / diagonal, 0.03) > 0.01
 

@@ -16,7 +16,7 @@ from bench.geometry.self_intersections import self_intersecting_faces
 from bench.geometry.topology import count_topology
 
 SHAPES = list(islice(Cloth().shapes("test"), len(drapery.KINDS)))
-BORDERS = {"skirt": 2}  # how many closed curves bound a sheet; one is usual
+BORDERS = {"skirt": 2}  # number of boundary loops of a sheet; usually one
 APART = {"curtain": 2.5, "skirt": 2.5, "napkin": 2.5, "scroll": 5.0}  # of the parameter, between facing parts
 
 
@@ -44,12 +44,12 @@ def test_the_stated_gap_is_the_nearest_distance_of_facing_parts(kind, gap):
     sheet = drapery.KINDS[kind](np.random.default_rng(3), gap)
     u = np.linspace(sheet.u[0], sheet.u[-1], 1500)
     apart = np.abs(u[:, None] - u)
-    if kind == "skirt":  # the first place is the last
+    if kind == "skirt":  # the section is closed
         apart = np.minimum(apart, np.ptp(u) - apart)
     nearest = np.inf
     for v in np.linspace(sheet.v[0], sheet.v[-1], 9):
         points = sheet.position(*Jet.variables(u, np.full_like(u, v), 0)).value.T
-        points = points[:, :2] if kind == "scroll" else points  # turns are shifted along their axis
+        points = points[:, :2] if kind == "scroll" else points  # successive turns are shifted along the axis
         nearest = min(nearest, cdist(points, points)[apart > APART[kind]].min())
     assert nearest == pytest.approx(sheet.gap, rel=0.1)
     assert sheet.gap == pytest.approx(gap, rel=0.15)

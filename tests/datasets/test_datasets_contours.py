@@ -106,7 +106,7 @@ def test_samples_are_uniform_by_length(kind, index):
     points, normals = surface.sample(20_000, generator(1))
     distance, at = cKDTree(fine).query(points[:, :2])
     assert distance.max() < 1.01 * total / len(fine) and not points[:, 2].any() and not normals[:, 2].any()
-    # The places along the curve are uniform: the largest gap to the diagonal (Kolmogorov and Smirnov), at 1 in 10,000.
+    # Positions along the curve are uniform: Kolmogorov-Smirnov distance, at a significance of 1 in 10,000.
     assert np.abs(np.sort(at) / len(fine) - np.arange(len(at)) / len(at)).max() < 2.23 / np.sqrt(len(at))
     tangents = (np.roll(fine, -1, axis=0) - np.roll(fine, 1, axis=0))[at]
     cosines = np.einsum("ni,ni->n", tangents / np.linalg.norm(tangents, axis=1)[:, None], normals[:, :2])
@@ -145,7 +145,7 @@ def test_closest_points_against_brute_force(kind, index):
     fine = surface.ribbon(1.0, 1.0, spacing).vertices[:, :2]
     brute, _ = cKDTree(fine).query(points[:, :2])
     planar = np.linalg.norm((points - closest)[:, :2], axis=1)
-    assert (planar < brute + 1e-9).all()  # none is nearer,
+    assert (planar < brute + 1e-9).all()  # no point is nearer,
     assert (brute < planar + 0.51 * spacing).all()  # and it lies on the curve
     assert np.abs(closest[:900] - on).max() < 1e-9
     assert np.abs(np.linalg.norm(at, axis=1) - 1).max() < 1e-12
@@ -162,7 +162,7 @@ def test_distances_to_the_ribbon_are_distances_to_the_curve(kind, index):
     facing = np.einsum("ni,ni->n", mesh.face_normals, made.surface.closest(mesh.triangles_center)[1])
     assert facing.min() > 0.9
     assert mesh.area == pytest.approx(dataset.height * made.surface.lengths.sum(), rel=1e-4)
-    # In the plane, but for the tessellation; above it, but for half the height.
+    # In the plane up to the tessellation; above it up to half the height.
     rng = np.random.default_rng(1)
     points = rng.uniform(-1.2, 1.2, size=(2000, 3)) * [1, 1, 0]
     ribbon = MeshSurface(mesh)

@@ -52,7 +52,7 @@ def test_the_faces_cover_the_same_points(both):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_kind_of_dirt_alone_has_its_stated_effect(kind, both):
-    mesh = both[1][0].mesh  # smooth, closed, of small faces
+    mesh = both[1][0].mesh  # smooth and closed, with small faces
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     before = count_topology(vertices, faces)
     dirt = make_dirt(vertices, faces, (kind,), 0.02, generator("dirt", kind))
@@ -75,8 +75,8 @@ def test_each_kind_of_dirt_alone_has_its_stated_effect(kind, both):
     elif kind == "unwelded":
         edges = np.sort(np.concatenate([dirt.faces[:, [0, 1]], dirt.faces[:, [1, 2]], dirt.faces[:, [2, 0]]]), axis=1)
         single = np.unique(edges, axis=0, return_counts=True)[1] == 1
-        assert single.sum() > 20 and single.sum() % 2 == 0 and more == 0  # two banks of cracks,
-        assert counts == before  # which have no width
+        assert single.sum() > 20 and single.sum() % 2 == 0 and more == 0  # two sides of each crack,
+        assert counts == before  # whose width is zero
     else:
         assert (area == 0).sum() == more == round(0.02 * len(faces))
 

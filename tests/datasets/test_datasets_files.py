@@ -86,11 +86,11 @@ def test_a_second_folder_is_the_train_split(two_folders):
     test, train = two_folders
     files = Files(str(test), train_path=str(train))
     assert [s.id for s in files.shapes("test")] == ids(test) == ["a", "b"]
-    assert [s.id for s in files.shapes("train")] == ["a-2", "c"]  # unique over both: references are files by id
+    assert [s.id for s in files.shapes("train")] == ["a-2", "c"]  # unique over both: reference files are named by id
     assert [round(float(s.mesh.vertices.max()), 1) for s in files.shapes("train")] == [3.0, 4.0]
     files.check("test"), files.check("train")
     assert list(files.state()) == ["a (a.ply)", "b (b.ply)", "a-2 (a.ply)", "c (c.ply)"]
-    assert files.state() == {**Files(str(test)).state(), **files.state()}  # what is tested is called as before
+    assert files.state() == {**Files(str(test)).state(), **files.state()}  # test meshes keep their ids
     before = files.state()
     save(trimesh.creation.icosphere(1, radius=9), train / "c.ply")
     assert [key for key in before if files.state()[key] != before[key]] == ["c (c.ply)"]
@@ -118,7 +118,7 @@ def test_the_train_share_is_chosen_by_content_alone(tmp_path):
     assert sorted(splits["test"] + splits["train"]) == ids(tmp_path)
     expected = [f"{n:02d}" for n in range(40) if int(hashlib.sha256(b"%d" % n).hexdigest(), 16) / 2**256 < 0.3]
     assert splits["train"] == expected and 5 < len(expected) < 20
-    # Neither names nor neighbours count: a renamed copy is in the same split, and a larger share keeps what it had.
+    # Neither names nor other files matter: a renamed file stays in its split; a larger share includes a smaller one.
     for number in range(20):
         (tmp_path / f"{number:02d}.off").unlink()
     (tmp_path / "39.off").rename(tmp_path / "other.off")

@@ -28,7 +28,7 @@ def test_far_foot_points_are_nearer_than_all_samples(family, index):
     points = (low + high) / 2 + (rng.random((300, 3)) - 0.5) * 3 * (high - low)
     distance = np.linalg.norm(points - shape.surface.closest(points)[0], axis=1)
     brute = cKDTree(shape.surface.sample(40_000, rng)[0]).query(points)[0]
-    # A basin that is narrower than an edge of the mesh may still be missed.
+    # A basin narrower than an edge of the mesh may still be missed.
     assert (distance > brute + 1e-9).sum() <= 1 and (distance - brute).max() < 2e-4
 
 

@@ -44,7 +44,7 @@ ONE = [("blobs", 1), ("tpms", 1), ("tpms", 2), ("knots", 0), ("knots", 1), ("smo
 IMPLICIT = [(family, index) for family, index in ONE if family != "knots"]
 
 
-@cache  # meshes are made once
+@cache  # meshes are built once
 def shape(family: str, index: int = 0, split: str = "test"):
     """A shape of a family without refinement, which takes seconds and has its own tests."""
     made = next(islice(FAMILIES[family]().shapes(split), index, None))
@@ -78,7 +78,7 @@ def test_teapots_and_mugs_have_one_handle_with_an_open_hole(kind):
     made = even(next(islice(Teapots(kind=kind, upright=True).shapes("test"), 3, None)))
     counts = count_topology(made.mesh.vertices, made.mesh.faces)
     assert (counts.components, counts.genus, counts.watertight) == (1, 1, True)
-    # The silhouette along y, at 2.5 % of the size: in its background, the hole of the handle is a piece of its own.
+    # The silhouette along y, at 2.5 % of the size: the hole of the handle is a separate component of its background.
     size = np.linalg.norm(made.mesh.vertices - made.mesh.vertices.mean(axis=0), axis=1).max()
     line = np.arange(-1.3, 1.3, 0.025) * size
     places = np.stack(np.meshgrid(line, np.arange(-0.4, 0.4, 0.02), line, indexing="ij"), axis=-1)
@@ -97,7 +97,7 @@ def test_the_torus_matches_its_formulas():
     assert tuple(count_topology(mesh.vertices, mesh.faces)) == (1, 1, 0, True, 0)
     assert np.abs(torus_distance(mesh.vertices, 1.0, 0.4)).max() < 1e-14
     assert mesh.volume == pytest.approx(2 * np.pi**2 * 0.4**2, rel=4e-3)
-    assert made._faces[1][-1] / 2 == pytest.approx(4 * np.pi**2 * 0.4, rel=1e-3)  # area, by the midpoints of faces
+    assert made._faces[1][-1] / 2 == pytest.approx(4 * np.pi**2 * 0.4, rel=1e-3)  # area, by midpoints of faces
     points = np.random.default_rng(0).uniform(-1.5, 1.5, size=(2000, 3))
     closest, normals = made.closest(points)
     expected = torus_distance(points, 1.0, 0.4)
@@ -231,7 +231,7 @@ def test_gradients_match_finite_differences_near_the_surface(family, index):
     field = surface.body.field
     value, gradient = field.gradient(points)
     check_gradient(field.gradient, points, 1e-4 * max(1.0, float(np.linalg.norm(gradient, axis=1).max())) * 20)
-    assert field.value(points) == pytest.approx(value, abs=1e-12)  # neighbours decide which balls are summed
+    assert field.value(points) == pytest.approx(value, abs=1e-12)  # the summed balls depend on neighbouring points
     low, high = field.range(points, 0.05)
     offsets = rng.normal(size=points.shape)
     other = field.value(points + 0.05 * offsets / np.linalg.norm(offsets, axis=1, keepdims=True))
@@ -253,7 +253,7 @@ def test_a_shape_has_the_stated_properties(family, index):
     assert len(np.unique(mesh.vertices, axis=0)) == len(mesh.vertices)
     assert mesh.area_faces.min() > 1e-6 * mesh.area_faces.mean()
     assert made.is_exact and made.id.startswith(f"{family}-test-{index:03d}")
-    # Vertices lie on the surface, and it is smooth: its normals turn little between neighbours on the mesh.
+    # Vertices lie on the surface, and it is smooth: its normals are close to those of the faces.
     foot, normals = made.surface.closest(mesh.vertices[::30])
     assert np.abs(foot - mesh.vertices[::30]).max() < 1e-10 * diagonal(mesh)
     normals = made.surface.closest(mesh.triangles_center[::50])[1]
@@ -273,10 +273,10 @@ def test_foot_points_agree_with_brute_force(family, index):
     distance = np.linalg.norm(points - closest, axis=1)
     assert np.linalg.norm(np.cross(points - closest, normals), axis=1).max() < 1e-8 * size
     brute, _ = cKDTree(np.vstack([on, made.mesh.vertices])).query(points)
-    assert (distance <= brute + 1e-9 * size).mean() > 0.998  # rarely, another side is nearer by next to nothing
+    assert (distance <= brute + 1e-9 * size).mean() > 0.998  # rarely, another part is nearer by a tiny amount
     assert (distance - brute).max() < 2e-4 * size
     assert (brute**2 - distance**2).max() < (0.02 * size) ** 2
-    # What lies on the surface is its own foot point, with the same normal.
+    # Points on the surface are their own foot points, with the same normals.
     again, found = made.surface.closest(on[:2000])
     assert np.abs(again - on[:2000]).max() < 1e-9 * size
     assert np.abs(found - outward[:2000]).max() < 1e-6
@@ -293,7 +293,7 @@ def test_samples_are_uniform_by_area(family, index):
     points, normals = made.surface.sample(20_000, generator(9))
     seen = np.bincount(cells.query(points)[1], minlength=150)
     chi_square = ((seen - expected) ** 2 / expected).sum()
-    # The border of a cell runs through faces, and tight folds have more area than their faces.
+    # The boundary of a cell cuts through faces, and tight folds have more area than their faces.
     assert chi_square < 149 + 8 * np.sqrt(2 * 149)
     # Normals point outward: a little along them leaves the body.
     tiny = 1e-4 * diagonal(mesh)
@@ -370,7 +370,7 @@ def test_parameters_at_their_limits(family, parameters):
     assert counts.watertight and counts.genus == made.info.get("genus", counts.genus)
 
 
-# -- what only one family says -----------------------------------------------------------------------------------------
+# -- single families ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("variant", WINDOWS, ids="-".join)
@@ -441,7 +441,7 @@ def test_the_gap_of_a_knot(index):
 def test_nearest_approaches_in_closed_form():
     shifted = circle().moved(np.eye(3), np.array([2.5, 0, 0]))
     assert nearest_approach([circle(), shifted]) == pytest.approx(0.5)
-    # Rings through each other: the nearest points are on the line of their centres.
+    # Linked rings: the nearest points lie on the line through their centres.
     turned = circle().moved(np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]), np.array([1.4, 0, 0]))
     assert nearest_approach([circle(), turned]) == pytest.approx(0.6)
 
@@ -456,7 +456,7 @@ def test_a_tube_around_a_circle_is_the_torus():
             np.abs(torus_distance(points, 1, 0.4)), abs=1e-10
         )
         assert tube.mesh.area == pytest.approx(4 * np.pi**2 * 0.4, rel=3e-3)
-    normals = tube.closest(np.array([[1.0, 0, 0]]))[1]  # on the curve every side is as near
+    normals = tube.closest(np.array([[1.0, 0, 0]]))[1]  # on the curve all sides are equally near
     assert np.linalg.norm(normals) == pytest.approx(1) and abs(normals[0, 1]) < 1e-12
 
 

@@ -49,7 +49,7 @@ def test_the_shapes_of_the_families_alternate(split):
     found = first(mixture(*names), 9, split)
     for position, name in enumerate(names):
         for mine, theirs in zip(found[position::3], first(family(name), 3, split), strict=True):
-            assert mine.id == theirs.id  # so that a sensor draws the same noise
+            assert mine.id == theirs.id  # so sensors draw the same noise
             assert (mine.tags, mine.exactness) == (theirs.tags, theirs.exactness)
             assert mine.info == {**theirs.info, "family": name}
             assert mesh_hash(mine.mesh) == mesh_hash(theirs.mesh)

@@ -63,7 +63,7 @@ def recipes(dataset: Paired, task=None) -> Iterator[CaseRecipe]:
 ALL = [(f"{name}_noisy.ply", f"{name}.off") for name in NAMES]
 
 
-# --- which file belongs to which --------------------------------------------------------------------------------------
+# --- matching of files ------------------------------------------------------------------------------------------------
 
 
 def test_stars_match_names(folder):
@@ -203,7 +203,7 @@ def test_lists_define_the_splits(folder):
     assert matched(only) == ALL[:1] and only.count("train") == 0
     with pytest.raises(UsageError, match=r"split=train has none of the 1 pairs.*train_names=FILE"):
         only.check("train")
-    # What is listed needs a reference, the others do not.
+    # Only listed scans need a reference.
     assert matched(paired(folder, test_names="test.txt", reference="mesh/[a].off")) == ALL[:1]
 
 
@@ -283,7 +283,7 @@ def test_scores_against_a_cloud_match_a_naive_search(folder):
     assert found.floors == {} and found.left_out == {"p2f_mean": "needs a reference that is a mesh"}
     mesh = trimesh.creation.icosphere(1)
     assert call.score(metrics[2:], mesh, case).left_out == {"iou": "needs a reference that is a mesh"}
-    topology = Choice.of("metric", {"_name_": "topology"})  # its numbers are compared with those of the reference
+    topology = Choice.of("metric", {"_name_": "topology"})  # its scores are compared with those of the reference
     assert call.score([topology], mesh, case).values == {}
 
 

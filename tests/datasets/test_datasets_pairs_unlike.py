@@ -80,11 +80,11 @@ def test_both_stand_upright_on_their_legs(pair):
         names = np.array(shape.info["parts"])[shape.attributes["part"]]
         on_the_floor = {str(name) for name in names[(V[F, 2] < 0.02).all(axis=1)]}
         assert len(on_the_floor) == 4 and all(name.endswith(("leg", "foot")) for name in on_the_floor)
-        # The legs are at the four corners, left where x > 0 and in front where y < 0.
+        # The legs are at the four corners: left is x > 0, front is y < 0.
         for name in on_the_floor:
             middle = V[F[names == name]].reshape(-1, 3).mean(axis=0)
             assert (middle[0] > 0) == ("left" in name) and (middle[1] < 0) == ("front" in name)
-        # Chairs lean on a back behind the seat, and tables have nothing above their top.
+        # The back of a chair is behind its seat, and nothing is above the top of a table.
         if shape.tags == ("chair",):
             assert V[V[:, 2] > V[:, 2].max() - 0.05, 1].min() > 0
         if shape.tags == ("table",):
@@ -112,7 +112,7 @@ def test_vases_are_closed_vessels_of_genus_0(pair):
         assert counts == (1, 0, 0, True, 0) and shape.info["genus"] == 0
         assert shape.mesh.volume > 0 and shape.mesh.is_winding_consistent
         assert shape.info["wall"] > 0
-        # A closed surface, and yet a vessel: the wall is a small part of what its hull holds.
+        # Closed but hollow: the wall is a small part of the volume of the hull.
         assert shape.mesh.volume < 0.5 * shape.mesh.convex_hull.volume
 
 
@@ -122,7 +122,7 @@ def test_vases_stand_on_a_foot_and_open_upward(pair):
         V = shape.mesh.vertices
         low, high, wall = V[:, 2].min(), V[:, 2].max(), shape.info["wall"]
         radius = np.linalg.norm(V[:, :2], axis=1)
-        # The axis is that of z: it meets the foot, and nothing above it.
+        # The axis is z: it crosses the foot, and nothing above it.
         on_axis = V[radius < 0.02 * radius.max()]
         assert len(on_axis) and on_axis[:, 2].max() < low + 3 * wall + 0.05 * (high - low)
         rim = V[V[:, 2] > high - 0.1 * wall]
@@ -130,7 +130,7 @@ def test_vases_stand_on_a_foot_and_open_upward(pair):
 
 
 def test_kinds_and_sections_of_the_two_vases_are_drawn_independently():
-    pairs = list(islice(Vases(columns=32).pairs("train"), 60))  # no mesh is made of them
+    pairs = list(islice(Vases(columns=32).pairs("train"), 60))  # no mesh is built
     for key, count in (("kind", 4), ("section", 3)):
         seen = [(pair.source.info[key], pair.target.info[key]) for pair in pairs]
         assert len({source for source, _ in seen}) == len({target for _, target in seen}) == count

@@ -43,7 +43,7 @@ THREE = [(family, index) for family, index in CASES if index < 3]  # walls and s
 @cache
 def shape(family: str, index: int, split: str = "test"):
     made = next(islice(COARSE[family].shapes(split), index, None))
-    return even(made) if family == "fbm" else made  # it is refined in the tests of refining
+    return even(made) if family == "fbm" else made  # refinement has its own tests
 
 
 def diagonal(mesh) -> float:
@@ -79,7 +79,7 @@ def test_rotations_are_rotations_without_a_preferred_direction():
     R = np.array([random_rotation(rng) for _ in range(4000)])
     assert np.abs(np.einsum("nij,nkj->nik", R, R) - np.eye(3)).max() < 1e-14
     assert np.abs(np.linalg.det(R) - 1).max() < 1e-14
-    assert np.abs(R.mean(axis=0)).max() < 0.04  # each entry has the mean 0 and the variance 1/3
+    assert np.abs(R.mean(axis=0)).max() < 0.04  # each entry has mean 0 and variance 1/3
     assert np.abs((R**2).mean(axis=0) - 1 / 3).max() < 0.03
     assert np.abs(np.trace(R, axis1=1, axis2=2).mean()) < 0.06  # the mean trace of a uniform rotation is 0
 
@@ -119,7 +119,7 @@ def test_noise_is_bounded_twice_differentiable_and_zero_on_the_lattice():
     value = noise(Jet(places[None])).value
     assert 0.5 < np.abs(value).max() <= BOUND and abs(value.mean()) < 0.01
     assert np.abs(noise(Jet(np.floor(places)[None])).value).max() == 0
-    # Continuous with two derivatives across the walls of the lattice
+    # Continuous with two derivatives across the planes of the lattice
     u, v = Jet.variables(np.full(200, 5.0), rng.uniform(0, 9, 200), 2)
     sides = [noise(stack(u + s * 1e-9, v, 0.3 * v)).c for s in (-1, 1)]
     assert np.abs(sides[0] - sides[1]).max() < 1e-6
@@ -149,7 +149,7 @@ def test_meshes_are_valid(family, index):
     assert mesh.area_faces.min() > 1e-12 * diagonal(mesh) ** 2
     if counts.watertight:
         assert mesh.volume > 0
-    # Faces look the way that the exact normals do
+    # Face normals agree with the exact normals
     centres = mesh.triangles_center[::61]
     closest, normals = made.surface.closest(centres)
     facing = np.einsum("ni,ni->n", mesh.face_normals[::61], normals)
@@ -168,12 +168,12 @@ def test_samples_are_on_the_surface_and_uniform_by_area(family, index):
     assert np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 1e-12
     some = points[:800]
     assert np.linalg.norm(made.surface.closest(some)[0] - some, axis=1).max() < 1e-9 * size
-    # As many in each region as the mesh has area there (regions: of the points nearest to 20 of them)
+    # The counts per region follow the area of the mesh there (regions: Voronoi cells of the first 20 points)
     tree = cKDTree(points[:20])
     hits = np.bincount(tree.query(points)[1], minlength=20)
     area = np.bincount(tree.query(made.mesh.triangles_center)[1], weights=made.mesh.area_faces, minlength=20)
     expected = len(points) * area / area.sum()
-    # The mesh is coarse: allow it 2.5 % of each region beside the chance of the counts.
+    # The mesh is coarse: allow 2.5 % per region in addition to the random error of the counts.
     assert (np.abs(hits - expected) < 4.5 * np.sqrt(expected) + 0.025 * expected + 10).all()
 
 
@@ -199,10 +199,10 @@ def test_closest_points_against_brute_force(family, index):
     distance = np.linalg.norm(points - closest, axis=1)
     start = np.linalg.norm(points - surface._tree.closest(points).points, axis=1)
     brute = cKDTree(surface.sample(4_000, rng)[0]).query(points)[0]
-    # Where two places are nearly as close, the tessellation may lead to the farther one.
+    # Where two points are nearly equally close, the tessellation may lead to the farther one.
     assert (distance <= brute + 1e-9).mean() > 0.97
     assert (distance - brute).max() < 5e-3 * size and np.abs(distance - start).max() < 0.02 * size
-    # Away from edges and borders the connection is normal to the surface
+    # Away from edges and boundaries the connecting line is normal to the surface
     askew = np.linalg.norm(np.cross(points - closest, normals), axis=1)
     if family not in ("superquadrics", "supershapes", "plates") and made.mesh.is_watertight:
         assert (askew < 1e-6 * size).mean() > 0.99
@@ -311,7 +311,7 @@ def test_shapes_without_sharp_turns_have_no_edges():
     """Tags, measured on the mesh, against the exact turn along the two generating curves."""
     for family in ("superquadrics", "supershapes"):
         for made in (shape(family, index) for index in range(8)):
-            if made.info["sharpest_turn"] < 20:  # within 0.02 of the diagonal: more than the 0.03 radii of the tags
+            if made.info["sharpest_turn"] < 20:  # within 0.02 diagonals: more than the 0.03 radii of the tags
                 assert "smooth" in made.traits.tags
             if made.info["sharpest_turn"] > 85:
                 assert "sharp" in made.traits.tags
@@ -324,7 +324,7 @@ def test_rough_surfaces_do_not_cross_themselves(base):
     bare = next(dataset.shapes("test"))
     reach = next(Fbm(base=base, strength=0.5).shapes("test")).info["largest_displacement"] / 0.5
     points, normals = bare.surface.sample(500, generator(0))
-    for side in (-1, 1):  # a foot point is kept by moving along its normal for less than the reach
+    for side in (-1, 1):  # moving along the normal by less than the reach keeps the foot point
         moved = points + side * 0.95 * reach * normals
         assert np.abs(bare.surface.closest(moved)[0] - points).max() < 1e-5
 
@@ -345,14 +345,14 @@ def test_the_wall_of_a_vase_has_its_thickness_everywhere(index):
     through = points - thickness * normals
     other, there = made.surface.closest(through)
     wall = np.linalg.norm(other - through, axis=1) < 1e-2 * thickness
-    assert wall.mean() > 0.85  # all but the rim
+    assert wall.mean() > 0.85  # all except the rim
     assert (np.einsum("ni,ni->n", normals, there)[wall] < -0.99).mean() > 0.99
-    # From the middle of the wall nothing is nearer than half the thickness
+    # From the middle of the wall, no surface is nearer than half the thickness
     middle = points - 0.5 * thickness * normals
     distance = np.linalg.norm(made.surface.closest(middle)[0] - middle, axis=1)
     assert distance.min() > 0.49 * thickness
     assert "thin" in made.traits.tags or made.info["thickness"] > 0.025
-    assert 0.75 < thickness / diagonal(made.mesh) / made.info["thickness"] < 1.33  # whose box is that of the turned one
+    assert 0.75 < thickness / diagonal(made.mesh) / made.info["thickness"] < 1.33  # box of the rotated shape
 
 
 def test_single_sheets_have_one_boundary():
@@ -371,13 +371,13 @@ def test_plates_have_their_thickness_ends_and_tags(index):
     middle = points - 0.5 * thickness * normals
     distance = np.linalg.norm(made.surface.closest(middle)[0] - middle, axis=1)
     inside = distance > 0.499 * thickness
-    assert inside.mean() > 0.6  # not where a flat end is near
+    assert inside.mean() > 0.6  # except near a flat end
     angles = np.degrees(made.mesh.face_adjacency_angles)
     assert (angles.max() > 80) == (made.info["ends"] == "flat")
     assert "sharp" in made.traits.tags or made.info["ends"] == "round"
     assert made.mesh.volume == pytest.approx(thickness * made.mesh.area / 2, rel=0.35)
     assert "thin" in made.traits.tags or made.info["thickness"] > 0.025
-    # the box of the turned shape is another one than that of the sheet
+    # the box of the rotated shape differs from that of the sheet
     assert 0.5 < made.info["thickness"] * size / thickness < 2
 
 
@@ -386,7 +386,7 @@ def test_a_hem_nearly_touches_itself():
     hems = [made for made in folded if made.info["kind"] == "hem"]
     assert hems and all("near_contact" in made.traits.tags for made in hems)
     points, normals = hems[0].surface.sample(4000, generator(5))
-    ahead = points + 0.02 * normals  # the gap is 0.02 and 0.4 of the thickness more
+    ahead = points + 0.02 * normals  # the gap is 0.02 plus 0.4 of the thickness
     there = hems[0].surface.closest(ahead)[1]
     assert (np.einsum("ni,ni->n", normals, there) < -0.9).mean() > 0.1
 
@@ -405,9 +405,9 @@ def test_a_relief_is_its_base_plus_its_displacement(index):
     assert np.abs(np.linalg.norm(known["base_normals"], axis=1) - 1).max() < 1e-12
     height = np.ptp(known["displacement"])
     base_diagonal = np.linalg.norm(np.ptp(known["base_vertices"], axis=0))
-    assert 0.5 < height / (made.info["amplitude"] * base_diagonal) < 1.35  # the box is that of the turned base
+    assert 0.5 < height / (made.info["amplitude"] * base_diagonal) < 1.35  # the box is that of the rotated base
     assert (known["displacement"].min() < 0) == made.info["engraved"]
-    # The base normals are those of the base's mesh
+    # The base normals agree with those of the base mesh
     from trimesh import Trimesh
 
     base = Trimesh(known["base_vertices"], made.mesh.faces, process=False)
@@ -445,7 +445,7 @@ def test_pairs_can_be_limited_to_one_family_and_amplitude():
     (infos, alike), (_, other) = apart(targets="alike", amplitude=0.01), apart(amplitude=0.01)
     assert {info["amplitude"] for info in infos} == {0.01}
     assert {info["base"] for info in infos} == {"ball", "vase", "ring"}
-    assert np.mean(alike) < np.mean(other) < 30  # degrees: the normals at the same (u, v) are more alike
+    assert np.mean(alike) < np.mean(other) < 30  # degrees: normals at the same (u, v) are more similar
     with pytest.raises(ValueError, match=r"amplitude: expected 0\.1"):
         Reliefs(amplitude=0.02)
 

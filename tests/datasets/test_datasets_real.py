@@ -72,7 +72,7 @@ def test_only_requested_files_are_read_from_a_package(tmp_path):
     deb.write_bytes(deb_of(tar_of({"./usr/other": b"O", "./usr/data.tar.gz": inner, "../up": b"U"}, "xz")))
     assert dict(files_of_deb(deb, {"usr/other"})) == {"usr/other": b"O"}
     assert dict(files_of_deb(deb, {"data/a.off", "gone"}, inner="usr/data.tar.gz")) == {"data/a.off": b"A"}
-    assert dict(files_of_deb(deb, {"link.off"})) == {}  # a link is no file
+    assert dict(files_of_deb(deb, {"link.off"})) == {}  # a link is not a file
     assert [path.name for path in tmp_path.iterdir()] == ["p.deb"]
 
 
@@ -181,7 +181,7 @@ def test_without_a_network_the_error_gives_advice(tmp_path):
         fetch_archive(nobody, tmp_path, quiet)
     for words in ("http://127.0.0.1:9/p.deb: ", "apt-get download p", str(tmp_path), "run the same command again"):
         assert words in str(caught.value)
-    (tmp_path / "p.deb").write_bytes(CONTENT)  # so it was brought by hand
+    (tmp_path / "p.deb").write_bytes(CONTENT)  # copied there by hand
     assert fetch_archive(nobody, tmp_path, quiet) == tmp_path / "p.deb"
     (tmp_path / "p.deb").write_bytes(CONTENT[1:])
     with pytest.raises(BadInput, match="another version"):
@@ -316,8 +316,8 @@ def test_fetched_shapes_are_listed_in_order_with_their_origin(small):
     assert one.info["licence"] == "licence of p.deb" and one.info["file"] == "libcgal-demo/a.off"
     assert (small / "nilearn" / "LICENSE").read_text() == "free"
     assert "source of p.whl" in (small / "LICENCES.txt").read_text() and "A notice." in "\n".join(said)
-    assert not (small / "libcgal-demo" / "c.off").exists()  # it is not in the table
-    assert sorted(p.name for p in (small / "downloads").iterdir()) == ["p.deb", "p.whl"]  # brought by hand: left there
+    assert not (small / "libcgal-demo" / "c.off").exists()  # not in the table
+    assert sorted(p.name for p in (small / "downloads").iterdir()) == ["p.deb", "p.whl"]  # copied by hand: not deleted
 
 
 def test_only_missing_or_wrong_files_are_fetched(small):
@@ -325,7 +325,7 @@ def test_only_missing_or_wrong_files_are_fetched(small):
     dataset.fetch(quiet)
     for file in (small / "downloads").iterdir():
         file.unlink()
-    dataset.fetch(quiet)  # nothing is missing, nobody is asked
+    dataset.fetch(quiet)  # nothing is missing, so no request is sent
     (small / "libcgal-demo" / "a.off").write_text("OFF\n0 0 0\n")
     one = next(dataset.shapes("test"))
     with pytest.raises(BadInput, match=r"a\.off: is not the file.*make real"):
@@ -387,7 +387,7 @@ def test_the_choice_of_meshes(small):
 
     assert names("all") == ["one", "cortex", "two"]
     assert names("open") == ["two"]
-    assert names(["two", "one"]) == names("two,one") == ["one", "two"]  # the order is the table's
+    assert names(["two", "one"]) == names("two,one") == ["one", "two"]  # in the order of the table
     for wrong in ("", [], "one,three"):
         with pytest.raises(ValueError, match="which: expected closed, crossing, open, all, or names of meshes"):
             Real(which=wrong)
@@ -409,7 +409,7 @@ def test_pairs_share_their_faces_and_have_the_inflated_half_as_base(small):
             assert shape.attributes["base_vertices"].shape == shape.mesh.vertices.shape
 
 
-# --- the table that is shipped ----------------------------------------------------------------------------------------
+# --- the shipped table ------------------------------------------------------------------------------------------------
 
 
 def test_the_table_names_each_mesh_and_each_file_once():

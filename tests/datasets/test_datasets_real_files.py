@@ -46,7 +46,7 @@ def test_the_halves_of_the_brain_make_cases_of_detail_transfer():
     case = recipe.build()
     source, base = case.input["source"], case.input["target_base"]
     assert source.is_watertight and base.is_watertight and base.volume > 0
-    # The halves of a brain are alike: mirrored, turned and moved the source is near the reference, but not the same.
+    # The halves of a brain are similar: mirrored, rotated and moved, the source is near the reference, not equal to it.
     far = np.linalg.norm(source.vertices - case.reference.mesh.vertices, axis=1)
     assert 0.01 < np.median(far) < 0.3
 

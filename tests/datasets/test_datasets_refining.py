@@ -93,11 +93,11 @@ def test_refinement_that_would_cause_self_intersections_is_omitted():
 
     V, F = refined(ball.vertices, ball.faces, shifted, tolerance=4e-3)
     assert not self_intersecting_faces(V, F).any() and count_topology(V, F).watertight
-    assert len(F) > 3 * len(ball.faces)  # but around there
+    assert len(F) > 3 * len(ball.faces)  # except around these points
     assert np.linalg.norm(V, axis=1) == pytest.approx(1)
 
 
-# The mean and the largest distance of exact samples, in radii; without refining 3e-3 and more at the most.
+# The mean and the largest distance of exact samples, in radii; without refinement the largest is 3e-3 or more.
 ACCURATE = [(SmoothCsg, 1, 1e-4, 4e-4), (Fbm, 3, 1e-4, 4e-4), (Tpms, 1, 1e-4, 4e-4), (Blobs, 1, 1.2e-4, 1e-3)]
 
 

@@ -24,7 +24,7 @@ from bench.datasets.surfaces.gradient_noise import GradientNoise
 from bench.datasets.surfaces.jets import Jet
 from bench.geometry.topology import count_topology
 
-COARSE, COARSEST = 60.0, 40.0  # edges along the radius: half a second a mesh, and the fewest that are taken
+COARSE, COARSEST = 60.0, 40.0  # edges per radius: half a second per mesh, and the minimum
 
 
 @cache
@@ -67,7 +67,7 @@ def test_derivatives_of_duals_match_finite_differences(name):
     plain = FORMULAS[name](Dual.coordinates(points, gradients=False))
     assert np.array_equal(exact.v, plain.v) and plain.g is None
     wrong = np.abs(differences(FORMULAS[name], points) - exact.g).max(axis=0)
-    assert np.quantile(wrong, 0.998) < 1e-7  # but for the kinks of a clamp and of a box's inside
+    assert np.quantile(wrong, 0.998) < 1e-7  # except at the kinks of a clamp and inside a box
 
 
 def test_noise_of_duals_matches_jets_and_has_its_gradient():
@@ -123,7 +123,7 @@ def test_gradients_match_finite_differences_and_bounds_hold(kind):
     low, high = field.range(points, 0.05)
     offsets = rng.normal(size=points.shape)
     other = field.value(points + 0.05 * offsets / np.linalg.norm(offsets, axis=1, keepdims=True))
-    assert ((low <= other) & (other <= high)).mean() > 0.998  # but for rare flanks
+    assert ((low <= other) & (other <= high)).mean() > 0.998  # except on rare steep flanks
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -133,12 +133,12 @@ def test_foot_points_agree_with_brute_force(kind):
     on, outward = made.surface.sample(2000, generator(3))
     rng = np.random.default_rng(0)
     points = on[:180] + rng.normal(size=(180, 3)) * np.repeat([0.0005, 0.01, 0.1], 60)[:, None] * size
-    # In one call, for what it costs hardly depends on the number of points: those near and far, and some on it.
+    # In one call, whose time hardly depends on the number of points: near and far points, and some on the surface.
     both, found = made.surface.closest(np.concatenate([points, on[:150]]))
     closest, normals, again, found = both[:180], found[:180], both[180:], found[180:]
     distance = np.linalg.norm(points - closest, axis=1)
     brute, _ = cKDTree(np.vstack([on, made.mesh.vertices])).query(points)
-    assert (distance <= brute + 1e-9 * size).mean() > 0.97  # fine detail has many feet that are nearly as close
+    assert (distance <= brute + 1e-9 * size).mean() > 0.97  # fine detail has many foot points that are nearly as close
     assert (distance - brute).max() < 1e-3 * size
     assert np.quantile(np.linalg.norm(np.cross(points - closest, normals), axis=1), 0.98) < 1e-7 * size
     assert np.quantile(np.abs(again - on[:150]).max(axis=1), 0.99) < 1e-9 * size
@@ -187,7 +187,7 @@ def smoothed(mesh, scale: float) -> np.ndarray:
     ends = np.concatenate([F[:, [0, 1]], F[:, [1, 2]], F[:, [2, 0]]])
     graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(V),) * 2).tocsr()
     edge = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1).mean()
-    # One neighbour in any direction is worth a quarter of its squared distance as diffusion.
+    # One step of the averaging operator diffuses by a quarter of the squared edge length.
     laplacian = diags_array(1 / graph.sum(axis=1)) @ graph - eye_array(len(V))
     return splu((eye_array(len(V)) - (4 * (scale / edge) ** 2 / 4) * laplacian).tocsc()).solve(V)
 

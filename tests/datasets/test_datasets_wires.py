@@ -26,7 +26,7 @@ def test_wires_are_closed_and_thinner_than_half_a_per_cent_of_the_radius(shape):
     assert (counts.watertight, counts.components, counts.genus) == (True, info["components"], info["genus"])
     assert mesh.volume > 0 and mesh.area_faces.min() > 1e-13
     assert len(np.unique(mesh.vertices, axis=0)) == len(mesh.vertices)
-    # Of a long prism, volume over area is a quarter of the diameter of the circle in its section.
+    # For a long prism, volume over area is a quarter of the diameter of the inscribed circle of its section.
     inner = 4 * mesh.volume / mesh.area
     assert inner == pytest.approx(info["thickness"] * np.cos(pi / wirework.SIDES), rel=0.05)
     assert info["thickness"] / Frame.of(mesh.vertices).radius < 0.005
@@ -72,4 +72,4 @@ def test_lattices_are_connected_and_have_the_struts_of_their_kind():
         assert connected_components(graph, directed=False)[0] == 1
         assert work.genus == len(pairs) - len(ends) + 1
         degrees.add(np.bincount(number.ravel()).max())
-    assert degrees == {6, 14, 12}  # cubic; body-centred, with the sides of the cells; octet
+    assert degrees == {6, 14, 12}  # cubic; body-centred with the edges of the cells; octet

@@ -36,7 +36,7 @@ def test_scalars_are_validated_frozen_and_copied_with_the_cloud():
     with pytest.raises(BadInput, match=r"scalars\['t'\]: expected shape \(200,\), got \(3,\)"):
         PointCloud(P, scalars={"t": [1, 2, 3]})
     assert list(PointCloud(P).arrays()) == ["points"] and dict(PointCloud(P).scalars) == {}
-    assert CLOUD.moved(2 * P).colors is CLOUD.colors  # nothing that is frozen is copied
+    assert CLOUD.moved(2 * P).colors is CLOUD.colors  # frozen arrays are not copied
     assert np.array_equal(CLOUD.subset(P[:, 0] > 0).scalars["t"], P[P[:, 0] > 0, 0])
 
 

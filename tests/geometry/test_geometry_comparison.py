@@ -93,7 +93,7 @@ def test_exact_surface_gives_samples_and_normals_and_the_mesh_gives_distances():
     pair = case.compare(case.perfect(PointCloud(np.zeros((5000, 3)))))
     assert np.linalg.norm(pair.reference_points, axis=1) == pytest.approx(1)
     assert pair.to_surface.distance.max() > 1e-3  # the mesh cuts the corners of the sphere
-    # The faces are tilted by degrees, the exact normals are not.
+    # The faces are tilted by whole degrees, the exact normals are not.
     tilt = np.degrees(np.arccos(np.clip((pair.output_normals * pair.surface_normals).sum(axis=1), -1, 1)))
     assert tilt.max() < 0.3
     faces = case.reference.mesh.face_normals[pair.to_surface.faces]

@@ -26,7 +26,7 @@ def test_errors_are_at_most_a_sixth_above_those_of_sizes_tried_at_every_point(cl
     every = estimate_normals(points)
     ours, theirs = degrees(dense.normals, truth), degrees(every.normals, truth)
     assert ours.mean() < 1.17 * theirs.mean() + 0.1 and np.median(ours) < 1.17 * np.median(theirs) + 0.1
-    if cloud[1]:  # the noise that is taken away, which signs are carried along, is as much
+    if cloud[1]:  # as much noise is removed before signs are propagated
         moved = [np.linalg.norm(found.flattened - points, axis=1).mean() for found in (dense, every)]
         assert abs(moved[0] / moved[1] - 1) < 0.2
     assert (np.einsum("ni,ni->n", oriented_normals(points), truth) > 0).mean() > 0.99

@@ -99,7 +99,7 @@ def closest_on_triangle(p, a, b, c):
 def test_closest_point_against_rational_arithmetic(squeeze):
     rng = generator(5, str(squeeze))
     triangles = rng.normal(size=(6, 3, 3))
-    along = rng.uniform(size=(6, 1))  # towards a needle: the third corner comes near the opposite edge
+    along = rng.uniform(size=(6, 1))  # towards a needle: the third corner approaches the opposite edge
     foot = triangles[:, 0] * (1 - along) + triangles[:, 1] * along
     triangles[:, 2] = foot + squeeze * (triangles[:, 2] - foot)
     queries = rng.normal(size=(40, 3))
@@ -123,7 +123,7 @@ def test_closest_agrees_with_igl_on_a_bumpy_sphere():
     squared, _, closest = igl.point_mesh_squared_distance(queries, np.array(mesh.vertices), np.array(mesh.faces))
     found = MeshSurface(mesh).project(queries)
     assert found.distance == pytest.approx(np.sqrt(squared), rel=1e-12)
-    ties = np.linalg.norm(found.points - closest, axis=1) > 1e-9  # two closest points, equally far
+    ties = np.linalg.norm(found.points - closest, axis=1) > 1e-9  # two closest points at equal distance
     assert ties.mean() < 1e-3
 
 

@@ -30,7 +30,7 @@ def test_errors_are_no_larger_than_those_of_the_better_of_two_fixed_sizes(name):
     ours, few, many = (
         degrees(n, truth) for n in (estimate_normals(points).normals, plain(points, 30), plain(points, 100))
     )
-    # Below a twentieth of a degree, on the faces of a clean cube, a ratio says nothing.
+    # Below a twentieth of a degree, on the faces of a clean cube, a ratio is meaningless.
     assert ours.mean() <= 1.1 * min(few.mean(), many.mean()) + 0.05
     assert np.median(ours) <= 1.1 * min(np.median(few), np.median(many)) + 0.05
 
@@ -132,10 +132,10 @@ def test_many_components_take_about_as_long_as_one():
         began = time.process_time()
         consistent_signs(points, normals, neighbours)
         seconds.append(time.process_time() - began)
-    assert seconds[1] < 3 * seconds[0]  # eleven times as long when every piece was walked by itself
+    assert seconds[1] < 3 * seconds[0]  # eleven times as long when each component was traversed by itself
 
 
-# -- normals that were given -------------------------------------------------------------------------------------------
+# -- normals of the input ----------------------------------------------------------------------------------------------
 
 
 def test_a_few_bad_normals_are_filled_from_the_nearest_and_counted():
@@ -166,8 +166,8 @@ def test_unoriented_normals_disagree_and_oriented_ones_do_not():
     half = np.where(np.random.default_rng(0).random(3000) < 0.5, -1, 1)[:, None]
     assert disagreement(points, truth) == disagreement(points, -truth) == 0
     assert disagreement(points, half * truth) > 0.4
-    assert disagreement(points, np.where(truth[:, 2:] < 0, -1, 1) * truth) > 0.4  # all upward: no two sides meet often
-    sides, outward = noisy("plate", 4000, 0.0)  # two sheets 0.1 apart, with opposite normals rightly
+    assert disagreement(points, np.where(truth[:, 2:] < 0, -1, 1) * truth) > 0.4  # all upward: signs rarely disagree
+    sides, outward = noisy("plate", 4000, 0.0)  # two sheets 0.1 apart, whose normals are rightly opposite
     assert disagreement(sides, outward) < 0.01
 
 

@@ -10,7 +10,7 @@ from bench.geometry.sampling import face_normals, sample_uniform
 
 
 def test_faces_get_points_in_proportion_to_their_area():
-    # Areas 1 : 2 : 3 along a strip, with faces without an area at the start, between and at the end.
+    # Areas 1 : 2 : 3 along a strip, with faces of zero area at the start, between and at the end.
     x = np.array([0, 1, 3, 6.0])
     vertices = np.vstack([np.c_[x, 0 * x, 0 * x], np.c_[x, 0 * x + 2, 0 * x]])
     faces = [[0, 0, 1], [0, 1, 4], [1, 1, 1], [1, 2, 5], [0, 1, 2], [2, 3, 6], [3, 3, 2]]

@@ -70,7 +70,7 @@ def test_the_results_of_meshlab(make, seed):
 
 @pytest.mark.parametrize("make", [bodies, noisy, fine_and_coarse])
 def test_it_takes_at_most_a_few_times_as_long_as_meshlab(make):
-    # About twice on a quiet machine; comparing all faces in cells of the largest one's size takes 200 times as long.
+    # About twice on an idle machine; comparing all faces in cells of the largest one's size takes 200 times as long.
     mesh, _, theirs = solved(make, 0)
     assert any(ours(mesh)[1] < 4 * max(theirs, 0.1) for _ in range(3))
 

@@ -57,7 +57,7 @@ def test_duplicate_vertices_holes_and_degenerate_faces_are_accepted():
         mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3), process=False
     )
     assert np.array_equal(signed_distances(soup, points), whole)
-    # A sliver across the ball is no surface, whatever a tree makes of it.
+    # A sliver across the ball is not a surface, however a search tree treats it.
     slivers = Trimesh(mesh.vertices, np.vstack([mesh.faces, [[0, 0, 0], [1, 1, 2]]]), process=False)
     assert np.array_equal(signed_distances(slivers, points), whole)
     holey = Trimesh(mesh.vertices, mesh.faces[40:], process=False)

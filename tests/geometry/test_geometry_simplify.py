@@ -45,7 +45,7 @@ def test_distances_of_two_spheres_and_of_a_spike(rng):
     distance = mesh_distance(inner, outer, rng)
     assert abs(distance.rms - 0.25) < 1e-3 and abs(distance.largest - 0.25) < 1e-3
     spiked = plain_mesh(inner.vertices, inner.faces)
-    spiked.vertices[7] *= 2  # so thin that samples miss it
+    spiked.vertices[7] *= 2  # too thin to be sampled
     assert abs(mesh_distance(inner, spiked, rng).largest - 1) < 1e-3
 
 

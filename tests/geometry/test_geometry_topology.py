@@ -102,7 +102,7 @@ def test_non_manifold_edge():
 
 def test_non_manifold_vertex():
     V, F = TETRAHEDRON
-    # Two tetrahedra that touch in one vertex: closed, two components, but no surface at that vertex.
+    # Two tetrahedra that touch in one vertex: closed, two components, but not manifold at that vertex.
     assert count_topology(np.vstack([V, -V]), np.vstack([F, F + 4])) == (2, None, 0, True, 0)
     # One component that touches itself: a closed fan around a vertex, whose tip another fan uses too.
     disc = [[0, 1, 2], [0, 3, 4], [1, 5, 2], [2, 5, 3], [3, 5, 4]]
@@ -114,7 +114,7 @@ def test_triangle_soup_is_one_surface():
     torus = trimesh.creation.torus(1, 0.3)
     soup = torus.vertices[torus.faces].reshape(-1, 3)
     soup[::2] += 0.0
-    soup[soup == 0] = -0.0  # equal positions, other bits
+    soup[soup == 0] = -0.0  # equal positions, different bits
     assert count_topology(soup, np.arange(len(soup)).reshape(-1, 3)) == of(torus)
 
 
@@ -149,7 +149,7 @@ def test_random_holes_against_trimesh(seed):
     uses = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
     assert found.boundary_edges == (uses == 1).sum()
     assert found.watertight == mesh.is_watertight
-    if found.genus is not None:  # a part of a sphere, manifold or not counted at all
+    if found.genus is not None:  # part of a sphere: either manifold or without a genus
         assert found.genus == 0
 
 

@@ -73,7 +73,7 @@ def test_a_walk_around_a_cube_returns_to_its_start_and_stops_at_a_boundary():
     for angle in np.linspace(0, 2 * pi, 64, endpoint=False):
         walks = terrain.walk(side, middle, np.array([angle]), np.array([4.0, 6.0]))
         along = terrain.half_edges[0][3 * side[0]] * np.cos(angle) + terrain.half_edges[1][3 * side[0]] * np.sin(angle)
-        if np.abs(along).max() > 1 - 1e-9:  # straight along an axis: four sides, and home
+        if np.abs(along).max() > 1 - 1e-9:  # along an axis: over four sides, back to the start
             assert walks[0, 0] == pytest.approx([1, 0, 0])
             assert walks[0, 1] == pytest.approx([-1, 0, 0])
     half = Terrain(box.vertices, box.faces[terrain.normals[:, 0] > 0.9])
@@ -88,7 +88,7 @@ def test_walks_over_inconsistently_wound_faces_stay_on_one_side():
     flipped[::3] = flipped[::3, ::-1]
     mixed = Terrain(box.vertices, flipped)
     at = np.arange(len(flipped))
-    # Within the start's own side and beyond its edges; the walk starts in one direction in space for both.
+    # One stop within the start's side, one beyond its edges; both walks start in the same direction in space.
     walks = mixed.walk(at, mixed.corners[at].mean(axis=1), np.full(len(at), 0.7), np.array([0.02, 0.3]))
     same_side = np.einsum("ni,ni->n", walks[:, 0], mixed.normals[at])
     assert same_side == pytest.approx(1)
@@ -123,7 +123,7 @@ def test_the_sharpness_of_a_cube_is_the_share_of_its_area_near_edges(pieces):
         mesh = mesh.subdivide()
     found = traits(mesh)
     side = 2 / sqrt(3)
-    # Of eight directions the best is at most 22.5 degrees off.
+    # The best of eight directions is at most 22.5 degrees off.
     share = 1 - (1 - 2 * NEAR / side) ** 2
     assert 0.85 * share < found.edges < 1.1 * share
     assert found.tags == ("sharp",)
@@ -136,7 +136,7 @@ def test_rounded_edges_are_edges_where_the_curvature_is_high_enough(radius):
     Then the strip where it does so is 0.03 - r pi / 6 wide on each side: of 2 % of the area where r is below 0.03.
     """
     half = 0.5
-    farthest = sqrt(3) * (half - radius) + radius  # the corner: what the frame makes 1
+    farthest = sqrt(3) * (half - radius) + radius  # the corner, which the frame scales to 1
     mesh = rounded_box(radius * farthest, half=half)
     own = Frame.of(mesh.vertices).radius
     assert (radius * farthest / own) == pytest.approx(radius, rel=0.2)
@@ -220,7 +220,7 @@ def test_two_sides_are_connected_only_within_a_large_enough_ball():
     assert connected(terrain, centre, 0.8, top, bottom)
 
 
-# -- genus, scales, borders --------------------------------------------------------------------------------------------
+# -- genus, scales, boundaries -----------------------------------------------------------------------------------------
 
 
 def test_genus_counts_all_components():
@@ -251,7 +251,7 @@ def test_a_surface_with_a_boundary_is_open():
     assert traits(half).tags == ("smooth", "open") and traits(half).boundary_edges > 0
 
 
-# -- what must not matter ----------------------------------------------------------------------------------------------
+# -- invariance --------------------------------------------------------------------------------------------------------
 
 
 SHAPES = {

@@ -22,7 +22,7 @@ def test_steps_of_single_precision_are_detected():
     assert single_steps(single(BALL + UTM)) == [0.5]  # of x, 1/32, a sixtieth of the spacing
     assert single_steps(single(BALL / 10 + UTM)) == [2**-5, 0.5]
     assert single_steps(BALL + UTM) == single_steps(single(BALL)) == []
-    assert single_steps(np.rint(BALL) + UTM) == []  # a grid of its own
+    assert single_steps(np.rint(BALL) + UTM) == []  # on a regular grid
 
 
 def test_the_reader_reports_both(tmp_path):

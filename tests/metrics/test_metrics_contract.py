@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 METRICS = installed("metric")
 
 BOTH, MESH, CLOUD = {"mesh", "cloud"}, {"mesh"}, {"cloud"}
-# What stored results call these scores. Nothing need be added for a new metric: all else here asks the plugins.
+# The keys of these scores in stored results. A new metric needs no entry: all other tests here query the plugins.
 PERCENTILES = ("mean", "p50", "p90", "p95", "p99", "max")
 KINDS = {
     "box_scaled_distances": (
@@ -89,7 +89,7 @@ KINDS = {
 }
 
 
-VERSIONS = {"own_sphere_distances": 2}  # of those whose numbers have changed
+VERSIONS = {"own_sphere_distances": 2}  # of metrics whose scores have changed
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def made():
     return case
 
 
-# Small counts for the metrics that have one of their own.
+# Small counts for the metrics with a sample count of their own.
 QUICK = {
     "chamfer_l1_point_sum": {"samples": 700},
     "dtu_distances": {"thin": 0.05},
@@ -175,11 +175,11 @@ def test_keys_and_values(kind, case):
         if candidate is not output and kind == "mesh":  # the sphere has other faces than the source
             assert found.pop("cot_laplacian") == {}
             found["cot_laplacian"] = dict.fromkeys(KINDS["cot_laplacian"][2], 0.0)
-        if candidate is output and kind == "mesh":  # nor has it the reference's
+        if candidate is output and kind == "mesh":  # and the faces of the box from those of the reference
             for name in ("vertex_distance_mean", "pose_distance_mean"):
                 assert found.pop(name) == {}
                 found[name] = {name: 0.0}
-        if kind == "cloud":  # no disk holds five of three points
+        if kind == "cloud":  # of three points, no disk holds five
             assert found.pop("projected_uniformity") == {}
             found["projected_uniformity"] = dict.fromkeys(KINDS["projected_uniformity"][2], 0.0)
         assert set(found) == {name for name in METRICS if kind in outputs_of(name)}
@@ -230,8 +230,8 @@ def test_importing_the_metrics_loads_no_heavy_library():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-# What a metric says of the four outputs that everybody can rank: perfect, the input itself (0.5 % noise), gross noise.
-# These do not look at the distance to the surface alone, and say so.
+# Metrics that need not rank the outputs below: perfect, the input itself (0.5 % noise), gross noise.
+# They depend on more than the distance to the surface, and are documented so.
 BY_DOCUMENT = {
     "spacing_variation": "noise spreads points in space",
     "topology": "counts",
@@ -261,7 +261,7 @@ def test_doing_nothing_is_better_than_noise_and_worse_than_the_truth(kind, case)
             perfect, nothing, noise = (sign * step[name][key] for step in ladder)
             assert nothing < noise, key
             if name != "uniformity":  # a little noise spreads points
-                assert perfect <= nothing + 0.1 * abs(nothing), key  # what sampling alone may give
+                assert perfect <= nothing + 0.1 * abs(nothing), key  # the tolerance covers sampling
 
 
 def test_order_of_points_and_faces_does_not_matter(case):
@@ -276,7 +276,7 @@ def test_order_of_points_and_faces_does_not_matter(case):
         assert shuffled[name] == pytest.approx(values, rel=1e-9, abs=1e-12), name
     mesh = spoiled(case, "mesh", 0.02)
     faces = mesh.faces[rng.permutation(len(mesh.faces))]
-    for name in ("iou", "mesh_quality", "self_intersections", "topology"):  # the others sample, and would sample anew
+    for name in ("iou", "mesh_quality", "self_intersections", "topology"):  # the others draw other samples
         metric = registry().find("metric", name).cls(**QUICK.get(name, {}))
         assert metric.score(trimesh.Trimesh(mesh.vertices, faces, process=False), case) == pytest.approx(
             metric.score(mesh, case)

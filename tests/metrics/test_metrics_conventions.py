@@ -73,11 +73,11 @@ def test_directed_statistics_by_hand():
     found = Directed().score(output, case)
     assert [found[f"to_reference_{key}"] for key in ("mean", "p50", "p99", "max")] == [1, 1, 1, 1]
     assert found["to_output_p50"] == 1 and found["to_output_max"] == pytest.approx(np.sqrt(5))
-    assert found["to_output_p90"] == pytest.approx(1 + 0.8 * (np.sqrt(5) - 1))  # of 1, 1, sqrt 5, linear between
+    assert found["to_output_p90"] == pytest.approx(1 + 0.8 * (np.sqrt(5) - 1))  # of 1, 1, sqrt 5, interpolated
 
 
 def test_distances_relative_to_the_box_by_hand():
-    case, output = two_points_against_three()  # the reference's box is 2 x 2 x 1: a diagonal of 3
+    case, output = two_points_against_three()  # the box of the reference is 2 x 2 x 1: its diagonal is 3
     chamfer = (1 + (2 + np.sqrt(5)) / 3) / 2
     expected = {
         "chamfer_l1_mean_by_diagonal": chamfer / 3,
@@ -149,7 +149,7 @@ def test_poisson_disk_samples_are_drawn_once_for_all_metrics_up_to_the_limit(mon
     case = mesh_case(trimesh.creation.icosphere(3))
     clouds = [PointCloud(generator(i).normal(size=(n, 3))) for i, n in enumerate((200, 200, 500, 400))]
     scores = [metric.score(cloud, case) for cloud in clouds for metric in (OwnSphereDistances(), EvenDistances())]
-    assert made == [200, 300, 300]  # of 500 and of 400 points; on disk the two would be one
+    assert made == [200, 300, 300]  # for 500 and for 400 points; the disk cache would share one
     assert len({score["even_chamfer_l2_sum"] for score in scores[1::2]}) == 4
 
 
@@ -197,7 +197,7 @@ def test_exact_distances_of_parallel_squares(delta):
     assert s2f == pytest.approx(dict.fromkeys(("s2f_mean", "s2f_rms", "s2f_max"), delta), rel=1e-9)
     assert spread["p2f_rms"] == pytest.approx(delta) == spread["p2f_max"]
     assert spread["p2f_std"] == pytest.approx(0, abs=1e-12)
-    # Two faces a side: mean of squares forward, and backward from the faces to the nearest of the output's points.
+    # Two faces per square: mean of squares forward, and backward from the faces to the nearest output point.
     points = np.array([[0.0, -0.5, delta], [0, 0.5, delta]])
     assert P2mSqSum().score(PointCloud(points), case)["p2m_sq_sum"] == pytest.approx(2 * delta**2, rel=1e-9)
 
@@ -206,7 +206,7 @@ def test_p2m_weights_all_faces_equally_whatever_their_area():
     corners = [[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, -1, 0]]
     mesh = trimesh.Trimesh(corners, [[0, 1, 2], [0, 3, 1]], process=False)
     cloud = PointCloud([[2.0, 2, 1], [2, 3, 2]])
-    # Forward 1 and 2; the large face has 1; the small one is nearest to the first point across the edge y = 0.
+    # Forward 1 and 2; backward, the large face has 1; the small one is nearest to the first point, at its edge y = 0.
     expected = (1 + 4) / 2 + (1 + (2**2 + 1)) / 2
     assert P2mSqSum().score(cloud, mesh_case(mesh))["p2m_sq_sum"] == pytest.approx(expected)
 
@@ -233,7 +233,7 @@ def test_concentric_spheres():
     assert total == pytest.approx(5000 * found["chamfer_l1_sum"])  # the very same samples
     usual, same, fewer = (ChamferL1Sum(samples=samples).score(large, case) for samples in (0, 5000, 50))
     assert same == {"chamfer_l1_sum@5000": usual["chamfer_l1_sum"]}
-    assert fewer["chamfer_l1_sum@50"] > usual["chamfer_l1_sum"]  # its floor is ten times as high
+    assert fewer["chamfer_l1_sum@50"] > usual["chamfer_l1_sum"]  # with ten times the floor
 
 
 @pytest.mark.parametrize("power, key", [(1, "chamfer_l1_sum"), (2, "hausdorff_sq_sum"), (1, "s2f_mean"), (0, "own")])

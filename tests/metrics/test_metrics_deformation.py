@@ -21,7 +21,7 @@ def with_vertices(mesh, vertices):
     return trimesh.Trimesh(vertices, mesh.faces, process=False)
 
 
-# -- vertices that correspond ------------------------------------------------------------------------------------------
+# -- corresponding vertices --------------------------------------------------------------------------------------------
 
 
 def apart(output, reference):

@@ -85,12 +85,12 @@ def test_two_way_surface_distance_of_concentric_spheres(radius):
 
 
 def test_two_way_surface_distance_weights_both_directions_equally():
-    # Half of a square on it: 0 one way, and the other way half of the points are 0 to 1 away.
+    # Half of a square, on the square: 0 one way; the other way, half of the points are 0 to 1 away.
     half = moved(square(side=1.0), np.diag([1.0, 2.0, 1.0, 1.0]) + np.array([[0, 0, 0, -0.5]] + [[0] * 4] * 3))
     case = few_of(square())
     assert P2fMean().score(half, case)["p2f_mean"] < 1e-15
     assert exact(half, case) == pytest.approx(0.125, rel=0.05)
-    # The other way round: the output sticks out as far as the reference lacked.
+    # Exchanged: the output exceeds the reference by as much.
     assert exact(square(), few_of(half)) == pytest.approx(0.125, rel=0.05)
 
 
@@ -100,7 +100,7 @@ def test_two_way_surface_distance_is_the_mean_of_both_directions(sigma):
     noisy.vertices += generator("rough").normal(0, sigma, noisy.vertices.shape)
     halves = P2fMean().score(noisy, case)["p2f_mean"], S2f().score(noisy, case)["s2f_mean"]
     assert exact(noisy, case) == np.mean(halves)
-    # By another library, on the same samples.
+    # Another library, on the same samples.
     pair = case.compare(noisy)
     there = pcu.closest_points_on_mesh(pair.output_points, *arrays(case.reference.mesh))[0]
     back = pcu.closest_points_on_mesh(pair.reference_points, *arrays(noisy))[0]
@@ -184,7 +184,7 @@ def test_fscore_is_the_harmonic_mean_of_shares():
     off = np.c_[rng.uniform(-1, 1, (100_00, 2)), np.full(100_00, 1.0)]
     found = Fscore(t=0.1).score(PointCloud(np.vstack([on, off])), case_of(square()))
     assert found["precision@0.1"] == 0.75
-    assert found["recall@0.1"] == pytest.approx(0.55, abs=0.005)  # the half, and a band of width t beside it
+    assert found["recall@0.1"] == pytest.approx(0.55, abs=0.005)  # the covered half, and a band of width t beside it
     p, r = found["precision@0.1"], found["recall@0.1"]
     assert found["fscore@0.1"] == pytest.approx(2 / (1 / p + 1 / r))
     with pytest.raises(ValueError, match="t: expected"):

@@ -83,7 +83,7 @@ def test_a_mesh_is_covered_with_points(attributes):
     framed = trimesh.Trimesh(case.frame.apply(ball.vertices), ball.faces, process=False)
     found = METRIC.score(framed, case)
     thin = thinned(points, THIN, generator(0, "scan1", "thinned"))
-    # The vertices went into the frame and back: the last digits decide which of two equal distances is below THIN.
+    # The vertices were moved into the frame and back: rounding decides which of two equal distances is below THIN.
     assert found == pytest.approx(METRIC.score(PointCloud(case.frame.apply(thin)), case), rel=0.02)
     assert found["dtu_accuracy"] > 0
 

@@ -218,7 +218,7 @@ def test_two_spheres_that_pass_through_each_other():
 @pytest.mark.parametrize("turn", [None, TURN])
 def test_flat_regions_contact_and_copies_are_not_self_intersections(turn):
     box = trimesh.creation.box().subdivide().subdivide()
-    beside = placed(box, shift=(1, 0, 0))  # they touch in a whole side
+    beside = placed(box, shift=(1, 0, 0))  # they touch along a whole side
     mesh = placed(trimesh.util.concatenate([box, beside, box]), turn=turn)
     assert not self_intersecting_faces(mesh.vertices, mesh.faces).any()
     soup = trimesh.Trimesh(box.triangles.reshape(-1, 3), np.arange(3 * len(box.faces)).reshape(-1, 3), process=False)

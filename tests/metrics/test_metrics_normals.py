@@ -75,7 +75,7 @@ def test_against_a_naive_loop():
     case = case_of(trimesh.creation.icosphere(2))
     normals = rng.normal(size=(60, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    # Inside a convex shape the closest point lies in one face; outside it often lies on an edge of several.
+    # Inside a convex shape the closest point lies in one face; outside it often lies on an edge between faces.
     cloud = PointCloud(rng.uniform(-0.5, 0.5, (60, 3)), normals)
     pair = Comparison(cloud, case, samples=300)
     case._cache["comparisons"] = [pair]
@@ -102,7 +102,7 @@ def test_floor_of_exact_normals_is_small(plane):
     exact, tessellated = case_of(mesh, Sphere()), case_of(mesh)
     # Backward, a sample and its neighbour are 0.5 sqrt(A / N) = 0.32 degrees apart; forward, nothing is.
     assert angle(exact.perfect(output), exact) == pytest.approx(0.16, abs=0.02)
-    # Had the faces of the mesh been taken for the truth, exact normals would be charged with their tilt.
+    # Against the faces of the mesh, exact normals score the tilt of the faces.
     assert angle(exact.perfect(output), tessellated) > 1
 
 

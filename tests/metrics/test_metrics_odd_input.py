@@ -61,7 +61,7 @@ def case_of(mesh, samples=3000, source=None):
 
 # -- vertices that no face uses ----------------------------------------------------------------------------------------
 
-# Small counts for the metrics that have one of their own: scores are compared to the bit.
+# Small counts for the metrics with a sample count of their own: scores are compared bit for bit.
 FEWER = {"iou": 5000, "chamfer_l1_point_sum": 2000, "sampled_distances": 2000, "inner_surface": 2000}
 ALL = [
     Choice.of("metric", {"_name_": name} | ({"samples": FEWER[name]} if name in FEWER else {}))
@@ -90,7 +90,7 @@ def without_strays():
 
 @pytest.mark.parametrize("name", ["behind", "in faces without an area"])
 def test_vertices_that_no_face_uses_change_no_score_of_a_mesh(name, without_strays):
-    # The source of a deformation has the faces of the output; so it has the strays too.
+    # The source of a deformation has the faces of the output, and so the same strays.
     output, expected = without_strays
     assert len(expected) > 60
     for o, r, s in (
@@ -98,7 +98,7 @@ def test_vertices_that_no_face_uses_change_no_score_of_a_mesh(name, without_stra
         (with_strays(output, name), BALL, with_strays(BALL, name)),
     ):
         found = scores_of(o, r, source=s)
-        # Or ask for the same faces.
+        # Or require the same faces.
         of_all_faces = ("self_intersecting_share", "triangle_", "cot_laplacian", "vertex_distance", "pose_distance")
         for key in expected:
             if name == "behind" or not key.removeprefix("floor of ").startswith(of_all_faces):
@@ -198,10 +198,10 @@ def test_a_spike_is_the_largest_distance(key):
     spiky = with_needle(BALL)
     in_output = metric.score(spiky, case_of(BALL))[key]
     in_reference = metric.score(BALL, case_of(spiky))[key]
-    # Without the spike, the spacing of the samples is left; an inner face is a little nearer than the sphere.
+    # Without the spike, the sample spacing remains; a flat face is a little inside the sphere.
     assert in_output == pytest.approx(LENGTH, rel=0.02) if side != "reference" else in_output < 0.15
     assert in_reference == pytest.approx(LENGTH, rel=0.02) if side != "output" else in_reference < 0.15
-    assert metric.score(spiky, case_of(spiky))[key] < 0.15  # what both have is no difference
+    assert metric.score(spiky, case_of(spiky))[key] < 0.15  # a spike on both is no difference
 
 
 def test_a_cloud_that_lacks_the_spike():
@@ -230,7 +230,7 @@ def test_maxima_of_meshes_without_spikes_are_those_of_their_samples():
     )
 
 
-# -- volumes of faces that are wound against each other ----------------------------------------------------------------
+# -- volumes of inconsistently wound faces -----------------------------------------------------------------------------
 
 
 def flipped(mesh, share, seed=0):
@@ -357,7 +357,7 @@ def test_a_sliver_of_any_height_changes_little(height, kind):
 @pytest.mark.filterwarnings("ignore:cot_laplacian")
 def test_many_slivers_change_little():
     mesh = BALL
-    for _ in range(60):  # the first face is another one each time
+    for _ in range(60):  # the first face is a new one each time
         mesh = with_sliver(mesh, 1e-7, "cap")
     assert slivers(mesh.vertices, mesh.faces).sum() == 60
     assert laplacian_of_noise(mesh) == pytest.approx(laplacian_of_noise(BALL), rel=0.1)

@@ -56,7 +56,7 @@ def test_lattice_is_the_most_even():
     assert even["spacing_variation"] < 1e-9
     assert even["coverage@1"] == 1
     for key in ("uniformity@0.004", "uniformity@0.012"):
-        assert even[key] < chance[key] / 3  # what is left of the lattice are the disks at the border
+        assert even[key] < chance[key] / 3  # the remainder comes from disks at the boundary
 
 
 def test_uniformity_by_loops():
@@ -93,7 +93,7 @@ def test_projected_uniformity_by_loops():
     assert 20 < len(parts) < 120
     found = ProjectedUniformity(shares=(share,), disks=200).score(cloud, case)
     assert found == pytest.approx({"projected_uniformity@0.004": np.mean(parts)}, rel=1e-9)
-    # On the surface, where every disk holds enough, it is the plain one.
+    # On the surface, where every disk holds enough points, it equals uniformity.
     dense = random_cloud(9000)
     plain = Uniformity(shares=(0.01,), disks=50).score(dense, case)["uniformity@0.01"]
     assert ProjectedUniformity(shares=(0.01,), disks=50).score(dense, case) == {
@@ -158,7 +158,7 @@ def test_one_outlier():
     usual, spoiled = scores(cloud, case), scores(far, case)
     assert spoiled["coverage@1"] == pytest.approx(usual["coverage@1"], abs=1e-3)
     assert spoiled["uniformity@0.012"] == pytest.approx(usual["uniformity@0.012"], rel=0.01)
-    assert spoiled["spacing_variation"] > 10 * usual["spacing_variation"]  # documented: a few decide it
+    assert spoiled["spacing_variation"] > 10 * usual["spacing_variation"]  # documented: a few points dominate it
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def test_without_noise_points_and_normals_are_exact(shape, sampling):
     cloud = sense(shape, noise=0.0, count=2000, sampling=sampling)
     closest, normals = shape.surface.closest(cloud.points)
     assert np.abs(cloud.points - closest).max() < 1e-9
-    assert np.quantile(np.abs(cloud.normals - normals).max(axis=1), 0.99) < 1e-7  # on an edge of the box there are two
+    assert np.quantile(np.abs(cloud.normals - normals).max(axis=1), 0.99) < 1e-7  # a point on an edge has two
 
 
 def test_the_noise_has_its_standard_deviation():

@@ -96,7 +96,7 @@ def test_wrong_steps_are_refused_when_the_chain_is_made(steps, message):
             build(registry().find("sensor", "chain"), {"steps": list(steps)})
 
 
-# Each sensor's parameters, one after the other at values that must be refused.
+# Parameters of each sensor with values that must be refused, one at a time.
 REFUSED = [
     ("uniform", {"count": 0}, "count"),
     ("density_gradient", {"ratio": 0.5}, "ratio"),
@@ -224,7 +224,7 @@ def test_virtual_scans_share_their_viewpoint_and_grow_in_resolution(composed):
     scans = [composed[f"mpu_scan_{r}"].sense(BOX, generator(0)) for r in (56, 79, 112)]
     assert np.array([len(b) / len(a) for a, b in zip(scans, scans[1:], strict=False)]) == pytest.approx(2, rel=0.06)
     for scan in scans:
-        # From one viewpoint no more than three faces of a box are seen, the same in all scans.
+        # From one viewpoint at most three faces of a box are visible, the same in all scans.
         faces = {tuple(n) for n in np.round(scan.normals, 6)}
         assert len(faces) <= 3 and faces == {tuple(n) for n in np.round(scans[0].normals, 6)}
         distance = np.linalg.norm(scan.points - BOX.surface.closest(scan.points)[0], axis=1)

@@ -91,7 +91,7 @@ def test_voxels_hold_one_point_each():
     cells = np.floor((cloud.points - corner) / 0.2).astype(int)
     assert len(np.unique(cells, axis=0)) == len(cloud)
     dense = np.floor((drawn - corner) / 0.2).astype(int)
-    assert len(np.unique(dense, axis=0)) == len(cloud)  # and no voxel lost its point
+    assert len(np.unique(dense, axis=0)) == len(cloud)  # and no voxel lost its only point
 
 
 # -- noise -------------------------------------------------------------------------------------------------------------
@@ -161,7 +161,7 @@ def test_ray_outliers_stay_on_their_rays():
     lengths = np.linalg.norm(moved[changed], axis=1)
     assert lengths.max() <= 0.4
     assert lengths.mean() == pytest.approx(0.2, rel=0.03)  # uniform
-    # All lines through a moved point and where it was meet in five viewpoints, at distance 3.
+    # All lines through the old and the new position of a point meet in five viewpoints, at distance 3.
     rng = generator(0, "effect")
     rng.permutation(N)
     viewpoints = 3 * fibonacci_sphere(5) @ random_rotation(rng).T
@@ -176,7 +176,7 @@ def test_clusters_have_a_dense_core_and_heavy_tails():
     cloud = spoil(OutliersClustered(fraction=0.9, clusters=1, size=0.01))
     outside = cloud.points[(cloud.points != CLEAN["box"].points).any(axis=1)]
     off = np.abs(outside - np.median(outside, axis=0)) / 0.01
-    for x in (0.5, 1, 3, 6):  # Student's t with two degrees of freedom, where w is not below the cut
+    for x in (0.5, 1, 3, 6):  # Student's t with two degrees of freedom, except where w is cut off
         w = 0.01 + (np.arange(20_000) + 0.5) / 1000
         expected = (np.exp(0.01 - w) * erfc(x * np.sqrt(w / 2))).sum() / 1000
         assert (off > x).mean() == pytest.approx(expected, rel=0.07)
@@ -329,7 +329,7 @@ def test_normals_can_be_removed_and_missing_ones_are_refused():
             spoil(effect, cloud=bare)
 
 
-# -- where scanners stand ----------------------------------------------------------------------------------------------
+# -- poses of scanners -------------------------------------------------------------------------------------------------
 
 
 def test_rotations_are_rotations():

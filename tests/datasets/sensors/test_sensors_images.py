@@ -78,7 +78,7 @@ def test_presets_show_the_whole_shape_or_cut_it_off_as_published(name):
     rig = Rig(**(dict(preset.values) | {"resolution": 32}))
     masks = rig.sense(BALL, generator(0)).masks
     cut = (masks[:, 0] | masks[:, -1] | masks[:, :, 0] | masks[:, :, -1]).any(axis=1)
-    # Beyond 2 radii, the sphere is within 60 degrees: of 1.2 to 2.2 radii, that is a fifth of the cameras.
+    # Beyond 2 radii, the sphere is within 60 degrees; at 1.2 to 2.2 radii, that is a fifth of the cameras.
     assert cut.mean() == pytest.approx(0.8 if name == "multiview_thesis" else 0, abs=0.12)
 
 
@@ -110,9 +110,9 @@ def test_pixel_noise_has_its_moments():
     noisy = PixelNoise(sigma=0.05).spoil(views, BALL, generator(1))
     off = noisy.images[:3].astype(float) - 128
     assert off.mean() == pytest.approx(0, abs=0.3)
-    assert off.std() == pytest.approx(np.sqrt((255 * 0.05) ** 2 + 1 / 12), rel=0.02)  # and that of rounding
-    assert np.abs(np.corrcoef(off.reshape(-1, 3).T) - np.eye(3)).max() < 0.05  # each channel by itself
-    assert (noisy.images[3] == 0).mean() == pytest.approx(0.5, abs=0.03)  # clipped, not folded
+    assert off.std() == pytest.approx(np.sqrt((255 * 0.05) ** 2 + 1 / 12), rel=0.02)  # plus the deviation of rounding
+    assert np.abs(np.corrcoef(off.reshape(-1, 3).T) - np.eye(3)).max() < 0.05  # channels are independent
+    assert (noisy.images[3] == 0).mean() == pytest.approx(0.5, abs=0.03)  # clipped, not wrapped around
     same(noisy, views, "images")
     same(PixelNoise(sigma=0.0).spoil(VIEWS, BALL, generator(1)), VIEWS)
 
@@ -164,7 +164,7 @@ def test_the_field_that_moves_mask_boundaries_is_smooth_and_of_unit_deviation():
     for smoothness in (1.0, 3.0, 6.0):
         fields = np.stack([smooth_field((96, 96), smoothness, generator(seed)) for seed in range(40)])
         assert fields.std() == pytest.approx(1, rel=0.05)
-        # Two pixels s apart correlate by exp(-s^2 / (4 smoothness^2)), the kernel with itself.
+        # Two pixels s apart correlate by exp(-s^2 / (4 smoothness^2)), the autocorrelation of the kernel.
         for apart in (1, 4):
             found = (fields * np.roll(fields, apart, axis=2)).mean() / fields.var()
             assert found == pytest.approx(np.exp(-(apart**2) / (4 * smoothness**2)), abs=0.04)
@@ -186,13 +186,13 @@ def test_boundaries_of_masks_move_by_the_amplitude():
     many = np.tile(VIEWS.extrinsics[:1], (30, 1, 1))
     views = Views(np.zeros((*masks.shape, 3), np.uint8), masks, many, VIEWS.intrinsics[0])
     noisy = MaskErrors(amplitude=3.0, smoothness=12.0).spoil(views, BALL, generator(6))
-    shift = noisy.masks.sum(axis=1) - 32.0  # rows that were gained
+    shift = noisy.masks.sum(axis=1) - 32.0  # rows gained
     assert shift.std() == pytest.approx(3.0, rel=0.2) and abs(shift.mean()) < 0.6
-    assert np.abs(np.diff(shift, axis=1)).mean() < 0.5  # and smoothly
+    assert np.abs(np.diff(shift, axis=1)).mean() < 0.5  # smooth along the boundary
     same(noisy, views, "masks")
     same(MaskErrors(amplitude=0.0).spoil(VIEWS, BALL, generator(6)), VIEWS)
     full = Views(views.images, np.ones_like(masks), many, VIEWS.intrinsics[0])
-    same(MaskErrors().spoil(full, BALL, generator(6)), full)  # without a border nothing moves
+    same(MaskErrors().spoil(full, BALL, generator(6)), full)  # without a boundary nothing moves
 
 
 def test_holes_and_blobs_have_the_requested_frequency():
@@ -200,7 +200,7 @@ def test_holes_and_blobs_have_the_requested_frequency():
     noisy = MaskErrors(amplitude=0.0, holes=0.3, blobs=0.6, radius=4.0).spoil(many, BALL, generator(8))
     lost, gained = many.masks & ~noisy.masks, noisy.masks & ~many.masks
     assert lost.any(axis=(1, 2)).mean() == pytest.approx(0.3, abs=4 * np.sqrt(0.21 / 400))
-    # A blob, made after the hole, may lie where nothing is seen of it, but its centre was outside the mask.
+    # A blob, made after the hole, may lie mostly inside the mask, but its centre is outside.
     assert gained.any(axis=(1, 2)).mean() == pytest.approx(0.6, abs=4 * np.sqrt(0.24 / 400))
     whole = np.pi * 4**2
     assert lost.sum(axis=(1, 2)).max() <= 1.1 * whole and gained.sum(axis=(1, 2)).max() <= 1.1 * whole

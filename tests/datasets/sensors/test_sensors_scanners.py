@@ -19,7 +19,7 @@ from bench.datasets.sensors.views import Pose, look_at
 
 move = trimesh.transformations.translation_matrix
 BALL = Shape("ball", trimesh.creation.icosphere(4)).framed()[0]
-# A post before a wall: shadows, edges, and both faces of thin things.
+# A post before a wall: shadows, edges, and both faces of thin parts.
 POST = Shape(
     "post",
     trimesh.util.concatenate(
@@ -72,7 +72,7 @@ def blocked(mesh: trimesh.Trimesh, points: np.ndarray, viewer: np.ndarray) -> np
     return inside.any(axis=1)
 
 
-# -- what is seen ------------------------------------------------------------------------------------------------------
+# -- visibility --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", IDEAL)
@@ -169,7 +169,7 @@ def test_a_scene_without_visible_surface_is_refused():
         DepthCamera(resolution=4).sense(shape, generator(0))
 
 
-# -- what all share ----------------------------------------------------------------------------------------------------
+# -- common parameters -------------------------------------------------------------------------------------------------
 
 
 def test_thinning_takes_a_subset_of_that_size():
@@ -213,7 +213,7 @@ def test_normals_are_exact_or_estimated_towards_the_scanner_or_missing():
     assert exact.normals == pytest.approx(BALL.surface.closest(exact.points)[1], abs=1e-6)
     assert (exact.normals * estimated.normals).sum(axis=1).min() > 0.8
     hollow = trimesh.creation.icosphere(4)
-    hollow.update_faces(hollow.triangles_center[:, 1] > 0.3)  # seen from inside, where its normals point away
+    hollow.update_faces(hollow.triangles_center[:, 1] > 0.3)  # seen from inside, where normals point away
     shape = Shape("bowl", hollow)
     for normals, sign in (("exact", 1), ("pca", -1)):
         scanner = DepthCamera(views=1, normals=normals, resolution=40)
@@ -239,7 +239,7 @@ def test_grazing_measurements_are_lost_in_proportion_to_the_cosine():
     assert kept[(cosine > 0.19) & (cosine < 0.21)].mean() == pytest.approx(0.5, abs=0.05)
 
 
-# -- each scanner's own errors -----------------------------------------------------------------------------------------
+# -- errors of each scanner --------------------------------------------------------------------------------------------
 
 
 def quiet_triangulation(baseline: float) -> Triangulation:
@@ -319,7 +319,7 @@ def test_disparities_are_quantised(scanner):
 
 def test_kinect_measures_only_within_its_limits():
     scene = Scene(BALL.mesh)
-    near = Kinect(size=0.15).measure(scene, FRONT, generator(0))  # 0.3 to 0.45 m away
+    near = Kinect(size=0.15).measure(scene, FRONT, generator(0))  # at 0.3 to 0.45 m
     depth = (near.points - FRONT.center) @ FRONT.axes[2] * 0.15
     assert 0.4 <= depth.min() < 0.41
     assert not len(Kinect(size=1.6).measure(scene, FRONT, generator(0)).points)  # beyond 3.2 m

@@ -139,7 +139,7 @@ def test_a_wrong_suffix_names_the_right_one(write, right, wrong):
 def test_a_truncated_file(write, name, whole, keep, load):
     data = whole().rstrip(b"\n")
     if (name, keep) == ("ascii.ply", 0.999):
-        data = data[: data.rindex(b" ")]  # the last number, not a digit of it: nobody could tell that
+        data = data[: data.rindex(b" ")]  # the whole last number: a missing digit cannot be detected
         keep = 1
     refused(write(name, data[: int(keep * len(data))]), load=load)
 
@@ -252,7 +252,7 @@ def test_text_that_is_not_a_cloud(write, text, says):
     refused(write("cloud.txt", text), says, load=load_cloud)
 
 
-# -- unpleasant but sound ----------------------------------------------------------------------------------------------
+# -- unusual but valid -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("suffix", MESHES)
@@ -342,7 +342,7 @@ def test_coordinates_around_a_million_keep_every_digit(write, tmp_path):
     for suffix in (".ply", ".obj", ".off"):
         save(far, tmp_path / f"far{suffix}")
         assert np.array_equal(load_mesh(tmp_path / f"far{suffix}").vertices, far.vertices)
-    # An ASCII file may call them float and hold more digits.
+    # An ASCII file may declare float and hold more digits.
     mesh = load_mesh(
         write("f.ply", ply("1000000.0625 0 0\n1000001.0625 0 0\n1000000.0625 1.001 0", "3 0 1 2", kind="float"))
     )
@@ -412,7 +412,7 @@ def test_the_vertices_of_a_mesh_have_normals_only_if_the_file_has_them(write):
         assert len(cloud) == 162 and cloud.normals is None
     with_normals = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 2\nf 1//1 2//1 3//1\n"
     assert load_cloud(write("vn.obj", with_normals)).normals.tolist() == [[0, 0, 1]] * 3
-    # A crease gives a vertex two normals: then there is none that is the vertex's own.
+    # A crease gives a vertex two normals: then the vertex has no normal of its own.
     crease = with_normals + "v 0 0 1\nvn 0 1 0\nf 1//2 2//2 4//2\n"
     assert load_cloud(write("crease.obj", crease)).normals is None
     of_points = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvn 0 1 0\nvn 1 0 0\n"

@@ -119,7 +119,7 @@ def test_normals_turn_with_the_mesh(box):
 
 def test_the_normal_of_a_sheared_side_is_that_of_its_plane(box):
     shear = np.array([[1, 0.5, 0], [0, 1, 0], [0, 0, 2]])
-    expected = normals(box) @ np.linalg.inv(shear)  # normals go by the inverse of the transpose
+    expected = normals(box) @ np.linalg.inv(shear)  # normals transform by the inverse transpose
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
     assert np.abs(normals(written(box, load_mesh(box).vertices @ shear.T)) - expected).max() < 1e-8
 

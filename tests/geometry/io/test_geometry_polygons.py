@@ -118,7 +118,7 @@ def test_random_simple_polygons_in_space():
         n = int(rng.integers(5, 30))
         angle = np.sort(rng.uniform(0, 2 * np.pi, n))
         if np.diff(np.append(angle, angle[0] + 2 * np.pi)).max() > 3:
-            continue  # the centre is outside
+            continue  # the centre is outside the polygon
         polygon = np.column_stack([np.cos(angle), np.sin(angle)]) * rng.uniform(0.1, 1, (n, 1))
         assert area_of(polygon) == pytest.approx(shoelace(polygon), rel=1e-9)
 

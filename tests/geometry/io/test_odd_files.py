@@ -135,7 +135,7 @@ def test_a_table_of_comments_alone(tmp_path, text):
     refused(tmp_path / "none.xyz", load_cloud, "holds no numbers")
 
 
-# -- what is no file ---------------------------------------------------------------------------------------------------
+# -- not a regular file ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("load", [load_mesh, load_cloud, load])
@@ -155,7 +155,7 @@ def test_a_link_to_a_file_is_read(tmp_path):
     assert len(load_cloud(tmp_path / "b.xyz")) == 4
 
 
-# -- rows of many sizes ------------------------------------------------------------------------------------------------
+# -- rows of mixed sizes -----------------------------------------------------------------------------------------------
 
 
 def ragged(form: str, count: int, types: tuple[str, str, str], seed: int = 0) -> tuple[bytes, list, list]:

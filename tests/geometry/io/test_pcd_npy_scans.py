@@ -106,7 +106,7 @@ def test_fields_of_all_types(read, form):
 
 def test_lzf_copies_literals_and_repeats():
     assert _expanded(bytes([2]) + b"abc" + bytes([(1 << 5), 2]), 6, "x") == b"abcabc"
-    assert _expanded(bytes([0]) + b"a" + bytes([(7 << 5), 11, 0]), 21, "x") == b"a" * 21  # over its own end
+    assert _expanded(bytes([0]) + b"a" + bytes([(7 << 5), 11, 0]), 21, "x") == b"a" * 21  # an overlapping copy
     for data in (bytes([32, 5]), bytes([2]) + b"ab", bytes([0]) + b"a" + bytes([224])):
         with pytest.raises(BadInput, match="damaged"):
             _expanded(data, 6, "x")
@@ -209,7 +209,7 @@ def test_las_with_a_stand_in_for_laspy(read, monkeypatch, scale):
     monkeypatch.setitem(sys.modules, "laspy", types.SimpleNamespace(read=lambda stream: Las(scale)))
     cloud, _ = read(b"LASF", "a.laz")
     assert np.array_equal(cloud.points, P + 5e6) and np.abs(cloud.colors - C / 255).max() < 1e-15
-    assert list(cloud.scalars) == ["intensity", "deviation"]  # what is the same for all says nothing
+    assert list(cloud.scalars) == ["intensity", "deviation"]  # a constant field carries no information
     monkeypatch.setitem(sys.modules, "laspy", types.SimpleNamespace(read=lambda stream: Las(scale, 300)))
     refused(read, b"LASF", "a.las", "promises 300 points, but the file holds 200")
 
