@@ -9,9 +9,10 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from conftest import WORDS
+from conftest import TOYS, WORDS
 
-from bench.engine import affinity, devices
+from bench.cli import main
+from bench.engine import affinity, devices, forkserver
 from bench.engine.meter import Meter
 from bench.errors import UsageError
 from bench.plan.devices import check_name
@@ -241,11 +242,20 @@ def test_cells_at_once_hold_different_processors_as_long_as_there_are_enough(tmp
 # -- commands ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_gpu_that_is_not_there_stops_a_sweep_before_anything_is_written(shell, monkeypatch):
+@pytest.fixture
+def said(shell, plugin_file, monkeypatch, capsys):
+    """What a command says in this process, which has torch: its exit code, and both channels."""
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
-    done = shell.run("method=fine", "device=cpu,cuda:7", launcher="joblib")
-    assert done.returncode == 1
-    assert len(done.stderr.splitlines()) == 1 and "sees no GPU on this machine" in done.stderr, done.stderr
+    monkeypatch.chdir(shell.work)
+    monkeypatch.setattr(forkserver, "prestart", lambda threads: None)  # for nothing will be run
+    plugin_file(TOYS)
+    return lambda *words, **_: (main(list(map(str, words))), *capsys.readouterr())
+
+
+def test_a_gpu_that_is_not_there_stops_a_sweep_before_anything_is_written(shell, said):
+    code, _, why = shell.run("method=fine", "device=cpu,cuda:7", launcher="joblib", act=said)
+    assert code == 1
+    assert len(why.splitlines()) == 1 and "sees no GPU on this machine" in why, why
     assert not shell.results.exists()
 
 
@@ -259,20 +269,15 @@ def test_what_a_launcher_runs_elsewhere_is_checked_there():
     assert Request.of(["method=jet"]).devices == []
 
 
-def test_plan_why_and_run_agree_on_rows_of_a_gpu_that_was_not_there(shell, plugin_file, monkeypatch, capsys):
+def test_plan_why_and_run_agree_on_rows_of_a_gpu_that_was_not_there(shell, said):
     """As earlier versions stored them: failed in the plan of the cases, with the fingerprint of today."""
     from dataclasses import replace
 
-    from conftest import TOYS
-
-    from bench.cli import main
     from bench.plan.cell import Cell
     from bench.results.provenance import fingerprint, ingredients
     from bench.results.store import Record, Results
 
-    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
     assert shell.run("method=fine", sweep=False).returncode == 0
-    plugin_file(TOYS)
     results = Results(shell.results)
     path = shell.files()[0]
     stored = results.read(*path.stem.split("-"))
@@ -284,11 +289,6 @@ def test_plan_why_and_run_agree_on_rows_of_a_gpu_that_was_not_there(shell, plugi
     results.write(Record(cell.id, mark, meta | {"ingredients": ingredients(cell)}, rows))
 
     words = ("--plugin", TOYS, *WORDS, "method=fine", "device=cuda", f"results={shell.results}")
-
-    def said(*words) -> tuple[int, str, str]:  # in this process, which has torch
-        return main(list(map(str, words))), *capsys.readouterr()
-
-    monkeypatch.chdir(shell.work)
     (plan, planned, why_not), (run, _, refused) = said("plan", *words), said("run", *words)
     assert "0/2  failed" in planned and "2 to do" in planned, planned
     assert plan == run == 1

@@ -368,5 +368,5 @@ def test_a_run_in_which_nothing_was_solved_ends_with_its_table(shell):
         assert done.returncode == 3, done.stderr
         assert "\nerror:" not in done.stderr and "0/4 cases solved" in done.stderr
         assert "fails (a=1)" in done.stdout and "0/2" in done.stdout
-        assert "fails (a=1)" in leaderboard(shell, shell.results, "--method", "fails", *words[2:])
-        assert "fails (a=1)" in leaderboard(shell, shell.results, "--method", "fails")
+    assert "fails (a=1)" in leaderboard(shell, shell.results, "--method", "fails", *words[2:])
+    assert "fails (a=1)" in leaderboard(shell, shell.results, "--method", "fails")

@@ -106,7 +106,7 @@ def made():
     }
     ball = Shape("case", trimesh.creation.icosphere(3), info={"symmetry": "mirror x"}, attributes=seen)
     case = Case("case", {"source": trimesh.creation.box()}, ball)
-    set_samples(case, 5000)
+    set_samples(case, 2000)
     return case
 
 
