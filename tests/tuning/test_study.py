@@ -122,46 +122,42 @@ def test_a_budget_ends_the_search(monkeypatch):
     assert len(search.done) == 2  # the default and one more, however little time there is
 
 
-@pytest.fixture
-def tune(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    usual = ["--plugin", MOVER, "task=denoise", "method=mover", "metric=p2f_mean", "results=r"]
-    usual += ["dataset=globes", "sensor.count=300", "cases=2"]
-
-    def run(*words):
-        code = cli.main(["tune", *usual, *words])
-        return code, *capsys.readouterr()
-
-    return run
+USUAL = ("--plugin", MOVER, "task=denoise", "method=mover", "metric=p2f_mean", "results=r")
+USUAL += ("dataset=globes", "sensor.count=300", "cases=2")
 
 
-def test_the_command_writes_a_preset_that_is_used_and_marked(tune, monkeypatch, capsys):
-    code, out, err = tune("--trials", "6", "--held-out", "1")
-    assert code == 0, err
-    assert "searched: shift in 0 to 2; default 1.0" in err and len(re.findall(r"^\[\d\]", err, re.MULTILINE)) == 6
-    assert re.search(r"^6 trials, by p2f_mean \(lower is better\)$", out, re.MULTILINE)
-    assert re.search(r"^2 trial cases .*\n1 held-out cases ", out, re.MULTILINE)
-    path = Path("conf/method/mover_tuned.yaml")
+def test_the_command_writes_a_preset_that_is_used_and_marked(shell):
+    words = ("tune", *USUAL, "--trials", "6", "--held-out", "1")
+    done = shell.call(*words)
+    assert done.returncode == 0, done.stderr
+    assert "searched: shift in 0 to 2; default 1.0" in done.stderr
+    assert len(re.findall(r"^\[\d\]", done.stderr, re.MULTILINE)) == 6
+    assert re.search(r"^6 trials, by p2f_mean \(lower is better\)$", done.stdout, re.MULTILINE)
+    assert re.search(r"^2 trial cases .*\n1 held-out cases ", done.stdout, re.MULTILINE)
+    path = shell.work / "conf/method/mover_tuned.yaml"
     text = path.read_text()
     content = yaml.safe_load(text)
     assert content["defaults"] == ["mover"] and content["_tier_"] == "tuned"
     assert "--trials 6" in text and "optuna" in text and abs(content["shift"] - 0.3) < 0.7
 
     # The same command computes nothing again, and finds the same.
-    cells = {f: f.stat().st_mtime_ns for f in Path("r/cells").glob("*/*.parquet")}
-    assert tune("--trials", "6", "--held-out", "1")[1] == out
-    assert {f: f.stat().st_mtime_ns for f in Path("r/cells").glob("*/*.parquet")} == cells
+    cells = {f: f.stat().st_mtime_ns for f in shell.work.glob("r/cells/*/*.parquet")}
+    assert cells and shell.call(*words).stdout == done.stdout
+    assert {f: f.stat().st_mtime_ns for f in shell.work.glob("r/cells/*/*.parquet")} == cells
     assert yaml.safe_load(path.read_text()) == content
 
     # It is a preset as any other, and tables mark it.
-    shutil.copytree("conf", "elsewhere/conf")
-    monkeypatch.chdir("elsewhere")
-    words = ["--plugin", MOVER, "task=denoise", "metric=p2f_mean", "results=t", "cases=1", "sensor.count=300"]
-    assert cli.main(["run", "-m", *words, "method=mover,mover_tuned", "dataset=globes"]) == 0
-    shown = capsys.readouterr().out
-    assert len(re.findall(r"^mover_tuned ¶", shown, re.MULTILINE)) == 1 and "¶ tuned: a search on train shapes" in shown
-    assert cli.main(["leaderboard", "t", "--plugin", MOVER, "--format", "csv"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    elsewhere = shell.work / "elsewhere"
+    shutil.copytree(shell.work / "conf", elsewhere / "conf")
+    shell.work = elsewhere
+    words = ("--plugin", MOVER, "task=denoise", "metric=p2f_mean", "results=t", "cases=1", "sensor.count=300")
+    shown = shell.call("run", "-m", *words, "method=mover,mover_tuned", "dataset=globes")
+    assert shown.returncode == 0, shown.stderr
+    assert len(re.findall(r"^mover_tuned ¶", shown.stdout, re.MULTILINE)) == 1
+    assert "¶ tuned: a search on train shapes" in shown.stdout
+    listed = shell.call("leaderboard", "t", "--plugin", MOVER, "--format", "csv")
+    assert listed.returncode == 0, listed.stderr
+    lines = listed.stdout.splitlines()
     assert lines[0].endswith(",tier") and sorted(line.endswith(",tuned") for line in lines[1:]) == [False, True]
 
 
@@ -178,12 +174,14 @@ def test_the_command_writes_a_preset_that_is_used_and_marked(tune, monkeypatch, 
         (("method=[mover,jet]",), "method"),
     ],
 )
-def test_what_cannot_be_searched_is_reported_before_anything_runs(tune, tmp_path, words, reason):
+def test_what_cannot_be_searched_is_reported_before_anything_runs(tmp_path, monkeypatch, capsys, words, reason):
+    monkeypatch.chdir(tmp_path)
     mine = tmp_path / "conf" / "method" / "mine.yaml"
     mine.parent.mkdir(parents=True)
     mine.write_text("defaults: [mover]\nshift: 0.5\n")
-    code, out, err = tune(*words)
-    assert code == 1 and reason in err, err
+    assert cli.main(["tune", *USUAL, *words]) == 1
+    out, err = capsys.readouterr()
+    assert reason in err, err
     assert out == "" and not list(tmp_path.glob("r/cells/*"))
 
 
