@@ -1,4 +1,4 @@
-"""One cage for one pair of shapes, found by descent: what a network is to do better."""
+"""One cage for one pair of shapes, optimised by gradient descent: the baseline of the networks."""
 
 from __future__ import annotations
 
@@ -18,28 +18,29 @@ if TYPE_CHECKING:
 @register("method", cite="baseline of Wang et al. 2020", requires=("torch", "scipy", "numba", "trimesh"))
 @dataclass(frozen=True)
 class CagePerPair:
-    """Minimises the loss of Neural Cages for one pair (figure 5.11): the vertices of the deformed cage are what moves.
+    """Minimises the loss of Neural Cages for one pair (figure 5.11) over the vertices of the deformed cage.
 
-    The cage is a round one about the source's box that stays as it is; the loss is the Chamfer distance between points
-    of both surfaces and what keeps the shape (Eq. 5.5, 5.6 and symmetry). It has no idea of what a chair is: a leg
-    goes to whatever is nearest.
+    The source cage is a fixed sphere about the source's box; the loss is the Chamfer distance between points
+    of both surfaces plus shape terms (Eq. 5.5, 5.6 and symmetry). It has no knowledge of the category: a leg of a chair
+    moves to the nearest part.
 
-    A character is posed (``pose_transfer``) by the cage of the template, which descends to the target in the same way,
-    and then as by ``character_cages``: the cage is fitted to the character by landmarks, and moved by the offsets.
+    A character is posed (``pose_transfer``) by the cage of the template, which is optimised towards the target in the
+    same way, and then as by ``character_cages``: the cage is fitted to the character by landmarks, and moved by the
+    offsets.
     """
 
     subdivisions: int = 1  # of the cage: 12, 42, 162, ... vertices
     radius: float = 1.8  # of the cage, in halves of the target's longest edge: the corners of that box are at 1.73
     coordinates: Literal["mean_value", "green", "harmonic"] = "mean_value"  # of the source in the cage
-    points: int = 1024  # of each surface, drawn anew every few steps
-    redraw: int = 10  # steps
+    points: int = 1024  # of each surface, drawn again every few steps
+    redraw: int = 10  # steps between draws
     p2f: float = 0.1  # weight of Eq. 5.5
     normal: float = 0.1  # weight of Eq. 5.6
     symmetry: float = 0.0  # weight of the distance to the mirror image at x = 0
     neighbours: int = 16  # of a neighbourhood
     steps: int = 300
     learning_rate: float = 0.02  # of Adam; it falls to a tenth over the last half
-    cage_vertices: int = 77  # of the cage around the template of a pose transfer, about
+    cage_vertices: int = 77  # approximate number, of the cage around the template of a pose transfer
 
     def __post_init__(self) -> None:
         for name, least in (
@@ -101,7 +102,7 @@ class CagePerPair:
         torch.set_num_threads(run.threads)
         posing = Posing(source, template, landmarks, run)
         pair = boxed(template, target, 16 * self.points, run.rng)
-        unit = pair.scale / posing.unit  # of the descent, in that of the transfer
+        unit = pair.scale / posing.unit  # the unit of the descent, in that of the transfer
         cage, faces = body_cage(pair.restored(template, pair.vertices - pair.centre / pair.scale), self.cage_vertices)
         cage = cage / pair.scale
         offsets = Descent(self._settings(), pair, cage, faces, run).run() - cage

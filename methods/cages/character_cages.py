@@ -1,4 +1,4 @@
-"""Neural Cages for characters: what was learned of one body poses another one."""
+"""Neural Cages for characters: a network trained on one body poses others."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from bench import TrainingData
 
 
-HELD = 0.98  # of the template's vertices that its cage is to hold: rounding to half precision may cut a few
+HELD = 0.98  # of the template's vertices that its cage must enclose: rounding to half precision may cut off a few
 
 
 @register("method", cite="Wang et al. 2020", requires=("torch", "safetensors", "numba", "open3d", "skimage", "trimesh"))
@@ -24,16 +24,16 @@ HELD = 0.98  # of the template's vertices that its cage is to hold: rounding to 
 class CharacterCages:
     """Neural Cages for characters (thesis 5.1.2): 1,362,023 parameters; a cage learned on one body poses others.
 
-    A network sees somebody in a pose and moves the cage of a template, a body that it learned on with correspondences.
+    From a posed target, a network moves the cage of a template, the body that it was trained on with correspondences.
     For another character the template's cage is fitted by landmarks, so that they have the same mean value coordinates
     in it (Eq. 5.7), while its shape stays smooth (Eq. 5.8); the template's offsets then move that cage. The network
-    learns the pose alone, not the build of whoever is seen (released: both). The template is that of the training.
+    learns only the pose, not the body shape of the target (released: both). The template is that of the training.
     """
 
-    cage_vertices: int = 77  # of the cage around the template, about (the other cage of Wang et al. has 126)
-    code: int = 512  # numbers that a target becomes
+    cage_vertices: int = 77  # approximate number, of the template's cage (the other cage of Wang et al. has 126)
+    code: int = 512  # size of the code of a target
     points: int = 1024  # of the target that the network sees (released: 2,048)
-    worst: float = 0.1  # weight of each pose's largest squared distance beside the mean (released: 1)
+    worst: float = 0.1  # weight of each pose's largest squared distance, relative to the mean (released: 1)
     steps: int = 12000  # of training; 0 for as many as its seconds allow
     batch: int = 16  # poses of a step (released: 4)
     learning_rate: float = 1e-3  # of Adam
@@ -105,7 +105,7 @@ class CharacterCages:
 
         torch.set_num_threads(run.threads)
         weights = run.weights
-        assert weights is not None  # of a method that learns from examples
+        assert weights is not None  # a method that learns from examples always has them
         faces = np.array(weights["cage_faces"], dtype=np.int64)
         cage = np.array(weights["cage"], dtype=np.float64)
         network = PoseNetwork(torch.from_numpy(cage).float(), self.code)
@@ -116,7 +116,7 @@ class CharacterCages:
         network = network.to(run.device).eval().requires_grad_(False)
         posing = Posing(source, template, landmarks, run)
         if inside(cage, faces, used_vertices(template) / posing.unit).mean() < HELD:
-            run.note("the cage does not hold the template: weights are for the template of their training alone")
+            run.note("the cage does not enclose the template: weights fit only the template of their training")
         points = target_points(target, max(self.points, 2048), run.rng) / posing.unit
         moved = network(torch.from_numpy(points).float()[None].to(run.device))[0].double().cpu().numpy()
         return posing.posed(cage, faces, moved - cage, self.fit_steps, self.fit_rate, self.fit_laplacian)

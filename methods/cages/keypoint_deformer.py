@@ -1,4 +1,4 @@
-"""KeypointDeformer: keypoints that a network finds by itself, and a cage that follows them."""
+"""KeypointDeformer: unsupervised keypoints, and a cage that follows them."""
 
 from __future__ import annotations
 
@@ -21,37 +21,37 @@ if TYPE_CHECKING:
 @register("method", cite="after Jakab et al. 2021", requires=("torch", "safetensors", "scipy", "numba", "trimesh"))
 @dataclass(frozen=True)
 class KeypointDeformer:
-    """After KeypointDeformer (Jakab et al. 2021): 485,652 parameters; a source follows keypoints that nobody marked.
+    """After KeypointDeformer (Jakab et al. 2021): 485,652 parameters; a source follows unsupervised keypoints.
 
     The paper's idea: one network predicts ordered keypoints of both shapes; the vertices of a cage around the source
     move by the keypoints' differences times an influence, the sum of a canonical matrix and of an offset that is
     predicted for each source; mean value coordinates carry the source along. The loss has the Chamfer distances from
     the deformed source to the target and from keypoints to farthest points of their shape, and the squared norm of the
-    offset. The cage is a sphere that is drawn in.
+    offset. The cage is a shrunk sphere.
 
-    Ours: a keypoint moves the vertices nearest to it alone; fewer points, smaller encoders without batch normalisation,
-    and weights of the terms for them; the cage stops in closed form, and leaves no point outside; influences begin at
-    0, and the canonical one learns ten times as fast; a term for symmetry at x = 0, as in Neural Cages, also of the
-    keypoints; pairs go both ways, and are stretched. The released code was not looked at.
+    Ours: a keypoint moves only the nearest vertices; fewer points, smaller encoders without batch normalisation, and
+    weights of the terms for them; the cage is shrunk in closed form, and leaves no point outside; influences start at
+    0, and the canonical one has ten times the learning rate; a term for symmetry at x = 0, as in Neural Cages, also of
+    the keypoints; pairs are trained in both directions, and stretched. The released code was not consulted.
 
-    It learns from pairs of one category that stand the same way round, without correspondences (``partners=false``
-    takes the pairs as they are given, and their correspondences where there are any). It comes without weights.
+    It learns from pairs of one category with a common orientation, without correspondences (``partners=false``
+    uses the given pairs, and their correspondences if there are any). It comes without weights.
     """
 
     keypoints: int = 12  # of a shape (Jakab et al.: 12 for chairs, 8 for airplanes)
     points: int = 512  # of a shape that the network and the losses see
-    code: int = 256  # numbers that a shape becomes
+    code: int = 256  # size of the code of a shape
     subdivisions: int = 1  # of the cage: 12, 42, 162, ... vertices
     gap: float = 0.4  # between the source and its cage, in halves of the target's longest edge
     influenced: int = 14  # vertices of the cage that a keypoint moves; 0 for all
     farthest: float = 0.2  # weight of the Chamfer distance between keypoints and farthest points
     offset: float = 1e-3  # weight of the squared norm of the offset of the influence
     symmetry: float = 0.1  # weight of the distances to the mirror image at x = 0
-    stretch: float = 0.25  # each axis of a shape in training is scaled by up to so much
+    stretch: float = 0.25  # in training, each axis of a shape is scaled by up to this share
     partners: bool = True  # a source's target in training is any other shape
-    warm_up: float = 0.05  # of the training, in which keypoints come near farthest points, and nothing moves
+    warm_up: float = 0.05  # share of the training in which keypoints approach farthest points, and nothing moves
     steps: int = 2000  # of training; 0 for as many as its seconds allow
-    batch: int = 4  # pairs of a step, each both ways
+    batch: int = 4  # pairs of a step, each in both directions
     learning_rate: float = 1e-3  # of Adam; ten times it for the canonical influence
     decay: float = 0.01  # factor of the learning rate at the end of training
 

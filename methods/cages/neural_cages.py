@@ -23,28 +23,28 @@ if TYPE_CHECKING:
 class NeuralCages:
     """Neural Cages (thesis 5.1): 577,158 parameters; a source takes the shape of a target by a cage of 42 vertices.
 
-    A network looks at points of both shapes, moves the vertices of a template to a cage around the source, and those to
-    the deformed cage; mean value coordinates carry all vertices of the source along, so details stay. It learns from
-    pairs of one category that stand the same way round, without correspondences (``partners=false`` takes the pairs as
-    they are given, and their correspondences where there are any).
+    From points of both shapes, a network moves the vertices of a template to a cage around the source, and those to
+    the deformed cage; mean value coordinates move all vertices of the source along, so details stay. It learns from
+    pairs of one category with a common orientation, without correspondences (``partners=false`` uses the given pairs,
+    and their correspondences if there are any).
     """
 
-    shapes: str = "chairs"  # a name for what it is trained on; there are weights for chairs and for tables
+    shapes: str = "chairs"  # a name for the training shapes; there are weights for chairs and for tables
     points: int = 512  # of a shape that the network and the losses see (Wang et al.: 1,024)
-    code: int = 256  # numbers that a shape becomes
-    cage: Literal["predicted", "invariant", "identity"] = "predicted"  # for each source, one that is learned, a sphere
+    code: int = 256  # size of the code of a shape
+    cage: Literal["predicted", "invariant", "identity"] = "predicted"  # for each source, one learned cage, a sphere
     coordinates: Literal["mean_value", "green"] = "mean_value"  # of the source's vertices in the cage
     mvc: float = 1.0  # weight of Eq. 5.4, negative coordinates (released: 0.1)
     p2f: float = 0.1  # weight of Eq. 5.5, distances to neighbourhoods' planes
     normal: float = 0.1  # weight of Eq. 5.6, those planes' normals
     symmetry: float = 0.5  # weight of the distance to the mirror image at x = 0 (thesis: 0.1)
-    laplacian: float = 0.0  # weight of the change of the uniform Laplacian, in place of the two before (table 5.1)
+    laplacian: float = 0.0  # weight of the change of the uniform Laplacian, instead of p2f and normal (table 5.1)
     neighbours: int = 16  # of a neighbourhood
-    stretch: float = 0.25  # each axis of a shape in training is scaled by up to so much
+    stretch: float = 0.25  # in training, each axis of a shape is scaled by up to this share
     partners: bool = True  # a source's target in training is any other shape
-    warm_up: float = 0.08  # of the training, in which cages stay as they are
+    warm_up: float = 0.08  # share of the training in which cages do not change
     steps: int = 2000  # of training (Wang et al.: about 4,000); 0 for as many as its seconds allow
-    batch: int = 4  # pairs of a step, each both ways and the source to itself (Wang et al.: 8)
+    batch: int = 4  # pairs of a step, each in both directions and the source to itself (Wang et al.: 8)
     learning_rate: float = 1e-3  # of Adam; a tenth of it for the cage
     decay: float = 0.01  # factor of the learning rate at the end of training
 

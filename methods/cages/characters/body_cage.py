@@ -1,4 +1,4 @@
-"""A coarse cage around a body, made from the body itself."""
+"""A coarse cage around a body, made from its surface."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
 
 DISTANCE = 0.042  # between a body and its cage, in longest edges of its box (7.5 cm of 1.8 m)
 CELLS = 64  # of the grid along that edge
-TRIES = 6  # distances, each a fifth larger, until all of the body is inside
+TRIES = 6  # distances to try, each a fifth larger, until the whole body is inside
 
 
 def body_cage(mesh: Trimesh, vertices: int, distance: float = DISTANCE) -> tuple[np.ndarray, np.ndarray]:
-    """A closed mesh of about so many vertices around all vertices of ``mesh``, its faces outward.
+    """A closed mesh of about ``vertices`` vertices around all vertices of ``mesh``, its faces outward.
 
-    The surface at a distance from the body is marched on a grid and thinned by edge collapses under the quadric error;
-    where that lets the body stick out, the distance is raised.
+    The offset surface of the body is extracted by marching cubes and simplified by edge collapses under the quadric
+    error; if the body then protrudes, the distance is raised.
 
     Raises
     ------
     BadInput
-        If no such cage was found: ``vertices`` are too few for the mesh.
+        If no such cage was found: ``vertices`` is too small for the mesh.
     """
     from scipy.spatial import cKDTree
     from skimage.measure import marching_cubes
@@ -42,7 +42,7 @@ def body_cage(mesh: Trimesh, vertices: int, distance: float = DISTANCE) -> tuple
     margin = farthest + 2 * cell
     counts = np.ceil((np.ptp(used, axis=0) + 2 * margin) / cell).astype(int) + 1
     grid = low - margin + cell * np.indices(counts).reshape(3, -1).T
-    # Points as close as the cells do for the surface: the level is some cells away from it.
+    # Points as dense as the cells suffice for the surface: the level is some cells away from it.
     dense, _ = subdivide_to_size(mesh.vertices, mesh.faces, cell, max_iter=30)
     field = np.minimum(cKDTree(dense).query(grid, distance_upper_bound=farthest)[0], farthest)
     for attempt in range(TRIES):
@@ -59,7 +59,7 @@ def body_cage(mesh: Trimesh, vertices: int, distance: float = DISTANCE) -> tuple
         if Trimesh(cage, faces, process=False).is_watertight and inside(cage, faces, used).all():
             return cage, faces
     raise BadInput(
-        f"no cage of about {vertices} vertices holds the template; expected a single body, or more vertices "
+        f"no cage of about {vertices} vertices encloses the template; expected a single body, or more vertices "
         "(method.cage_vertices)"
     )
 

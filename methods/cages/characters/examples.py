@@ -1,4 +1,4 @@
-"""The training set of characters: somebody in a pose, as a cloud, and where the template's vertices are in it."""
+"""The training set of characters: posed targets as clouds, and the positions of the template's vertices in them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .body_cage import body_cage
 if TYPE_CHECKING:
     from bench import Run, TrainingData
 
-FULL = 32767  # the integers of a coordinate
+FULL = 32767  # the largest integer of a coordinate
 POINTS = 2048  # of a target
 VERTICES = 1500  # of the template, at most
 
@@ -60,7 +60,7 @@ def poses_of(data: TrainingData, run: Run, cage_vertices: int) -> dict[str, np.n
         name: np.round(np.array(value) / scale).astype(np.int16)
         for name, value in (("targets", targets), ("posed", posed))
     }
-    assert rest is not None  # there are cases
+    assert rest is not None  # there is at least one case
     return small | {"scale": np.array(scale), "rest": rest, "cage": cage, "cage_faces": faces}
 
 
@@ -70,13 +70,13 @@ def half_edge(vertices: np.ndarray) -> float:
 
 
 class Poses:
-    """What :func:`poses_of` made.
+    """The examples of :func:`poses_of`.
 
     Parameters
     ----------
     examples : mapping
     held_out : bool
-        Take the last tenth of the poses, at least one; otherwise the others (all, where there is but one).
+        Take the last tenth of the poses, at least one; otherwise the others (all, if there is only one).
     """
 
     def __init__(self, examples: Mapping[str, np.ndarray], held_out: bool = False):
@@ -88,6 +88,6 @@ class Poses:
         return len(self._targets)
 
     def drawn(self, numbers: np.ndarray, points: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Of poses by their numbers (b,), clouds (b, points, 3) and the template's vertices (b, v, 3), float32."""
+        """Clouds (b, points, 3) and the template's vertices (b, v, 3) of poses by their numbers (b,), float32."""
         rows = rng.integers(self._targets.shape[1], size=points)
         return self._targets[numbers[:, None], rows] * self._scale, self._posed[numbers] * self._scale

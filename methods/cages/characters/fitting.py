@@ -1,4 +1,4 @@
-"""The cage of a template becomes that of another character, by landmarks (Eq. 5.7 and 5.8)."""
+"""The cage of a template fitted to another character, by landmarks (Eq. 5.7 and 5.8)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def fitted(
     learning_rate: float,
     laplacian: float,
 ) -> np.ndarray:
-    """The cage (n, 3) in which landmarks ``here`` (l, 3) have the coordinates that ``there`` (l, 3) have in ``cage``.
+    """The cage (n, 3) in which landmarks ``here`` (l, 3) have the coordinates of ``there`` (l, 3) in ``cage``.
 
     Minimises the mean squared difference of the coordinates, and ``laplacian`` times that of the lengths of the cage's
     cotangent Laplacian, whose weights are those of the cage before. The rate halves after each two fifths of the steps.

@@ -1,4 +1,4 @@
-"""A character that follows what the cage of a template does."""
+"""A character that follows the deformation of a template's cage."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .fitting import LAPLACIAN, RATE, STEPS, fitted
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-LANDMARKS = 8  # at least: fewer say next to nothing of a cage
+LANDMARKS = 8  # at least: fewer hardly constrain a cage
 
 
 class Posing:
     """Template and character in the unit of the template, half of the longest edge of its box.
 
-    The character is brought to the height of the template, as in the thesis.
+    The character is scaled to the height of the template, as in the thesis.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Posing:
         rate: float = RATE,
         laplacian: float = LAPLACIAN,
     ) -> Trimesh:
-        """The character after the template's cage (n, 3) was fitted to it and moved by ``offsets`` (n, 3)."""
+        """The character posed by the template's cage (n, 3), fitted to it and moved by ``offsets`` (n, 3)."""
         import torch
 
         run = self._run
@@ -74,7 +74,7 @@ class Posing:
 
 
 def target_points(target: Trimesh | PointCloud, count: int, rng: np.random.Generator) -> np.ndarray:
-    """At most so many points of a target (n, 3), around the centre of its own box."""
+    """At most ``count`` points of a target (n, 3), relative to the centre of its own box."""
     from bench.geometry.sampling import sample_uniform
 
     if isinstance(target, PointCloud):

@@ -1,4 +1,4 @@
-"""The training of the network that puts a template's cage into a pose."""
+"""The training of the network that poses a template's cage."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VALIDATED = 256  # held-out poses, at most
 
 @dataclass(frozen=True)
 class Plan:
-    """How it is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     points: int
     batch: int
@@ -35,7 +35,7 @@ class Plan:
 class PoseTraining(DecayingTraining):
     """Poses with correspondences: the mean squared distance of vertices, and the largest of each pose.
 
-    The cage at rest stays as it is, so the coordinates of the template's vertices are made once.
+    The cage at rest is fixed, so the coordinates of the template's vertices are computed once.
 
     Parameters
     ----------
@@ -57,13 +57,13 @@ class PoseTraining(DecayingTraining):
         self.optimizer = torch.optim.Adam(network.parameters(), plan.learning_rate)
 
     def loss(self, step: int) -> Tensor:
-        """Of a batch of poses."""
+        """The loss of a batch of poses."""
         rng = step_generator(self.run.seed, step)
         numbers = rng.integers(len(self._train), size=self.plan.batch)
         return self._loss(*self._train.drawn(numbers, self.plan.points, rng))
 
     def validate(self) -> float:
-        """The same loss of held-out poses."""
+        """The same loss on held-out poses."""
         rng = step_generator(self.run.seed, 0, "validation")
         count, total = min(len(self._held_out), VALIDATED), 0.0
         with torch.no_grad():

@@ -1,4 +1,4 @@
-"""Checks of what coordinates are asked for."""
+"""Checks of the arguments of coordinates."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from torch import Tensor
 
 
 def check(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndarray) -> None:
-    """Refuse queries, cages and faces that do not go together.
+    """Refuse queries, cages and faces that do not match.
 
     Raises
     ------

@@ -15,15 +15,15 @@ Coordinates = Literal["mean_value", "green"]
 def deformed(
     points: Tensor, cage: Tensor, faces: np.ndarray, moved: Tensor, coordinates: Coordinates, threads: int
 ) -> tuple[Tensor, Tensor]:
-    """Where points go when a cage becomes another (Eq. 5.1), and their coordinates of the cage's vertices.
+    """The positions of points after a cage is deformed (Eq. 5.1), and their coordinates in the cage.
 
     Parameters
     ----------
     points : (b, p, 3) tensor
     cage, moved : (b, n, 3) tensors
     faces : (f, 3) int array
-    coordinates : ``mean_value``, or ``green`` (Lipman et al. 2008), by which local shapes turn and grow but do not
-        shear; those need points inside of the cage
+    coordinates : ``mean_value``, or ``green`` (Lipman et al. 2008), which rotate and scale local shapes but do not
+        shear them; those need points inside of the cage
     threads : int
     """
     if coordinates == "green":

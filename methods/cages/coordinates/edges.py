@@ -8,14 +8,14 @@ import numpy as np
 
 
 class Edges(NamedTuple):
-    """The edges of a mesh, each once, whatever the number of its faces."""
+    """The edges of a mesh, each once, for any number of adjacent faces."""
 
     ends: np.ndarray
     """(e, 2) int64 array: vertices"""
     of_face: np.ndarray
     """(f, 3) int64 array: the edge opposite each corner"""
     sign: np.ndarray
-    """(f, 3) float64 array: 1 where the face runs along the edge from its first end, -1 where from its second"""
+    """(f, 3) float64 array: 1 if the face traverses the edge from its first end, -1 if from its second"""
 
 
 def edges_of(faces: np.ndarray) -> Edges:

@@ -1,8 +1,8 @@
 """Green coordinates of points in closed triangle meshes: weights of vertices and of normals.
 
-Of a harmonic function on the inside of a cage, Green's third identity knows the values from those on the cage and from
-the slopes across it. For the three coordinates themselves, which are linear on each face and have its unit normal n for
-a slope, it reads ``x = sum_i phi_i v_i + sum_f psi_f n_f`` (Lipman, Levin and Cohen-Or 2008) with
+Green's third identity gives the values of a harmonic function inside a cage from its values on the cage and its normal
+derivatives there. For the three coordinates themselves, which are linear on each face with its unit normal n as the
+derivative, it reads ``x = sum_i phi_i v_i + sum_f psi_f n_f`` (Lipman, Levin and Cohen-Or 2008) with
 
     phi_i = 1 / (4 pi) sum over the faces f of i: h integral of hat_i(y) / |y - x|^3 dy
     psi_f = 1 / (4 pi) integral over f of 1 / |y - x| dy
@@ -15,7 +15,7 @@ of a side ``L_k = integral of 1 / |y - x| along it``, Gauss's theorem in the pla
     integral of 1 / |y - x| dy = sum_k t_k L_k - h W
     h integral of hat_i(y) / |y - x|^3 dy = l_i / (2 A) (t_i W + h sum_k m_i . m_k L_k)
 
-for ``hat_i = t_i l_i / (2 A)`` where x is projected to, and its slope is ``-m_i l_i / (2 A)``.
+because ``hat_i = t_i l_i / (2 A)`` at the projection of x, with the gradient ``-m_i l_i / (2 A)``.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ def green_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndar
     """The weights of a cage's vertices and of its faces' normals at each query (Lipman, Levin and Cohen-Or 2008).
 
     Inside, ``phi`` sums to 1 and ``phi @ vertices + psi @ normals == queries`` with the outward unit normals. On the
-    cage (to 1e-9 of its size) they are the limits from inside, and so are the derivatives but for those on edges and
-    vertices, which have none: there they are finite, and of no meaning. Outside, ``phi`` sums to 0 and
-    ``phi @ vertices + psi @ normals`` is 0: the coordinates are of no use there. They are computed in float64 whatever
-    the type of the arguments.
+    cage (to 1e-9 of its size) they are the limits from inside, and so are the derivatives, except on edges and
+    vertices, where none exist: there they are finite but meaningless. Outside, ``phi`` sums to 0 and
+    ``phi @ vertices + psi @ normals`` is 0: the coordinates are useless there. They are computed in float64 for any
+    type of the arguments.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def green_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndar
     Raises
     ------
     ValueError
-        For arguments of other shapes, faces that name vertices that do not exist, or faces that look inward.
+        For arguments of other shapes, faces with indices of missing vertices, or faces oriented inward.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def green_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndar
     def of_chunk(x: Tensor, v: Tensor) -> Tensor:
         return _coordinates(x, v, faces)
 
-    # Numbers that a query needs at once, with those that a derivative keeps; measured, and rounded up.
+    # Numbers in memory for each query, including those stored for the derivative; measured, and rounded up.
     numbers = 12 * v.shape[1] + 110 * len(faces)
     both = in_chunks(of_chunk, 8 * numbers, x.expand(count, -1, -1), v.expand(count, -1, -1)).to(queries.dtype)
     phi, psi = (both if batched else both[0]).split([v.shape[1], len(faces)], dim=-1)
@@ -91,11 +91,11 @@ def green_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndar
 
 
 def deformed_by_green(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndarray, new_vertices: Tensor) -> Tensor:
-    """Where the queries are when the cage has other vertices: ``phi @ new_vertices + psi @ (s new_normals)``.
+    """The positions of the queries after the cage is deformed: ``phi @ new_vertices + psi @ (s new_normals)``.
 
     ``s = sqrt(|u'|^2 |v|^2 - 2 (u' . v') (u . v) + |v'|^2 |u|^2) / (sqrt(8) A)`` stretches a face of area A, with
-    sides u and v that become u' and v'. With it the map is a similarity where the cage's is one, and quasi-conformal
-    elsewhere: details turn with the cage, and are not sheared. What lay on the cage does not stay on it. Queries
+    sides u and v that become u' and v'. With it the map is a similarity if the cage's is one, and otherwise
+    quasi-conformal: details rotate with the cage, and are not sheared. Points on the cage do not stay on it. Queries
     outside the cage have no image: see :func:`green_coordinates`.
 
     Parameters
@@ -129,7 +129,7 @@ def deformed_by_green(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndar
 
 
 def _coordinates(x: Tensor, v: Tensor, faces: Tensor) -> Tensor:
-    """Both kinds beside each other, (b, p, n + f)."""
+    """Both kinds concatenated, (b, p, n + f)."""
     corner = v[:, faces]
     side = corner[:, :, [2, 0, 1]] - corner[:, :, [1, 2, 0]]  # opposite each corner
     normal, length = torch.linalg.cross(side[:, :, 0], side[:, :, 1]), _length(side)
@@ -155,9 +155,9 @@ def _coordinates(x: Tensor, v: Tensor, faces: Tensor) -> Tensor:
     potential = _of_side(length[:, None], *ends, dots, square, ON_SIDE * farthest[..., None])
     angle = _solid_angle(height * twice_area[:, None], d.prod(dim=-1) + (dots * d).sum(dim=-1), on)
     angle = torch.where(thin[:, None], 0.0, angle)
-    # A face on which the query lies is seen under what the others leave of a full turn: half of it inside of the face.
-    # So little beyond the cage, the coordinates go on as they are inside; close to an edge, the angles of its two faces
-    # suffer from rounding, and their sum does not.
+    # The solid angle of a face on which the query lies is the rest of the full one: half of it inside of the face. So
+    # slightly beyond the cage the coordinates continue those inside; close to an edge, the angles of its two faces
+    # suffer from rounding, but their sum does not.
     first = on & (on.cumsum(dim=-1) == 1)
     angle = torch.where(first, angle + 4 * math.pi - angle.sum(dim=-1, keepdim=True), angle)
 
@@ -172,7 +172,7 @@ def _of_side(length: Tensor, first: Tensor, last: Tensor, dot: Tensor, square: T
     """The integral of 1 / |y - x| along sides, from the distances of x to their ends and, squared, to their lines.
 
     ``log((first + last + length) / (first + last - length))``, without loss of digits near to sides and far from them.
-    0 on a side, where it has no bound, for all that it is multiplied with is 0 there.
+    0 on a side, where it is unbounded, because all its factors are 0 there.
     """
     gap = first * last - dot
     gap = torch.where(dot < 0, length.square() * square / torch.where(dot < 0, gap, 1.0), first * last + dot)
@@ -182,7 +182,7 @@ def _of_side(length: Tensor, first: Tensor, last: Tensor, dot: Tensor, square: T
 
 
 def _solid_angle(volume: Tensor, rest: Tensor, on: Tensor) -> Tensor:
-    """Signed solid angles of triangles (Van Oosterom and Strackee 1983), less half a turn where the query is ``on``."""
+    """Signed solid angles of triangles (Van Oosterom and Strackee 1983), less half a turn if the query is ``on``."""
     turned = on & (rest < 0)
     nowhere = (volume == 0) & (rest == 0)
     volume, rest = torch.where(turned, -volume, volume), torch.where(turned, -rest, rest)
@@ -203,7 +203,7 @@ def _dot(a: Tensor, b: Tensor) -> Tensor:
 
 
 def _root(square: Tensor) -> Tensor:
-    """The root, with the slope 0 at 0."""
+    """The square root, with the derivative 0 at 0."""
     nothing = square <= 0
     return torch.where(nothing, 0.0, torch.where(nothing, 1.0, square).sqrt())
 

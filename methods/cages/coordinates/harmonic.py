@@ -1,7 +1,8 @@
-"""Harmonic coordinates (Joshi et al. 2007): values on a cage's vertices, spread through its inside.
+"""Harmonic coordinates (Joshi et al. 2007): values on a cage's vertices, extended harmonically to its inside.
 
 For each vertex of the cage they are the function that is 1 there, falls linearly to 0 on the faces around it, and has
-the least Dirichlet energy inside. They look along the inside alone: what is near but across a gap does not move.
+the least Dirichlet energy inside. They follow distances inside the cage: parts that are near but across a gap do not
+move.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from bench import BadInput
 
 CELLS = 16  # of the grid of inner points, along the longest edge of the cage's box
 JITTER = 0.2  # of a cell: points of a perfect grid have no unique tetrahedra
-FLAT = 1e-6  # of a cell's volume: tetrahedra that are no larger are left out
-NEAREST = 32  # tetrahedra among which that which holds a point is looked for
+FLAT = 1e-6  # of a cell's volume: smaller tetrahedra are left out
+NEAREST = 32  # tetrahedra among which the one that contains a point is searched
 
 
 class HarmonicCoordinates:
@@ -33,7 +34,7 @@ class HarmonicCoordinates:
     Raises
     ------
     BadInput
-        If the cage is not closed, or encloses nothing.
+        If the cage is not closed, or encloses no volume.
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class HarmonicCoordinates:
         size = np.ptp(vertices, axis=0).max() / cells
         edges = vertices[faces] - vertices[np.roll(faces, 1, axis=1)]
         rounds = max(1, int(np.ceil(np.log2(np.linalg.norm(edges, axis=2).max() / size))))
-        # What is 1 at a vertex and falls linearly over the faces is divided together with them.
+        # Boundary values that are 1 at a vertex and linear over the faces are subdivided together with them.
         shell, shell_faces = divided(np.hstack([vertices, np.eye(len(vertices))]), faces, rounds)
         shell, values = shell[:, :3], shell[:, 3:]
         low = vertices.min(axis=0)
@@ -71,7 +72,7 @@ class HarmonicCoordinates:
         whole &= inside(vertices, np.asarray(faces), tetrahedra.mean(axis=1))
         if not whole.any():
             raise BadInput(
-                "harmonic coordinates: the cage has no inside; expected a closed mesh that encloses something"
+                "harmonic coordinates: the cage has no inside; expected a closed mesh that encloses a volume"
             )
         used, corners = np.unique(corners[whole], return_inverse=True)
         places, corners = places[used], corners.reshape(-1, 4)
@@ -88,5 +89,5 @@ class HarmonicCoordinates:
         near = self._centres.query(points, k=np.arange(1, min(NEAREST, len(self._corners)) + 1))[1]
         shares = np.einsum("pkab,pkb->pka", self._inverse[near], points[:, None] - self._last[near])
         shares = np.concatenate([shares, 1 - shares.sum(axis=2, keepdims=True)], axis=2)
-        row, best = np.arange(len(points)), shares.min(axis=2).argmax(axis=1)  # which holds it, or nearly
+        row, best = np.arange(len(points)), shares.min(axis=2).argmax(axis=1)  # the one that contains it, or nearly
         return np.einsum("pk,pkn->pn", shares[row, best], self._values[self._corners[near[row, best]]])

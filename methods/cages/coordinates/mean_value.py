@@ -15,10 +15,10 @@ from .mean_value_loops import BLOCK, coordinates, derivatives
 
 
 def mean_value_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np.ndarray, threads: int = 1) -> Tensor:
-    """How each query is a weighted mean of the vertices of a cage (Ju, Schaefer and Warren 2005).
+    """The weights of each query as a mean of the vertices of a cage (Ju, Schaefer and Warren 2005).
 
     The weights sum to 1 and have linear precision, ``weights @ vertices == queries``, everywhere: inside, outside, and
-    on vertices (one-hot), edges (linear) and faces (barycentric). They are computed in float64 whatever the type of the
+    on vertices (one-hot), edges (linear) and faces (barycentric). They are computed in float64 for any type of the
     arguments. On a face the derivative is that along it, on a vertex it is 0: there the coordinates have a kink.
 
     Parameters
@@ -39,7 +39,7 @@ def mean_value_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np
     Raises
     ------
     ValueError
-        For arguments of other shapes, or faces that name vertices that do not exist.
+        For arguments of other shapes, or faces with indices of missing vertices.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def mean_value_coordinates(queries: Tensor, vertices: Tensor, faces: Tensor | np
 
 
 def load_compiled() -> None:
-    """Load the compiled loops from where they are cached, or compile them."""
+    """Load the compiled loops from the cache, or compile them."""
     corners = torch.eye(4, 3, requires_grad=True)
     faces = np.array([[3, 1, 0], [3, 0, 2], [3, 2, 1], [0, 1, 2]])
     mean_value_coordinates(torch.full((1, 3), 0.2), corners, faces).square().sum().backward()

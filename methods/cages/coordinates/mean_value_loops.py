@@ -3,9 +3,9 @@
 With e_j = v_j - x for the vertices of a face in order, c_i = e_{i+1} x e_{i-1}, and theta_i the angle between e_{i+1}
 and e_{i-1}, the mean vector of the spherical triangle is m = 1/2 sum_i theta_i c_i / |c_i|, and the face's weights are
 those that make sum_i w_i e_i = m: w_i = (c_i . m) / D with D = e_0 . (e_1 x e_2) (Ju, Schaefer and Warren 2005, in
-vectors rather than in angles). Angle and cross product belong to an edge, so two faces share them, and what rounding
-does to one is undone by the other. A query on a face makes D vanish; D is the same for the three corners, so the face's
-own weights, without it, are the coordinates.
+vectors rather than in angles). Angle and cross product belong to an edge, so two faces share them, and their rounding
+errors cancel. For a query on a face D vanishes; D is the same for the three corners, so the face's own weights,
+without it, are the coordinates.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ import numpy as np
 from numba import njit
 
 AT_VERTEX = 1e-13  # of the largest distance to a vertex
-ON_EDGE = 1e-9  # sine of the angle at which an edge is seen, or more than a straight one lacks
+ON_EDGE = 1e-9  # sine of the angle under which an edge is seen from a query on it, at most
 ON_PLANE = 1e-9  # volume of three unit vectors
 NEAR_EDGE = 1e-3  # angle between the plane of a face and that through one of its edges, about
-BLOCK = 32  # queries whose derivatives by the cage are added up together
+BLOCK = 32  # queries whose derivatives with respect to the cage are summed together
 
 INSIDE, VERTEX, EDGE, FACE = 0, 1, 2, 3
 
 
 @njit(cache=True, error_model="numpy")
 def _look(x, v, ends, e, d, c, s, p, theta):
-    """Directions, cross products and angles as seen from a query; where it lies: a kind, and which vertex or edge."""
+    """Directions, cross products and angles as seen from a query; its location: a kind, and the vertex or edge."""
     farthest = 0.0
     for j in range(v.shape[0]):
         e0, e1, e2 = v[j, 0] - x[0], v[j, 1] - x[1], v[j, 2] - x[2]
@@ -68,7 +68,7 @@ def _face(f, faces, of_face, sign, e, d, c, s, theta):
     volume = sign[f, 0] * (e[i, 0] * c[edge, 0] + e[i, 1] * c[edge, 1] + e[i, 2] * c[edge, 2])
     flat = abs(volume) <= ON_PLANE * d[i] * d[faces[f, 1]] * d[faces[f, 2]]
     # In the plane of a face, the mean vector has length pi inside of it, that of a hemisphere, and 0 elsewhere. A
-    # length between says that an edge is nearer than the plane: then the face is one like others.
+    # length between means that an edge is nearer than the plane: then the face is treated like any other.
     length = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
     flat = flat and min(length, math.pi - length) <= NEAR_EDGE
     return m0, m1, m2, volume, flat and length > 1, not flat
@@ -124,7 +124,7 @@ def coordinates(first_job, last_job, x, v, faces, ends, of_face, sign, out):
 
 @njit(cache=True, error_model="numpy")
 def _faces_back(on, faces, of_face, sign, e, d, c, s, theta, g, to_e, to_c, to_theta):
-    """From the slope ``g`` (n,) by the weights of all vertices to those by directions, cross products and angles."""
+    """Derivatives ``g`` (n,) by the weights of all vertices to those by directions, cross products and angles."""
     for f in range(faces.shape[0]):
         if on >= 0 and f != on:
             continue
@@ -163,7 +163,7 @@ def _faces_back(on, faces, of_face, sign, e, d, c, s, theta, g, to_e, to_c, to_t
 
 @njit(cache=True, error_model="numpy")
 def _edges_back(ends, e, d, c, s, p, theta, to_e, to_c, to_theta):
-    """On to the slope by directions alone, in ``to_e`` (n, 3)."""
+    """Continue to the derivatives by directions only, in ``to_e`` (n, 3)."""
     for k in range(ends.shape[0]):
         i, j = ends[k, 0], ends[k, 1]
         a0, a1, a2, b0, b1, b2 = e[i, 0], e[i, 1], e[i, 2], e[j, 0], e[j, 1], e[j, 2]
@@ -184,7 +184,7 @@ def _edges_back(ends, e, d, c, s, p, theta, to_e, to_c, to_theta):
 
 @njit(cache=True, error_model="numpy")
 def _slope_of_weights(w, slope, g):
-    """From the slope by coordinates to that by weights, into ``g``: w / sum w."""
+    """Derivatives by coordinates, w / sum w, to those by weights, into ``g``."""
     total, mean = 0.0, 0.0
     for j in range(len(w)):
         total += w[j]
@@ -198,9 +198,9 @@ def _slope_of_weights(w, slope, g):
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def derivatives(first_job, last_job, x, v, faces, ends, of_face, sign, slope, by_x, by_v):
-    """The derivatives of a loss with ``slope`` (b, p, n) by queries, into ``by_x`` (b, p, 3), and by cages.
+    """The derivatives of a loss, given its ``slope`` (b, p, n), by queries, into ``by_x`` (b, p, 3), and by cages.
 
-    Of some jobs, as above. The latter are summed over blocks of queries: ``by_v`` is (b, blocks, n, 3), and does not
+    For some jobs, as above. The latter are summed over blocks of queries: ``by_v`` is (b, blocks, n, 3), and does not
     depend on threads.
     """
     queries = x.shape[1]

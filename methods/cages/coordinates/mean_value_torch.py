@@ -1,7 +1,7 @@
-"""Mean value coordinates by torch alone, for devices on which the compiled loops do not run.
+"""Mean value coordinates in torch only, for devices on which the compiled loops do not run.
 
-The formulas and the thresholds are those of :mod:`.mean_value_loops`. All queries of a chunk take all branches at once,
-and a mask keeps the right one; what divides is 1 in the others, so that none sends NaN into a derivative.
+The formulas and the thresholds are those of :mod:`.mean_value_loops`. All branches are computed for all queries of a
+chunk, and a mask selects the right one; divisors are 1 in the others, so that none sends NaN into a derivative.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .edges import edges_of
 from .mean_value_loops import AT_VERTEX, ON_EDGE, ON_PLANE
 
 NEAR_EDGE = 1e-3  # angle between the plane of a face and that through one of its edges, about
-CHUNK_BYTES = 2**26  # that the temporaries of a chunk may take, derivatives included
+CHUNK_BYTES = 2**26  # for the temporaries of a chunk, including derivatives
 
 
 class Edges(NamedTuple):
@@ -47,7 +47,7 @@ def coordinates_in_torch(x: Tensor, v: Tensor, faces: np.ndarray) -> Tensor:
     """
     faces = np.ascontiguousarray(faces, dtype=np.int64)
     edges = edges_of(faces)
-    # Numbers that a query needs at once, with those that a derivative keeps; measured, and rounded up.
+    # Numbers in memory for each query, including those stored for the derivative; measured, and rounded up.
     numbers = 6 * v.shape[1] + 20 * len(edges.ends) + 40 * len(faces)
     corners = torch.from_numpy(faces).to(x.device)
     seen = Edges(*(torch.from_numpy(array).to(x.device) for array in edges))
@@ -59,10 +59,10 @@ def coordinates_in_torch(x: Tensor, v: Tensor, faces: np.ndarray) -> Tensor:
 
 
 def in_chunks(function: Callable[..., Tensor], size: int, x: Tensor, *others: Tensor) -> Tensor:
-    """``function(x, *others)``, by parts of the queries ``x`` (b, p, 3) and of the batch, of all alike.
+    """``function(x, *others)``, by parts of the queries ``x`` (b, p, 3) and of the batch, in all arguments.
 
-    Where a derivative is wanted and there are several parts, each is computed once more when it is its turn: what the
-    parts keep for it never lies in memory together. Then there is no second derivative.
+    If a derivative is needed and there are several parts, each is computed again in the backward pass, so that the
+    stored values of only one part are in memory. Then there is no second derivative.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def in_chunks(function: Callable[..., Tensor], size: int, x: Tensor, *others: Te
 
 
 class _Part(torch.autograd.Function):
-    """A function that keeps its arguments alone; torch's own checkpoints load its compiler, which takes seconds."""
+    """A function that stores only its arguments; torch's own checkpoints load its compiler, which takes seconds."""
 
     @staticmethod
     def forward(ctx: Any, function: Callable[..., Tensor], *given: Tensor) -> Tensor:
@@ -132,9 +132,9 @@ def _coordinates(x: Tensor, v: Tensor, faces: Tensor, edges: Edges) -> Tensor:
 
 
 def _weights(faces: Tensor, edges: Edges, e: Tensor, d: Tensor, c: Tensor, turn: Tensor, elsewhere: Tensor) -> Tensor:
-    """The weights of all vertices (b, p, n), not normalised; of the one face where a query lies on it.
+    """The weights of all vertices (b, p, n), not normalised; those of a single face if a query lies on it.
 
-    ``turn`` is angle over sine, and ``elsewhere`` (b, p) are queries whose coordinates are not made of these.
+    ``turn`` is angle over sine, and ``elsewhere`` (b, p) marks queries that do not use these weights.
     """
     of_face, sign = edges.of_face, edges.sign
     c = c[:, :, of_face] * sign[:, :, None]
@@ -142,7 +142,7 @@ def _weights(faces: Tensor, edges: Edges, e: Tensor, d: Tensor, c: Tensor, turn:
     volume = (e[:, :, faces[:, 0]] * c[:, :, :, 0]).sum(dim=-1)
     with torch.no_grad():
         # In the plane of a face, the mean vector has length pi inside of it, that of a hemisphere, and 0 elsewhere. A
-        # length between says that an edge is nearer than the plane: then the face is one like others.
+        # length between means that an edge is nearer than the plane: then the face is treated like any other.
         length = m.square().sum(dim=-1).sqrt()
         flat = volume.abs() <= ON_PLANE * d[:, :, faces].prod(dim=-1)
         flat &= torch.minimum(length, math.pi - length) <= NEAR_EDGE
@@ -151,7 +151,7 @@ def _weights(faces: Tensor, edges: Edges, e: Tensor, d: Tensor, c: Tensor, turn:
         on &= on.cumsum(dim=-1) == 1  # the first
         alone = on.any(dim=-1, keepdim=True)
         left_out = torch.where(alone, ~on, flat)
-    volume = torch.where(flat, 1.0, volume)  # of a face on which the query lies it is the same for all corners
+    volume = torch.where(flat, 1.0, volume)  # a common factor of all corners of a face on which the query lies
     part = (c * m[:, :, :, None]).sum(dim=-1) / volume[..., None]
     part = torch.where(left_out[..., None], 0.0, part)
     return e.new_zeros(e.shape[:3]).index_add(2, faces.reshape(-1), part.flatten(2))

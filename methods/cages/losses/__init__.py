@@ -1,1 +1,1 @@
-"""What a deformation should keep, and where it should lead."""
+"""The terms of the loss: what a deformation preserves, and its distance to the target."""

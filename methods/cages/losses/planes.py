@@ -7,8 +7,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-EXACT = "donot_use_mm_for_euclid_dist"  # the other way is off by 5e-4 in float32
-GAP = 1e-4  # of the largest eigenvalue: nearer ones do not turn the normal faster
+EXACT = "donot_use_mm_for_euclid_dist"  # the other mode has an error of 5e-4 in float32
+GAP = 1e-4  # least gap between eigenvalues, of the largest one: it bounds the derivative of the normal
 
 
 def neighbourhoods(points: Tensor, count: int) -> Tensor:
@@ -19,7 +19,7 @@ def neighbourhoods(points: Tensor, count: int) -> Tensor:
 
 
 def planes(points: Tensor, index: Tensor) -> tuple[Tensor, Tensor]:
-    """Centroids and unit normals (either way round) of neighbourhoods, (b, p, 3) each, differentiable.
+    """Centroids and unit normals (of either sign) of neighbourhoods, (b, p, 3) each, differentiable.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def planes(points: Tensor, index: Tensor) -> tuple[Tensor, Tensor]:
 class _LeastAxis(torch.autograd.Function):
     """The unit eigenvector of the least eigenvalue of symmetric matrices (..., 3, 3).
 
-    dn = sum_k v_k (v_k . dC n) / (l_0 - l_k); where eigenvalues are nearly equal the gap is held open.
+    dn = sum_k v_k (v_k . dC n) / (l_0 - l_k); if eigenvalues are nearly equal the gap is bounded from below.
     """
 
     @staticmethod

@@ -27,20 +27,20 @@ def _squared(a: Tensor, b: Tensor) -> Tensor:
 
 
 def negative_weights(weights: Tensor) -> Tensor:
-    """Eq. 5.4: the mean square of what is negative of the coordinates (b, p, n)."""
+    """Eq. 5.4: the mean square of the negative parts of the coordinates (b, p, n)."""
     return weights.clamp_max(0).square().mean()
 
 
 def asymmetry(points: Tensor, mirror: tuple[float, float, float] = MIRROR_X) -> Tensor:
-    """The Chamfer distance of points (b, p, 3) to their mirror image, which is held fixed."""
+    """The Chamfer distance of points (b, p, 3) to their mirror image, which counts as constant."""
     return chamfer(points, points.detach() * points.new_tensor(mirror))
 
 
 def plane_terms(before: Tensor, after: Tensor, index: Tensor) -> tuple[Tensor, Tensor]:
     """Eq. 5.5, the change of the distance of points to their neighbourhood's plane, and Eq. 5.6, that of its normal.
 
-    The distance is that along a normal which is held fixed, as released; the sign of a normal says nothing, so angles
-    are taken between lines.
+    The distance is that along a normal that counts as constant, as released; the sign of a normal is arbitrary, so
+    angles are those between lines.
 
     Parameters
     ----------

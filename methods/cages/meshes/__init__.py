@@ -1,1 +1,1 @@
-"""Cages to begin with, and how a mesh is seen by a network."""
+"""Initial cages, and meshes in the unit of a network."""

@@ -1,4 +1,4 @@
-"""The unit in which a network sees shapes: the target's box, its longest edge from -1 to 1."""
+"""The unit of the shapes for a network: the target's box, its longest edge from -1 to 1."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Boxed(NamedTuple):
     """(3,) array: of the target's box"""
 
     def restored(self, source: Trimesh, vertices: np.ndarray) -> Trimesh:
-        """The source mesh with deformed vertices (v, 3) of that unit, where the target is."""
+        """The source mesh with deformed vertices (v, 3) of that unit, at the place of the target."""
         output = source.copy()
         output.vertices = np.asarray(vertices, dtype=np.float64) * self.scale + self.centre
         return output
@@ -36,7 +36,7 @@ class Boxed(NamedTuple):
 def boxed(source: Trimesh, target: Trimesh | PointCloud, points: int, rng: np.random.Generator) -> Boxed:
     """Vertices, and ``points`` random points of each surface, in the unit of the target's box.
 
-    The source is scaled by the target's box too: how large it is beside the target is the task's to say.
+    The source is scaled by the target's box too: the task determines their relative size.
     """
     from bench.geometry.sampling import sample_uniform
     from bench.geometry.used import used_vertices

@@ -1,4 +1,4 @@
-"""Cages to begin with."""
+"""Initial cages."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-RADIUS = 2.0  # of the template's corners, where the shape fits the box from -1 to 1
+RADIUS = 2.0  # of the template's corners, for a shape in the box from -1 to 1
 
 
 def sphere_cage(radius: float = RADIUS) -> tuple[np.ndarray, np.ndarray]:
-    """The template of Neural Cages: an icosahedron with the middles of its edges, which stay on its flat faces.
+    """The template of Neural Cages: an icosahedron with the midpoints of its edges, which lie on its flat faces.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def ball_cage(subdivisions: int = 1, radius: float = 1.2) -> tuple[np.ndarray, n
 
 
 def cage_mesh(vertices: np.ndarray, faces: np.ndarray) -> Trimesh:
-    """A cage as a mesh that can be stored."""
+    """A cage as a mesh for storage."""
     from trimesh import Trimesh
 
     return Trimesh(vertices, faces, process=False)

@@ -1,19 +1,19 @@
-"""Round cages that are drawn in towards a shape."""
+"""Round cages shrunk towards a shape."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor
 
-MARGIN = 1.1  # how much farther out than its outermost point a face is, at least
-ASIDE = -1e-6  # a point on the border of two faces may be a little outside of both
+MARGIN = 1.1  # least factor by which a face is farther out than its outermost point
+ASIDE = -1e-6  # a point on the border of two faces may be slightly outside of both
 
 
 def shrunk_cage(directions: Tensor, faces: Tensor, points: Tensor, gap: float) -> Tensor:
-    """Cages whose vertices come in along their rays until a point is near, and that leave no point outside.
+    """Cages whose vertices move inward along their rays until a point is near, and that leave no point outside.
 
     A vertex stops where it first touches a ball of radius ``gap`` around a point, or around the origin, which also
-    stops those that pass every point by. Where a face would then cut through the points, its corners go out again.
+    stops those that miss all points. If a face would then cut through the points, its corners move out again.
     The cages are star-shaped about the origin, so they do not intersect themselves.
 
     Parameters
@@ -39,9 +39,9 @@ def shrunk_cage(directions: Tensor, faces: Tensor, points: Tensor, gap: float) -
 
 
 def _missing(directions: Tensor, faces: Tensor, points: Tensor, radii: Tensor) -> Tensor:
-    """The factors (b, n), at least 1, by which vertices at those radii are too near for all points to be inside.
+    """The factors (b, n), at least 1, by which vertices at those radii must move out to enclose all points.
 
-    A point is a combination of the directions of three corners, with no negative weight for the face that its own ray
+    A point is a combination of the directions of three corners, without negative weights for the face that its own ray
     meets; it is inside if the weights over the radii sum to less than 1.
     """
     solved = torch.linalg.inv(directions[faces])  # (f, 3, 3): a point times it is its weights

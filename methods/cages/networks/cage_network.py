@@ -1,4 +1,4 @@
-"""The networks of Neural Cages (Wang et al. 2020): a cage for a source, and where its vertices go."""
+"""The networks of Neural Cages (Wang et al. 2020): a cage for a source, and the deformed cage."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Cage = Literal["predicted", "invariant", "identity"]
 
 
 class Encoder(nn.Module):
-    """Points to a code: a PointNet without normalisation. 107,392 parameters for a code of 256."""
+    """Maps points to a code: a PointNet without normalisation. 107,392 parameters for a code of 256."""
 
     def __init__(self, code: int, last: nn.Module | None = None):
         super().__init__()
@@ -20,12 +20,12 @@ class Encoder(nn.Module):
         self.whole = nn.Sequential(nn.Linear(code, code), last or nn.LeakyReLU(LEAK))
 
     def forward(self, points: Tensor) -> Tensor:
-        """Of clouds (b, n, 3), codes (b, code)."""
+        """Clouds (b, n, 3) to codes (b, code)."""
         return self.whole(self.points(points).amax(dim=1))
 
 
 class Offsets(nn.Module):
-    """A code and the vertices of a cage to offsets of the vertices, one at a time, as AtlasNet decodes patches."""
+    """Maps a code and the vertices of a cage to offsets of the vertices, one by one, as AtlasNet decodes patches."""
 
     def __init__(self, code: int, first: int, second: int):
         super().__init__()
@@ -36,12 +36,12 @@ class Offsets(nn.Module):
         self.layers = nn.Sequential(*layers, nn.Linear(second, 3))
 
     def forward(self, code: Tensor, vertices: Tensor) -> Tensor:
-        """Of codes (b, c) and vertices (b, n, 3), offsets (b, n, 3)."""
+        """Codes (b, c) and vertices (b, n, 3) to offsets (b, n, 3)."""
         return self.layers(torch.cat([code[:, None].expand(-1, vertices.shape[1], -1), vertices], dim=2))
 
 
 class AllOffsets(nn.Module):
-    """A code to the offsets of all vertices of one cage at once."""
+    """Maps a code to the offsets of all vertices of one cage at once."""
 
     def __init__(self, code: int, vertices: int):
         super().__init__()
@@ -49,19 +49,19 @@ class AllOffsets(nn.Module):
         self.last = nn.Linear(1024, 3 * vertices)
 
     def forward(self, code: Tensor, vertices: Tensor) -> Tensor:
-        """Of codes (b, c), offsets (b, n, 3)."""
+        """Codes (b, c) to offsets (b, n, 3)."""
         return self.last(self.layers(code)).reshape(len(code), -1, 3)
 
 
 class CageNetwork(nn.Module):
-    """Source and target to a cage around the source and the deformed cage.
+    """Maps source and target to a cage around the source and the deformed cage.
 
     Parameters
     ----------
     template : (n, 3) tensor
-        The cage to begin with.
+        The initial cage.
     code : int
-        Numbers that a shape becomes.
+        Size of the code of a shape.
     cage : ``predicted`` for each source, ``invariant`` (one that is learned), or ``identity`` (the template)
     generator : torch.Generator
         The weights are drawn from it, on the CPU.
@@ -69,7 +69,7 @@ class CageNetwork(nn.Module):
     Notes
     -----
     577,158 parameters with a code of 256 and ``predicted``: encoder 107,392, cage 41,731, merger 262,656, deformation
-    165,379. The released network stores another fold of both decoders that does nothing.
+    165,379. The released network stores another fold of both decoders, which has no effect.
     """
 
     def __init__(self, template: Tensor, code: int, cage: Cage, generator: torch.Generator | None = None):
@@ -85,7 +85,7 @@ class CageNetwork(nn.Module):
             self.register_buffer("template", template.clone(), persistent=False)
 
     def forward(self, source: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
-        """Of points (b, p, 3) and (b, q, 3), the cages and the deformed cages, (b, n, 3) each."""
+        """Points (b, p, 3) and (b, q, 3) to the cages and the deformed cages, (b, n, 3) each."""
         code, wanted = self.encoder(source), self.encoder(target)
         cage = self.template.expand(len(source), -1, -1)
         if self.caging is not None:
@@ -94,7 +94,7 @@ class CageNetwork(nn.Module):
 
 
 class PoseNetwork(nn.Module):
-    """A posed target to the deformed cage of one source: the variant for characters.
+    """Maps a posed target to the deformed cage of one source: the variant for characters.
 
     1,362,023 parameters with a code of 512 and a cage of 77 vertices.
     """
@@ -104,10 +104,10 @@ class PoseNetwork(nn.Module):
         self.encoder = Encoder(code, nn.Tanh())
         self.deforming = AllOffsets(code, len(cage))
         draw_weights(self, generator)
-        self.register_buffer("cage", cage.clone())  # with the weights: they are worth nothing around another one
+        self.register_buffer("cage", cage.clone())  # stored with the weights, which are useless for another cage
 
     def forward(self, target: Tensor) -> Tensor:
-        """Of points (b, q, 3), deformed cages (b, n, 3)."""
+        """Points (b, q, 3) to deformed cages (b, n, 3)."""
         return self.cage + self.deforming(self.encoder(target), self.cage)
 
 

@@ -1,4 +1,4 @@
-"""The networks of KeypointDeformer (Jakab et al. 2021): keypoints of shapes, and what they move."""
+"""The networks of KeypointDeformer (Jakab et al. 2021): keypoints of shapes, and their influence on cages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .cage_network import LEAK, Encoder, draw_weights
 
 
 class Keyed(NamedTuple):
-    """Sources as the network sees them, and where their cages go."""
+    """The cages and keypoints of sources, and the deformed cages."""
 
     cage: Tensor
     """(b, n, 3)"""
@@ -24,7 +24,7 @@ class Keyed(NamedTuple):
     wanted: Tensor
     """(b, k, 3): of the targets"""
     offset: Tensor
-    """(b, k, n): what is added to the canonical influence for each source"""
+    """(b, k, n): the offset of the canonical influence for each source"""
 
 
 class KeypointNetwork(nn.Module):
@@ -37,20 +37,20 @@ class KeypointNetwork(nn.Module):
     faces : (f, 3) int64 tensor
         Of that cage.
     keypoints : int
-        k, of a shape; they are ordered, so that each of a source has its own of the target.
+        k, of a shape; they are ordered, so that each of a source corresponds to one of the target.
     code : int
-        Numbers that a shape becomes.
+        Size of the code of a shape.
     gap : float
         Between a shape and its cage, see :func:`..meshes.shrunk_cages.shrunk_cage`.
     influenced : int
-        Vertices of the cage that a keypoint moves, those that are nearest to it; 0 for all.
+        The nearest vertices of the cage that a keypoint moves; 0 for all.
     generator : torch.Generator
         The weights are drawn from it, on the CPU.
 
     Notes
     -----
     485,652 parameters with 12 keypoints, a code of 256 and a cage of 42 vertices: two encoders of 107,392, keypoints
-    75,044, offsets of the influence 195,320, canonical influence 504. All influences begin at 0: sources stay.
+    75,044, offsets of the influence 195,320, canonical influence 504. All influences start at 0: sources do not move.
     """
 
     directions: Tensor
@@ -80,15 +80,15 @@ class KeypointNetwork(nn.Module):
         self.register_buffer("faces", faces.clone(), persistent=False)
 
     def forward(self, source: Tensor, target: Tensor) -> Keyed:
-        """Of points (b, p, 3) and (b, q, 3)."""
+        """The deformation of points (b, p, 3) to points (b, q, 3)."""
         return self.follow(source, self.keypoints(source), self.keypoints(target))
 
     def keypoints(self, points: Tensor) -> Tensor:
-        """Of points (b, p, 3), keypoints (b, k, 3)."""
+        """Points (b, p, 3) to keypoints (b, k, 3)."""
         return self.pointing(self.encoder(points)).reshape(len(points), -1, 3)
 
     def follow(self, source: Tensor, keypoints: Tensor, wanted: Tensor) -> Keyed:
-        """Move the cages of sources (b, p, 3), whose keypoints (b, k, 3) go where they are wanted."""
+        """Move the cages of sources (b, p, 3), with keypoints (b, k, 3), towards the ``wanted`` keypoints."""
         cage = shrunk_cage(self.directions, self.faces, source, self._gap)
         offset = self.offsets(self.source_encoder(source)).reshape(len(source), *self.influence.shape)
         influence = (self.influence + offset) * self._near(keypoints, cage)

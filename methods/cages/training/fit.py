@@ -20,13 +20,13 @@ from ..networks.cage_network import CageNetwork
 from .pairs import Pairs
 
 VALIDATED = 24  # held-out pairs, at most
-CLIPPED = 0.1  # largest number of a gradient, as released
+CLIPPED = 0.1  # largest entry of a gradient, as released
 CAGE_RATE = 0.1  # of the learning rate, for the cage's own network
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How it is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     points: int
     neighbours: int
@@ -46,7 +46,7 @@ class Plan:
 
 
 class Training(DecayingTraining):
-    """Pairs in threes: source to target, target to source, and the source to itself.
+    """Each pair in three ways: source to target, target to source, and the source to itself.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Training(DecayingTraining):
         self.optimizer = torch.optim.Adam([group for group in groups if group["params"]], plan.learning_rate)
 
     def prepare(self, step: int) -> None:
-        """Set the learning rates; in the warm-up, encoder and cages stay as they are."""
+        """Set the learning rates; in the warm-up, encoder and cages do not change."""
         super().prepare(step)
         for group in self.optimizer.param_groups:
             group["lr"] *= group["share"]
@@ -98,7 +98,7 @@ class Training(DecayingTraining):
         return self._loss(one, other, ramp)
 
     def validate(self) -> float:
-        """The loss on held-out pairs, as they are given, with all terms in full."""
+        """The loss on the given held-out pairs, unstretched, with all terms in full."""
         rng = step_generator(self.run.seed, 0, "validation")
         count = min(len(self._held_out), VALIDATED)
         drawn = [self._held_out.drawn(k, self.plan.points, 0.0, False, rng) for k in range(count)]

@@ -20,12 +20,12 @@ from ..networks.keypoint_network import KeypointNetwork
 from .pairs import Pairs
 
 VALIDATED = 24  # held-out pairs, at most
-INFLUENCE_RATE = 10  # times the learning rate, for the canonical influence: it begins at 0 and has to come near 1
+INFLUENCE_RATE = 10  # times the learning rate, for the canonical influence: it starts at 0 and must approach 1
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How it is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     points: int
     keypoints: int
@@ -42,9 +42,9 @@ class Plan:
 
 
 class KeypointTraining(DecayingTraining):
-    """Pairs both ways: what a pair's keypoints make of the one shape is to be the other.
+    """Pairs in both directions: the keypoints of a pair deform each shape to the other.
 
-    No derivative leads to a cage at rest or to points of a source, so that coordinates are made without any.
+    Cages at rest and points of a source have no derivative, so coordinates are computed without any.
 
     Parameters
     ----------
@@ -74,14 +74,14 @@ class KeypointTraining(DecayingTraining):
             group["lr"] *= group["share"]
 
     def loss(self, step: int) -> Tensor:
-        """Of a batch; in the warm-up of where keypoints are alone."""
+        """The loss of a batch; in the warm-up only of the positions of keypoints."""
         rng, plan = step_generator(self.run.seed, step), self.plan
         numbers = rng.integers(len(self._train), size=plan.batch)
         drawn = [self._train.drawn(int(k), plan.points, plan.stretch, plan.partners, rng) for k in numbers]
         return self._loss(drawn, progress(self.run, step, plan.steps) < plan.warm_up)
 
     def validate(self) -> float:
-        """The loss on held-out pairs, as they are given."""
+        """The loss on the given held-out pairs, unstretched."""
         rng = step_generator(self.run.seed, 0, "validation")
         count, total = min(len(self._held_out), VALIDATED), 0.0
         drawn = [self._held_out.drawn(k, self.plan.points, 0.0, False, rng) for k in range(count)]
@@ -96,7 +96,7 @@ class KeypointTraining(DecayingTraining):
         clouds = np.stack([pair[k] for k in (0, 1) for pair in drawn])
         source = self._tensor(clouds)
         keypoints = self.network.keypoints(source)
-        # The first point of a cloud is any one, and so are the farthest points that follow from it.
+        # The first point of a cloud is arbitrary, and so are the farthest points that follow from it.
         spread = [cloud[farthest_points(cloud, plan.keypoints, taken=1)] for cloud in clouds]
         loss = plan.farthest * chamfer(keypoints, self._tensor(np.stack(spread)))
         if cold:

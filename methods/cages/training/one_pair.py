@@ -1,4 +1,4 @@
-"""The descent of one deformed cage."""
+"""The gradient descent of one deformed cage."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..meshes.boxes import Boxed
 
 @dataclass(frozen=True)
 class Settings:
-    """How it descends; the fields are those of the method."""
+    """The settings of the descent; the fields are those of the method."""
 
     coordinates: Coordinates | Literal["harmonic"]
     points: int
@@ -35,7 +35,7 @@ class Settings:
 
 
 class Descent:
-    """A cage, and the deformed cage on its way.
+    """A cage, and the deformed cage during the descent.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Descent:
             self._spread = HarmonicCoordinates(cage, faces)
 
     def run(self) -> np.ndarray:
-        """Descend; the deformed cage (n, 3), of the last step or as far as it came in time."""
+        """Descend; returns the deformed cage (n, 3) of the last step, or of the last one in time."""
         settings, run = self._settings, self._run
         optimizer = torch.optim.Adam([self._moved], settings.learning_rate)
         for step in range(settings.steps):
@@ -74,7 +74,7 @@ class Descent:
         return self._moved.detach()[0].double().numpy()
 
     def deformed(self, points: np.ndarray) -> np.ndarray:
-        """Where points (n, 3) go."""
+        """The deformed positions of points (n, 3)."""
         if self._spread is not None:
             return self._spread(points) @ self._moved.detach()[0].double().numpy()
         with torch.no_grad():
@@ -82,9 +82,9 @@ class Descent:
             return self._placed(place, self._cage.double(), self._moved.double())[0][0].numpy()
 
     def _placed(self, points: Tensor, cage: Tensor, moved: Tensor) -> tuple[Tensor, Tensor]:
-        """Where points (1, p, 3) go, and their coordinates."""
+        """The deformed positions of points (1, p, 3), and their coordinates."""
         coordinates = self._settings.coordinates
-        assert coordinates != "harmonic"  # those have their own way
+        assert coordinates != "harmonic"  # those are computed elsewhere
         return deformed(points, cage, self._faces, moved, coordinates, self._run.threads)
 
     def _some(self, cloud: Tensor) -> Tensor:

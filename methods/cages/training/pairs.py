@@ -12,14 +12,14 @@ from ...learned.training.held_out import held_out_rows
 if TYPE_CHECKING:
     from bench import Case, Run, TrainingData
 
-FULL = 32767  # the integers of a coordinate
+FULL = 32767  # the largest integer of a coordinate
 POINTS = 4096  # of each surface
 
 
 def pairs_of(data: TrainingData, run: Run) -> dict[str, np.ndarray]:
     """Points of source and target of each pair, around their box centres, in halves of the target's longest edge.
 
-    Where the two have the same faces, point i of the one corresponds to point i of the other.
+    If both have the same faces, point i of one corresponds to point i of the other.
 
     Returns
     -------
@@ -64,13 +64,13 @@ def _sampled(case: Case, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarr
 
 
 class Pairs:
-    """What :func:`pairs_of` made.
+    """The examples of :func:`pairs_of`.
 
     Parameters
     ----------
     examples : mapping
     held_out : bool
-        Take the last tenth of the pairs, at least one; otherwise the others (all, where there is but one).
+        Take the last tenth of the pairs, at least one; otherwise the others (all, if there is only one).
     """
 
     def __init__(self, examples: Mapping[str, np.ndarray], held_out: bool = False):
@@ -84,7 +84,7 @@ class Pairs:
     def drawn(
         self, number: int, points: int, stretch: float, partners: bool, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Clouds (points, 3) float32 of a source and a target.
+        """Draw clouds (points, 3) float32 of a source and a target.
 
         Parameters
         ----------
@@ -92,9 +92,9 @@ class Pairs:
             Of the pair.
         points : int
         stretch : float
-            Each axis of each shape is scaled by up to so much more or less; it then fits the box again.
+            Each axis of each shape is scaled up or down by at most this share; then the shape fits the box again.
         partners : bool
-            The target is any shape of any pair; otherwise that of the pair, point by point where they correspond.
+            The target is any shape of any pair; otherwise that of the pair, point by point if they correspond.
         """
         rows = rng.integers(self._points.shape[2], size=points)
         source = self._points[number, 0, rows]

@@ -156,7 +156,7 @@ def test_a_training_learns_goes_on_to_the_bit_and_poses_the_character(toy, examp
     assert posed.notes == []
     wider = {**toy.input, "template": Trimesh(toy.input["template"].vertices * (3, 3, 1), toy.input["template"].faces)}
     method.pose_transfer(**wider, run=posed)
-    assert "does not hold the template" in str(posed.notes)
+    assert "does not enclose the template" in str(posed.notes)
     assert posed.parameters == sum(w.size for k, w in weights.items() if k not in ("cage", "cage_faces"))
 
 
