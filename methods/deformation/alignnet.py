@@ -1,4 +1,4 @@
-"""ALIGNet: space around the source is deformed by a control grid whose lines never turn back."""
+"""ALIGNet: space around the source is deformed by a monotone control grid."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
 class Alignnet:
     """After ALIGNet (Hanocka et al. 2018): a baseline of Neural Cages.
 
-    As published: both shapes are volumes that convolutions see, a narrow layer says the increments of a control grid of
-    8 points an axis, their absolute values are summed up along each axis, space moves linearly between the points of
-    the grid, and an L1 penalty holds the increments even.
+    As published: convolutions over both shapes as volumes, a bottleneck that predicts the increments of a control grid
+    of 8 points per axis, whose absolute values are summed along each axis, linear interpolation between the points of
+    the grid, and an L1 penalty that keeps the increments even.
 
-    The released code is of the plane; **the network in space is ours**, with its order of layers. So are the volumes:
-    cells that hold points, since a cloud has no inside. Alignment is by the squared Chamfer distance of the deformed
-    points (published: by the smooth L1 distance of solid volumes; between shells of one cell that taught nothing in a
-    short training), shapes also meet themselves, and no parts of the targets are left out in training, for those of a
-    benchmark are whole.
+    The released code is two-dimensional; **the network in space is ours**, with its order of layers. So are the
+    volumes: cells that contain points, since a cloud has no inside. Alignment is by the squared Chamfer distance of the
+    deformed points (published: by the smooth L1 distance of solid volumes; with shells of one cell a short training did
+    not learn from that), shapes are also paired with themselves, and no parts of the targets are left out in training,
+    because the targets of a benchmark are complete.
     """
 
     cells: int = 8  # points of the control grid along each axis
     voxels: int = 32  # cells of a volume along each axis; a multiple of 4
     channels: int = 20  # of the convolutions
-    narrow: int = 20  # numbers that a grid is made of
-    points: int = 512  # of a shape that its volume is made of; 1,024 at most
+    narrow: int = 20  # channels of the bottleneck, from which a grid is made
+    points: int = 512  # of a shape, from which its volume is made; 1,024 at most
     even: float = 0.05  # weight of the mean deviation of an increment (released: 1e-5 of the sum over 100 pairs)
     scale: float = 0.25  # shapes in training are scaled by up to this along each axis
-    strangers: float = 0.5  # share of the pairs in training that are made anew, of shapes of two pairs
+    strangers: float = 0.5  # share of new pairs in training, made of shapes of two pairs
     steps: int = 6000  # of training; 0 for as many as its seconds allow
     batch: int = 4  # pairs of a step, each in both directions (published: 100 pairs)
     learning_rate: float = 1e-3  # of Adam

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class AnisotropicScaling:
     """Scales the source along each axis so that its box is the target's, in size and in place.
 
-    Where the source is flat along an axis, it is moved alone.
+    If the source is flat along an axis, it is only moved.
     """
 
     def deform(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Trimesh:

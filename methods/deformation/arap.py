@@ -1,4 +1,4 @@
-"""ARAP: the surface that is nearest to the target while its neighbourhoods only turn."""
+"""ARAP: the surface nearest to the target whose neighbourhoods are rotated as rigidly as possible."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 class Arap(Matched):
     """As rigid as possible, pulled to nearest points, in rounds from stiff to soft.
 
-    ``min integral |x - goal|^2 + l^2 / 2 E(x)``, E the energy of Sorkine and Alexa: each vertex has a rotation, and the
-    edges around it, with cotangent weights, are to be those of the source, turned by it. Rotations by singular values
-    and vertices by a linear system are found in turn (local, global); its matrix is factorised once in a round, for it
-    depends on the pairs alone. A round begins with the best rigid motion of the whole, which costs E nothing, and which
-    the steps in turn would find slowly. The paper moves handles that a user drags; here points on the source are
-    dragged to the nearest of the target and back, where the normals agree and the distance is not far above the median.
-    l falls over the rounds. Weak springs between parts that are near to each other take part in E as edges do, so a
-    chair of separate bars is held together, and costs nothing when it is turned as a whole.
+    ``min integral |x - goal|^2 + l^2 / 2 E(x)``, E the energy of Sorkine and Alexa: each vertex has a rotation, and E
+    penalises the difference of the edges around it, with cotangent weights, from the rotated edges of the source.
+    Rotations (by singular values) and vertices (by a linear system) are solved alternately (local, global); the matrix
+    is factorised once per round, because it depends only on the pairs. A round begins with the best rigid motion of the
+    whole, which leaves E unchanged, and which the alternating steps would find slowly. The paper moves handles that a
+    user drags; here points on the source are pulled to the nearest of the target and vice versa, if the normals agree
+    and the distance is not far above the median. l falls over the rounds. Weak springs between nearby parts act as
+    edges in E, so a chair of separate bars is held together, and rotates as a whole without cost.
 
-    Stretching costs more than bending: where a target has longer legs, legs stay short, or bend.
+    Stretching costs more than bending: if a target has longer legs, legs stay short, or bend.
     """
 
     rounds: int = 15  # of matching

@@ -1,4 +1,4 @@
-"""Cycle-consistent deformation: layers whose matrices a network makes of both shapes move the points of one."""
+"""Cycle-consistent deformation: points are moved by layers whose matrices a network predicts from both shapes."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
 class CycleConsistent:
     """After Unsupervised Cycle-Consistent Deformation (Groueix et al. 2019): a baseline of Neural Cages.
 
-    As released: the network (8,436,117 parameters at width 1, of which a pair's code predicts 24,972 numbers: matrices
-    that are added to the identity), the mean distance from the target to what is deformed, and that way alone, cycles
-    through two and three shapes that project to points of the shapes on their way and learn at their last leg, and
-    deformations that are known in the beginning.
+    As released: the network (8,436,117 parameters at width 1; from a pair's code it predicts 24,972 numbers: matrices
+    that are added to the identity), the mean distance from the target to the deformed shape, in that direction only,
+    cycles through two and three shapes that project to points of the shapes on their path, with gradients through the
+    last step only, and known deformations at the beginning.
 
-    Ours: narrower layers, and the network says where a point moves relative to where it is (an option of the released
-    code that is off), which a short training needs. The third of a triplet is any shape (released: all three among 20
-    neighbours), the known deformations are scalings (released: turns of up to 40 degrees, too), and no shape is turned
-    or shifted: those of a benchmark stand upright in their boxes. The cycles' errors are squared distances.
+    Ours: narrower layers, and the network predicts the displacement of a point (an option of the released code that is
+    off), which a short training needs. The third of a triplet is any shape (released: all three among 20 neighbours),
+    the known deformations are scalings (released: rotations of up to 40 degrees, too), and no shape is rotated or
+    shifted: those of a benchmark stand upright in their boxes. The cycles' errors are squared distances.
     """
 
     width: float = 0.25  # factor of all channels (released: 1)
-    residual: bool = True  # whether a point moves relative to where it is (released: False)
+    residual: bool = True  # whether the network predicts displacements instead of positions (released: False)
     points: int = 512  # of a shape that its encoders see (released: 2,500); 1,024 at most
-    two_cycle: float = 1.0  # weight of ways there and back
-    three_cycle: float = 1.0  # of ways over a third shape
-    early: float = 0.06  # share of the training in which deformations are learned that are known (30 of 500 epochs)
+    two_cycle: float = 1.0  # weight of cycles through two shapes
+    three_cycle: float = 1.0  # of cycles through three shapes
+    early: float = 0.06  # share of the training on known deformations (30 of 500 epochs)
     scale: float = 0.25  # shapes in training are scaled by up to this along each axis
-    strangers: float = 0.5  # share of the pairs in training that are made anew, of shapes of two pairs
+    strangers: float = 0.5  # share of new pairs in training, made of shapes of two pairs
     steps: int = 3000  # of training; 0 for as many as its seconds allow
     batch: int = 4  # triplets of a step (released: 16)
     learning_rate: float = 1e-3  # of Adam

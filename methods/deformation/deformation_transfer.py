@@ -1,4 +1,4 @@
-"""Deformation transfer: what each triangle of a template does, the nearest triangles of a character do too."""
+"""Deformation transfer: the deformation of each triangle of a template, applied to triangles of a character."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 @register("method", cite="Sumner and Popović 2004", requires=("scipy", "trimesh"))
 @dataclass(frozen=True)
 class DeformationTransfer:
-    """Deformation gradients of the template's triangles go to the character's, and a Poisson equation joins them.
+    """Transfers deformation gradients of the template's triangles to the character's, joined by a Poisson equation.
 
     After Sumner and Popović 2004. The posed template must be known vertex by vertex (``task.target=corresponding``);
-    for any other target the template is registered to it first, as rigidly as possible, which finds near poses alone.
-    Which triangles correspond is found by bringing the template at rest onto the character with the thin-plate spline
-    of the landmarks, and taking the nearest triangles whose normals agree (the paper fits the meshes to each other,
-    too). Parts of a character that are not connected are joined by weak springs; the paper has none.
+    for any other target the template is registered to it first, as rigidly as possible, which finds only near poses.
+    Corresponding triangles are found by mapping the template at rest onto the character with the thin-plate spline
+    of the landmarks, and taking the nearest triangles whose normals agree (the paper also fits the meshes to each
+    other). Disconnected parts of a character are joined by weak springs; the paper has none.
     """
 
-    partners: int = 3  # triangles of the template whose gradients a triangle of the character takes the mean of
-    registration: Literal["arap", "nonrigid_icp"] = "arap"  # of the template, where its posed vertices are not given
+    partners: int = 3  # triangles of the template whose mean gradient a triangle of the character gets
+    registration: Literal["arap", "nonrigid_icp"] = "arap"  # of the template, if its posed vertices are not given
     reach: float = 0.1  # vertices of different parts within this distance are joined by a spring
     joint: float = 0.1  # the weight of a spring; an edge between regular triangles has 0.58
 
@@ -67,7 +67,7 @@ class DeformationTransfer:
         return welded.mesh(source, Poisson(welded).solve(gradients[partners].mean(axis=1)))
 
     def _posed(self, template: Trimesh, target: Trimesh | PointCloud, run: Run) -> np.ndarray:
-        """Where the template's vertices (v, 3) are in the pose."""
+        """The template's vertices (v, 3) in the pose."""
         if not isinstance(target, PointCloud) and np.array_equal(target.faces, template.faces):
             return np.asarray(target.vertices)
         from .arap import Arap

@@ -1,4 +1,4 @@
-"""Jacobians: a matrix for each face is optimised, and the Poisson equation makes a surface of them."""
+"""Jacobians: a matrix for each face is optimised, and a Poisson equation turns them into a surface."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class Jacobians(Registered):
     Neural Jacobian Fields (Aigerman et al. 2022) predict such matrices by a network; as in TextDeformer (Gao et al.
     2023), here the matrices themselves are optimised, for one pair of shapes. The loss is the Chamfer distance between
     points on the faces and points of the target, plus ``identity`` times the mean of ``|J - I|^2`` over the surface.
-    The descent is smooth in space without a smoothness term, for the Poisson equation spreads each matrix far. It has
-    as many free translations as the mesh has parts, so parts that are near to each other are joined by weak springs of
-    the mean of their matrices (see :class:`.registration.poisson.Poisson`), and one translation is optimised for all.
+    The descent is smooth in space without a smoothness term, because the Poisson equation spreads each matrix far. It
+    has as many free translations as the mesh has parts, so nearby parts are joined by weak springs with the mean of
+    their matrices (see :class:`.registration.poisson.Poisson`), and one translation is optimised for all.
 
-    Normals are not looked at, and every point counts: what the source lacks is grown out of what is nearest to it.
+    Normals are ignored, and every point counts: parts that the source lacks grow out of its nearest parts.
     It runs on the CPU.
     """
 
     steps: int = 200  # of Adam
     rate: float = 0.01  # of Adam; falls to a tenth along a cosine
-    identity: float = 0.03  # weight of |J - I|^2 beside the Chamfer distance, in squared units of the frame
+    identity: float = 0.03  # weight of |J - I|^2 relative to the Chamfer distance, in squared units of the frame
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -72,7 +72,7 @@ class Jacobians(Registered):
             if (loss := distance + float(strain.detach())) < least:
                 best, least = vertices.detach().numpy(), loss
             adam.zero_grad()
-            # The Chamfer distance comes with its derivative by the samples: along it, the first term has the same.
+            # ChamferLoss returns its derivative by the samples: the product with it has the same gradient.
             ((vertices * torch.as_tensor(samples.matrix.T @ pull.numpy())).sum() + strain).backward()
             adam.step()
             falling.step()

@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 @register("method", cite="baseline of Wang et al. 2020", requires=("scipy", "trimesh"))
 @dataclass(frozen=True)
 class NonrigidIcp(Matched):
-    """Rounds of nearest points, and of offsets from the source that lead to them and are smooth, less so each round.
+    """Rounds of nearest points, and of smooth offsets from the source towards them, with decreasing smoothness.
 
-    In the manner of Amberg et al. 2007 (stiffness that falls) and of Huang et al. 2008, which neural cages compare with
+    Similar to Amberg et al. 2007 (decreasing stiffness) and to Huang et al. 2008, the baseline of neural cages
     (Wang et al. 2020; their program has three rounds of fixed smoothing, and a last one). Points on the source are
-    paired with the nearest of the target, and those of the target with the nearest on the source; where the target has
-    normals, normals are to agree. Pairs that are far apart have no partner, most likely, and are trimmed. A round
-    solves for offsets d of the vertices, ``min integral |d - goal|^2 + l^2 |grad d|^2``: what is pulled one way spreads
-    over a length l along the surface, by cotangent weights. Parts of a source that are not connected are joined by weak
+    paired with the nearest of the target, and those of the target with the nearest on the source; if the target has
+    normals, they should agree. Pairs that are far apart probably do not correspond, and are trimmed. A round
+    solves for offsets d of the vertices, ``min integral |d - goal|^2 + l^2 |grad d|^2``: a pull spreads
+    over a length l along the surface, by cotangent weights. Disconnected parts of a source are joined by weak
     springs, so that a chair of separate bars moves as one. After the last round the offsets are smoothed once more.
 
-    Offsets, not rotations, are smooth: it suits targets that are near to the source, in the same pose.
+    Offsets, not rotations, are smooth: the method suits targets near to the source, in the same pose.
     """
 
     rounds: int = 20  # of matching
@@ -60,7 +60,7 @@ class NonrigidIcp(Matched):
             if not run.time_for_more():
                 break
             matrix, right = pulled.round(welded.vertices + offsets)
-            # The unknowns are offsets from the source, and not from the last round: smoothing is not forgotten.
+            # The unknowns are offsets from the source, not from the last round, so that the total offset is smooth.
             factors = Factors(matrix + length**2 * welded.stiffness)
             offsets, done = factors.solve(right - matrix @ welded.vertices), done + 1
             run.progress(done, self.rounds)

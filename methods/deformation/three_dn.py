@@ -1,4 +1,4 @@
-"""3DN: a network that sees both shapes gives each vertex of one its offset."""
+"""3DN: a network predicts the offset of each vertex from both shapes."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ class ThreeDn:
     Ours: narrower layers. The earth mover's distance is that of a Sinkhorn matching of a part of the points (released:
     an approximate matching of all, and of the mirror image too). A mesh and its points have one Chamfer term: the faces
     are so small that points of the deformed mesh are deformed points (released: two, of weights 1 and 0.1). The
-    Laplacian is that of nearest neighbours among points (released: of the mesh). Order counts along the axis of the
-    step alone (released: along all three, which punishes half of all turns). Shapes also meet themselves.
+    Laplacian is that of nearest neighbours among points (released: of the mesh). Order counts only along the axis of
+    the step (released: along all three, which penalises half of all rotations). Shapes are also paired with themselves.
     """
 
     width: float = 0.25  # factor of all channels (released: 1)
     points: int = 512  # of a shape that its encoder sees (released: 2,048); 1,024 at most
-    earth_mover: float = 0.2  # weight of the earth mover's distance, a length, beside the Chamfer distance, a square
+    earth_mover: float = 0.2  # weight of the earth mover's distance, a length, relative to the squared Chamfer distance
     matched: int = 128  # points of that matching
     mirror: float = 0.1  # weight of the Chamfer distance of the mirror image
     plane: Literal["x", "y", "z"] = "x"  # the coordinate that is mirrored
     order: float = 0.1  # weight of the order of points
     laplacian: float = 0.02  # weight of the change of the Laplacian
-    neighbours: int = 8  # whose mean it is relative to
+    neighbours: int = 8  # of a point, for the Laplacian
     scale: float = 0.25  # shapes in training are scaled by up to this along each axis
-    strangers: float = 0.5  # share of the pairs in training that are made anew, of shapes of two pairs
+    strangers: float = 0.5  # share of new pairs in training, made of shapes of two pairs
     steps: int = 3000  # of training; 0 for as many as its seconds allow
     batch: int = 4  # pairs of a step, each in both directions
     learning_rate: float = 1e-3  # of Adam (released: 5e-4)

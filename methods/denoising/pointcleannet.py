@@ -1,4 +1,4 @@
-"""Each point moved by what a network makes of the ball around it."""
+"""Each point moved by the output of a network for the ball around it."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 class Pointcleannet:
     """After PointCleanNet (Rakotosaona et al. 2019), an eighth as wide: 156,456 parameters.
 
-    A ball around each point goes through a network with a rotation and a matrix of its own, which gives the move of its
-    centre. Three passes; after each, the mean move of 100 neighbours is taken off. The loss is 100 times the squared
-    distance to the nearest clean point, and a hundredth part of that to the farthest. ``width=1`` is the published
-    network, of 27,948,248 parameters, which takes an hour for 20,000 points.
+    A network with a point transform (a rotation) and a feature transform (a matrix) maps the ball around each point to
+    the move of its centre. Three passes; after each, the mean move of 100 neighbours is subtracted. The loss is 100
+    times the squared distance to the nearest clean point, plus a hundredth of that to the farthest. ``width=1`` is the
+    published network, of 27,948,248 parameters, which takes an hour for 20,000 points.
 
     Ours: the width, 128 points of a ball (theirs: 500), seen in their principal axes, a move that is added to the one
     onto the ball's plane, channels that are normalised point by point, no activation at the end of the last blocks
     (theirs makes all outputs positive), Adam instead of gradient descent at a rate of 1e-8, and minutes of training.
-    Outliers are not looked for, which is another network of theirs.
+    Outliers are not detected, for which they have another network.
     """
 
     width: float = 0.125  # factor of all widths (theirs: 1)
-    points: int = 128  # of a ball (theirs: 500), a random part where there are more
+    points: int = 128  # of a ball (theirs: 500), a random part if there are more
     radius: float = 0.05  # of a ball, relative to the diagonal of the box
     passes: int = 3
-    correction: int = 100  # neighbours whose mean move is taken off after each pass; 0 for none
+    correction: int = 100  # neighbours whose mean move is subtracted after each pass; 0 for none
     bases: tuple[int, ...] = (20000, 60000)  # points of the clouds in training, the sparsest first
     noise: tuple[float, float] = (0.008, 0.045)  # least and largest in training, relative to the radius of the shape
     steps: int = 5000  # of training; 0 for as many as its seconds allow

@@ -1,4 +1,4 @@
-"""Points moved up the learned gradient of the density that noise made of the surface."""
+"""Points moved along the learned gradient of the density of the noisy surface."""
 
 from __future__ import annotations
 
@@ -23,29 +23,30 @@ class ScoreDenoise:
     """After ScoreDenoise (Luo and Hu 2021): 187,291 parameters; points follow a learned score to the surface.
 
     The paper's: the network (dense edge convolutions on a graph that changes with the features, a residual network
-    conditioned on them), the offset to the surface as what is learned, thirty steps of 0.2 times 0.95 ** t, the mean
+    conditioned on them), the offset to the surface as the learned score, thirty steps of 0.2 times 0.95 ** t, the mean
     score of the four nearest points.
 
-    Ours: the score is what is added to the offset to a local plane, a patch is seen in its principal axes, and channels
-    are normalised point by point, all of which a short training needs. Lengths are in radii of a patch (paper: in that
-    of the cloud), so that the density is not special, and patches have 256 points (paper: 1,000). A point takes its
-    features from the patch in which it is most central, and then all points move together (paper: patch by patch).
-    Places to learn from are also part of the way to the surface; their offsets are to discs around clean points, denser
-    than the input, with exact normals (paper: to clean points). The loss is relative to the noise of a patch.
+    Ours: the network learns a correction of the offset to a local plane, a patch is seen in its principal axes, and
+    channels are normalised point by point, all of which a short training needs. Lengths are in radii of a patch (paper:
+    in that of the cloud), so that the result does not depend on the density, and patches have 256 points (paper:
+    1,000). A point takes its features from the patch in which it is most central, and then all points move together
+    (paper: patch by patch). Training positions also lie part of the way to the surface; their offsets are to discs
+    around clean points, denser than the input, with exact normals (paper: to clean points). The loss is relative to the
+    noise of a patch.
     """
 
-    points: int = 256  # of a patch (Luo and Hu: 1,000); all points where a cloud has fewer
-    neighbours: int = 16  # along whose edges features are made
+    points: int = 256  # of a patch (Luo and Hu: 1,000); all points if a cloud has fewer
+    neighbours: int = 16  # of a point, along whose edges features are computed
     width: int = 128  # channels of the score
     overlap: float = 3.0  # patches that a point is in, on average
-    around: int = 4  # points whose scores a place has the mean of
+    around: int = 4  # nearest points whose mean score a position gets
     iterations: int = 30  # steps of a pass
     step: float = 0.2  # of the score, in the first step
     step_decay: float = 0.95  # factor of it from step to step
-    passes: int = 1  # how often features are made anew of what came out
+    passes: int = 1  # number of passes, each with new features of the previous output
     bases: tuple[int, ...] = (20000, 60000)  # points of the clouds in training, the sparsest first
     noise: tuple[float, float] = (0.008, 0.045)  # least and largest in training, relative to the radius of the shape
-    queries: int = 96  # points of a patch whose score is learned, at four places each
+    queries: int = 96  # points of a patch whose score is learned, at four positions each
     steps: int = 5000  # of training; 0 for as many as its seconds allow
     batch: int = 6  # patches of a step
     learning_rate: float = 1e-3  # of Adam

@@ -6,7 +6,7 @@ from typing import Any
 
 
 def check_training(method: Any) -> None:
-    """Refuse parameters of a training that make no sense.
+    """Refuse invalid parameters of a training.
 
     Raises
     ------

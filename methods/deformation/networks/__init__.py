@@ -1,1 +1,1 @@
-"""The networks that deform, and how shapes are brought to them."""
+"""The networks that deform, and the preparation of shapes for them."""

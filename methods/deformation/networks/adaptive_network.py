@@ -1,4 +1,4 @@
-"""The network of cycle-consistent deformation: a pair of shapes becomes the matrices of layers that move points."""
+"""The network of cycle-consistent deformation: maps a pair of shapes to the matrices of layers that move points."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from ...learned.networks.point_encoder import draw_weights
 from .pointnet import BatchNorm, PointNet, dense, wide
 
 HIDDEN = 6  # layers between the coordinates and the last one
-FARTHEST = 2.0  # how far the last layer reaches, the longest side of a shape being 2
+FARTHEST = 2.0  # range of the last layer; the longest side of a shape is 2
 
 
 class AdaptiveNetwork(nn.Module):
-    """Two encoders, a predictor of matrices from their codes, and seven layers that hold them (Groueix et al. 2019).
+    """Two encoders, a predictor of matrices from their codes, and seven layers that use them (Groueix et al. 2019).
 
-    8,436,117 parameters at width 1, those of the released code that are in use; then 24,972 numbers are predicted for a
+    8,436,117 parameters at width 1, those in use in the released code; then 24,972 numbers are predicted for a
     pair. Channels are normalised over the batch.
 
     Parameters
@@ -24,8 +24,7 @@ class AdaptiveNetwork(nn.Module):
     width : float
         Factor of all channels.
     residual : bool
-        The last layer says where a point moves relative to where it is, and is 0 in the beginning; otherwise it says
-        where it goes.
+        The last layer predicts the displacement of a point, and starts at 0; otherwise it predicts the new position.
     generator : torch.Generator
         The weights are drawn from it, on the CPU.
     """
@@ -57,15 +56,15 @@ class AdaptiveNetwork(nn.Module):
             nn.init.zeros_(layers[-1].linear.bias)
 
     def encode(self, source: Tensor, target: Tensor) -> Tensor:
-        """Point sets (b, n, 3) and (b, m, 3) to the numbers (b, k) that the layers are made of."""
+        """Point sets (b, n, 3) and (b, m, 3) to the numbers (b, k) that define the layers."""
         return self.matrices(self.encoders[0](source), self.encoders[1](target))
 
     def matrices(self, source: Tensor, target: Tensor) -> Tensor:
-        """The same from the codes (b, c) that the two encoders gave."""
+        """The same from the codes (b, c) of the two encoders."""
         return self.predictor(torch.cat([source, target], dim=1))
 
     def forward(self, points: Tensor, code: Tensor) -> Tensor:
-        """Where points (b, n, 3) of the sources move."""
+        """The new positions of points (b, n, 3) of the sources."""
         h = points
         for layer, numbers in zip(self.layers, code.split(self.predicted, dim=1), strict=True):
             h = layer(h, numbers)

@@ -1,4 +1,4 @@
-"""How a network meets a source and a target: each in its own box, the longest side of which is 2."""
+"""The input of a network: a source and a target, each in its own box, the longest side of which is 2."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def deform_by(
     count: int,
     run: Run,
 ) -> Trimesh:
-    """The source with the vertices that a network with the run's weights makes of them.
+    """The source with its vertices deformed by a network with the run's weights.
 
     Parameters
     ----------
     network : with ``encode(source, target)`` of point sets, and ``forward(points, code)``
     source, target : in any frame
-        The network sees both with the box's centre at 0 and a longest side of 2; what it gives is taken back into the
-        target's frame.
+        The network sees both with the box's centre at 0 and a longest side of 2; its output is transformed back into
+        the target's frame.
     count : int
         Points of each that are encoded: random ones of a mesh, and of a cloud that has more.
     run : Run

@@ -1,4 +1,4 @@
-"""The network of ALIGNet in space: two occupied volumes become a grid whose lines never turn back."""
+"""The network of ALIGNet in space: maps two occupancy volumes to a monotone grid."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ...learned.networks.point_encoder import draw_weights
 
 
 class GridNetwork(nn.Module):
-    """Convolutions over both volumes, a narrow layer, and the increments of a control grid (Hanocka et al. 2018).
+    """Convolutions over both volumes, a bottleneck, and the increments of a control grid (Hanocka et al. 2018).
 
-    The released network is of the plane; this one has its order of layers, channels and narrow layer in space, and
-    strides in place of its poolings. The last layer has weights 0 and equal increments in the beginning: the identity.
+    The released network is two-dimensional; this one has its order of layers, channels and bottleneck in space, and
+    strides instead of its poolings. The last layer starts with weights 0 and equal increments: the identity.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class GridNetwork(nn.Module):
     channels : int
         Of the convolutions.
     narrow : int
-        Numbers that the grid is made of.
+        Channels of the bottleneck, from which the grid is made.
     generator : torch.Generator
         The weights are drawn from it, on the CPU.
     """
@@ -49,26 +49,26 @@ class GridNetwork(nn.Module):
         return monotone(self.increments(source, target))
 
     def increments(self, source: Tensor, target: Tensor) -> Tensor:
-        """The distances (b, 3, c, c, c) between neighbours in those grids, before their signs are taken away."""
+        """The distances (b, 3, c, c, c) between neighbours in those grids, before their absolute values are taken."""
         volumes = torch.stack([occupancy(source, self.voxels), occupancy(target, self.voxels)], dim=1)
         h = F.relu(self.narrow(self.convolutions(volumes).flatten(1)))
         return self.last(h).reshape(-1, 3, self.cells, self.cells, self.cells)
 
     def forward(self, points: Tensor, grid: Tensor) -> Tensor:
-        """Where points (b, n, 3) of the sources move."""
+        """The new positions of points (b, n, 3) of the sources."""
         return warp(grid, points)
 
 
 def spacing(cells: int) -> float:
-    """Between neighbours of an even grid over [-1, 1]."""
+    """The distance between neighbours of an even grid over [-1, 1]."""
     return 2 / (cells - 1)
 
 
 def monotone(increments: Tensor) -> Tensor:
     """Positions of a grid: along each axis, the coordinate of that axis is a running sum of absolute increments.
 
-    So a coordinate never falls along its own axis, and a grid line never turns back. (Shears of two axes together may
-    still turn a cell over; the published grid is the same in that.) Increments that are all :func:`spacing` give the
+    So a coordinate never decreases along its own axis, and a grid line never reverses. (Shears of two axes together may
+    still invert a cell, as in the published grid.) If all increments are :func:`spacing`, this is the
     even grid over [-1, 1]^3.
 
     Parameters
@@ -90,7 +90,7 @@ def warp(grid: Tensor, points: Tensor) -> Tensor:
     Parameters
     ----------
     grid : (b, 3, c, c, c) tensor
-        Where the points of an even grid over [-1, 1]^3 move.
+        The new positions of the points of an even grid over [-1, 1]^3.
     points : (b, n, 3) tensor
 
     Returns
@@ -104,7 +104,7 @@ def warp(grid: Tensor, points: Tensor) -> Tensor:
 
 
 def occupancy(points: Tensor, voxels: int) -> Tensor:
-    """Which cells of [-1, 1]^3 hold a point: (b, n, 3) to 0 and 1 in (b, voxels, voxels, voxels)."""
+    """Which cells of [-1, 1]^3 contain a point: (b, n, 3) to 0 and 1 in (b, voxels, voxels, voxels)."""
     cell = ((points + 1) * (voxels / 2)).long().clamp(0, voxels - 1)
     number = (cell[:, :, 0] * voxels + cell[:, :, 1]) * voxels + cell[:, :, 2]
     volume = points.new_zeros(len(points), voxels**3).scatter(1, number, 1.0)

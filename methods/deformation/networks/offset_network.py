@@ -1,4 +1,4 @@
-"""The network of 3DN: the codes of both shapes and a point become the offset of the point."""
+"""The network of 3DN: maps the codes of both shapes and a point to the offset of the point."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from .pointnet import PointNet, draw_balanced, wide
 
 
 class OffsetNetwork(nn.Module):
-    """Two encoders, and three decoders of which each folds what the one before it gave (Wang et al. 2019).
+    """Two encoders, and three decoders, each of which folds the output of the one before (Wang et al. 2019).
 
-    8,046,089 parameters at width 1, as released but for the batch normalisation, which is left out. The first decoder
-    sees the coordinates of a point, the second the three numbers of the first, the third those of both; each sees the
-    codes of the two shapes. The last layer is 0 in the beginning, so that training begins with the identity.
+    8,046,089 parameters at width 1, as released except for the batch normalisation, which is omitted. The input of the
+    first decoder are the coordinates of a point, of the second the three numbers of the first, of the third those of
+    both; each also gets the codes of the two shapes. The last layer starts at 0, so that training starts at the
+    identity.
 
     Parameters
     ----------
@@ -43,14 +44,14 @@ class OffsetNetwork(nn.Module):
         return torch.cat([self.encoders[0](source), self.encoders[1](target)], dim=1)
 
     def forward(self, points: Tensor, code: Tensor) -> Tensor:
-        """Where points (b, n, 3) of the sources move."""
+        """The new positions of points (b, n, 3) of the sources."""
         first, second, third = self.folds
         once = first(points, code)
         return points + third(torch.cat([second(once, code), once], dim=2), code)
 
 
 class _Fold(nn.Module):
-    """Three layers on (x, code); what the code contributes to the first one is the same for all points of a shape."""
+    """Three layers on (x, code); the part of the code in the first layer is the same for all points of a shape."""
 
     def __init__(self, inputs: int, code: int, width: float):
         super().__init__()

@@ -1,4 +1,4 @@
-"""A set of points to one code: layers on each point, and the largest of each channel."""
+"""Encodes a set of points: layers on each point, and the maximum of each channel."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class PointNet(nn.Module):
         self.layers = nn.Sequential(*(layers if last else layers[:-1]))
 
     def forward(self, points: Tensor) -> Tensor:
-        """The code of each set; no order of the points matters."""
+        """The code of each set; the order of the points does not matter."""
         return self.layers(points).amax(1)
 
 
 def dense(inputs: int, outputs: int, normalised: bool) -> nn.Sequential:
-    """A linear layer on the last axis, its normalisation where there is one, and a relu."""
+    """A linear layer on the last axis, an optional normalisation, and a relu."""
     return nn.Sequential(nn.Linear(inputs, outputs), *([BatchNorm(outputs)] if normalised else []), nn.ReLU())
 
 
@@ -44,7 +44,7 @@ class BatchNorm(nn.BatchNorm1d):
 
 
 def wide(channels: int, width: float) -> int:
-    """So many channels of a published layer, at least two."""
+    """The scaled number of channels of a published layer, at least two."""
     return max(2, round(channels * width))
 
 

@@ -1,1 +1,1 @@
-"""A source that is fitted to a target: welded meshes, springs, nearest points, linear systems."""
+"""Fitting a source to a target: welded meshes, springs, nearest points, linear systems."""

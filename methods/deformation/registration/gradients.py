@@ -1,4 +1,4 @@
-"""What each triangle of a mesh does, and which triangles of two meshes correspond."""
+"""Deformation gradients of triangles, and corresponding triangles of two meshes."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from scipy.spatial import cKDTree
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-LOOKED_AT = 24  # nearest triangles among which the normals are to agree
+LOOKED_AT = 24  # nearest triangles among which those with agreeing normals are chosen
 
 
 def deformation_gradients(before: np.ndarray, after: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The matrices (f, 3, 3) that take a triangle's edges, and its normal, to those after (Sumner and Popović 2004).
+    """The matrices (f, 3, 3) that map a triangle's edges, and its normal, to those after (Sumner and Popović 2004).
 
-    The normal has the length of the square root of twice the area, so that it grows as the edges do. Triangles without
-    area have the identity.
+    The length of the normal is the square root of twice the area, so that it scales with the edges. Triangles without
+    area get the identity.
 
     Parameters
     ----------
@@ -43,10 +43,10 @@ def _frames(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def corresponding_faces(
     template: Trimesh, there: np.ndarray, here: np.ndarray, vertices: np.ndarray, faces: np.ndarray, count: int
 ) -> np.ndarray:
-    """For each face of a character the ``count`` faces of the template that are the nearest and look the same way.
+    """For each face of a character the ``count`` nearest faces of the template with agreeing normals.
 
-    The thin-plate spline that takes the landmarks ``there`` (l, 3) to ``here`` (l, 3) brings the template onto the
-    character first. Where too few normals agree, the nearest faces are taken whatever their normals.
+    First the thin-plate spline that maps the landmarks ``there`` (l, 3) to ``here`` (l, 3) maps the template onto the
+    character. If too few normals agree, the nearest faces are taken with any normals.
 
     Returns
     -------

@@ -14,18 +14,18 @@ CLEARLY = 0.9  # times as far
 
 @dataclass(frozen=True)
 class Matching:
-    """How points are matched.
+    """The rule for matching points.
 
     Parameters
     ----------
     normal_scale : float
-        Two opposite normals are as far apart as points at twice this distance: nearest are points by
-        ``|p - q|^2 + normal_scale^2 |n - m|^2``. 0 to look at places alone.
+        Two opposite normals are as far apart as points at twice this distance: nearest points are those of least
+        ``|p - q|^2 + normal_scale^2 |n - m|^2``. 0 to ignore normals.
     trim : float
         Pairs farther apart than this many times the median of their direction are left out.
     sliding : float
-        From 0 to 1, how much of the way along the target's surface is left out of a goal: with 1 only the distance to
-        its tangent plane counts, where there are normals.
+        From 0 to 1, the share of the tangential displacement that is left out of a goal: with 1 only the distance to
+        the target's tangent plane counts, if there are normals.
     """
 
     normal_scale: float
@@ -33,7 +33,7 @@ class Matching:
     sliding: float
 
     def goals(self, points: np.ndarray, normals: np.ndarray, target: PointCloud) -> tuple[np.ndarray, np.ndarray]:
-        """Where each sample of a mesh is pulled to, and how strongly.
+        """The goal of each sample of a mesh, and its weight.
 
         Parameters
         ----------
@@ -43,8 +43,8 @@ class Matching:
         Returns
         -------
         goals : (s, 3) array
-            The weighted mean of the partners: the nearest point of the target, and those points of the target that the
-            sample is the nearest of.
+            The weighted mean of the partners: the nearest point of the target, and those points of the target whose
+            nearest sample this is.
         weights : (s,) array
             1 / s for the first and 1 / len(target) for each of the second; 0 without partner.
         """
@@ -68,7 +68,7 @@ class Matching:
         return points + np.divide(total, weights[:, None], out=total, where=weights[:, None] > 0), weights
 
     def sign(self, points: np.ndarray, normals: np.ndarray, target: PointCloud) -> int:
-        """-1 for a mesh that is clearly inside out: with its normals turned it is nearer to the target. Else 1."""
+        """-1 for a mesh that is clearly inside out: with flipped normals it is nearer to the target. Otherwise 1."""
         if target.normals is None or not self.normal_scale:
             return 1
         tree = cKDTree(self._place(target.points, target.normals, target))
@@ -76,8 +76,8 @@ class Matching:
         return -1 if against < CLEARLY * along else 1
 
     def _place(self, points: np.ndarray, normals: np.ndarray | None, target: PointCloud) -> np.ndarray:
-        """Points (n, 3), or (n, 6) with their normals where the target has some and they count."""
+        """Points (n, 3), or (n, 6) with their normals if the target has normals and they count."""
         if target.normals is None or not self.normal_scale:
             return points
-        assert normals is not None  # of both shapes, or they do not count
+        assert normals is not None  # normals count only if both shapes have them
         return np.hstack([points, self.normal_scale * normals])

@@ -16,16 +16,16 @@ from .welded import LEAST, Welded, signed_ends
 
 
 class Poisson:
-    """The vertices whose edges come nearest to what matrices J_f make of the source's edges.
+    """The vertices whose edges are nearest to the source's edges transformed by matrices J_f.
 
-    ``sum_f sum_(i, j in f) c_fij |(x_i - x_j) - J_f (p_i - p_j)|^2`` is made least, with c half the cotangent of the
+    They minimise ``sum_f sum_(i, j in f) c_fij |(x_i - x_j) - J_f (p_i - p_j)|^2``, with c half the cotangent of the
     angle of f opposite to the edge: the Dirichlet energy of Yu et al. 2004, as in Neural Jacobian Fields (Aigerman et
-    al. 2022). It leaves each part of a mesh free to be moved, so the springs between parts are added,
-    ``w |(x_i - x_j) - (J_i + J_j) / 2 (p_i - p_j)|^2`` with J_i the mean of J over the faces around i by area. All is
-    connected then, and only the centroid is left to choose. Where all J are equal, the result is that
-    linear map of the source, gaps between parts included.
+    al. 2022). It leaves the translation of each part of a mesh free, so the springs between parts are added,
+    ``w |(x_i - x_j) - (J_i + J_j) / 2 (p_i - p_j)|^2`` with J_i the mean of J over the faces around i by area. The mesh
+    is then connected, and only the centroid is free. If all J are equal, the result is that
+    linear map of the source, including gaps between parts.
 
-    Edges of slivers have the small constant c = 0.01 instead: their cotangents have no bound.
+    Edges of slivers have the small constant c = 0.01 instead: their cotangents are unbounded.
 
     Parameters
     ----------
@@ -43,11 +43,11 @@ class Poisson:
         mean = abs(signed_ends(welded.springs, len(V))).T @ _around_vertices(welded) / 2
         used = vstack([own, mean], format="csr")  # the matrix of each edge, as a mean of those of faces
         rest = ends.T @ V
-        # Row 3 f + b of the unknowns is what J_f makes of axis b.
+        # Row 3 f + b of the unknowns is the image of axis b under J_f.
         made = sum(kron(diags_array(rest[:, b]) @ used, np.eye(3)[[b]]) for b in range(3))
         self._divergence = csr_array(ends @ weights @ made)
         matrix = csr_array(ends @ weights @ ends.T)
-        # Vertex 0 is held at the origin. That takes no force, for the right sides sum to zero.
+        # Vertex 0 is fixed at the origin. That needs no force, because the right sides sum to zero.
         held = np.zeros(len(V))
         held[0] = matrix.diagonal().mean()
         self._factors = Factors(matrix + diags_array(held))
@@ -63,7 +63,7 @@ class Poisson:
         return vertices - self.centroid(vertices)
 
     def pull_back(self, gradient: np.ndarray) -> np.ndarray:
-        """The gradient (f, 3, 3) by the matrices of what has a gradient (n, 3) by the vertices."""
+        """The gradient (f, 3, 3) by the matrices, from the gradient (n, 3) by the vertices."""
         balanced = gradient - self._share[:, None] * gradient.sum(axis=0)
         columns = self._divergence.T @ self._factors.solve(balanced)
         return np.swapaxes(columns.reshape(-1, 3, 3), 1, 2)
@@ -95,7 +95,7 @@ def _half_cotangents(V: np.ndarray, F: np.ndarray) -> np.ndarray:
 
 
 def _around_vertices(welded: Welded) -> csr_array:
-    """The (n, f) matrix that takes values of faces to their means around vertices, by area."""
+    """The (n, f) matrix that maps values of faces to their means around vertices, by area."""
     count = len(welded.faces)
     least = 1e-6 * welded.areas.mean()  # a vertex may have nothing but faces without area
     entries = np.repeat(np.maximum(welded.areas, least), 3)

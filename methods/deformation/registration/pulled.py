@@ -11,7 +11,7 @@ from .nearest import Matching
 from .samples import Samples
 from .welded import Welded
 
-ANCHOR = 1e-9  # of the mass, holds what nothing pulls
+ANCHOR = 1e-9  # of the mass: fixes vertices without any pull
 
 
 class Pulled:
@@ -25,7 +25,7 @@ class Pulled:
         self.welded = welded
         self._samples, self._cloud, self._matching = samples, cloud, matching
         area = welded.areas.sum()
-        # Vertices without area get some: the matrix is to be definite.
+        # Vertices without area get some, so that the matrix is definite.
         self.masses = diags_array(np.maximum(welded.masses, 1e-3 * area / len(welded.vertices)))
         self._area = area
         points, normals = samples.matrix @ welded.vertices, samples.normals(welded.vertices)
@@ -34,8 +34,7 @@ class Pulled:
     def round(self, moved: np.ndarray) -> tuple[csr_array, np.ndarray]:
         """Goals for the mesh at vertices (n, 3); H (n, n) and r (n, 3) of the energy ``x . H x / 2 - r . x + ...``.
 
-        The factor of two that both have is left out of both. H is positive definite, if barely: what nothing pulls is
-        held where it is.
+        The common factor of two is omitted. H is positive definite, if barely: vertices without any pull do not move.
         """
         normals = self._sign * self._samples.normals(moved)
         goals, weights = self._matching.goals(self._samples.matrix @ moved, normals, self._cloud)

@@ -1,4 +1,4 @@
-"""Parameters and first steps that the methods share: a welded source with samples, and the points of the target."""
+"""Common parameters and first steps of the methods: a welded source with samples, and the points of the target."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ class Registered:
 
 @dataclass(frozen=True)
 class Matched(Registered):
-    """It is fitted in rounds, each to goals by nearest points in both directions."""
+    """A source is fitted in rounds, each to goals by nearest points in both directions."""
 
     normal_scale: float = (
-        0.1  # opposite normals are as far apart as points at twice this distance; 0: only places count
+        0.1  # opposite normals are as far apart as points at twice this distance; 0: normals are ignored
     )
-    trim: float = 4.0  # pairs farther apart than so many times the median are left out
-    sliding: float = 0.5  # part of the way along the target's surface that is left out of a goal, 0 to 1
+    trim: float = 4.0  # pairs farther apart than this many times the median are left out
+    sliding: float = 0.5  # share of the tangential displacement that is left out of a goal, 0 to 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -73,13 +73,13 @@ class Matched(Registered):
             raise ValueError(f"sliding: expected 0 to 1, got {self.sliding}")
 
     def matching(self) -> Matching:
-        """How points are matched."""
+        """The rule for matching points."""
         from .nearest import Matching
 
         return Matching(self.normal_scale, self.trim, self.sliding)
 
     def pulled(self, source: Trimesh, target: Trimesh | PointCloud, run: Run) -> Pulled:
-        """The source, with what pulls it to the target."""
+        """The source, with the energy that pulls it to the target."""
         from .pulled import Pulled
 
         return Pulled(*self.begin(source, target, run), self.matching())

@@ -1,4 +1,4 @@
-"""As rigid as possible: the energy of a mesh's links, and the rotations that make it least."""
+"""As rigid as possible: the energy of a mesh's links, and the rotations that minimise it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .welded import signed_ends
 class Rigidity:
     """``sum_i sum_j w_ij |(x_i - x_j) - R_i (p_i - p_j)|^2``, the energy of Sorkine and Alexa 2007 (Eq. 3).
 
-    The inner sum is over all links of vertex i, so each link counts twice. A turned and moved mesh costs nothing.
+    The inner sum is over all links of vertex i, so each link counts twice. Rigid motions have energy 0.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class Rigidity:
         self._links, self._rest = links, self._ends.T @ vertices
 
     def rotations(self, moved: np.ndarray) -> np.ndarray:
-        """(n, 3, 3) rotations that make the energy least for moved vertices (n, 3), Eq. 6; none is a reflection."""
+        """(n, 3, 3) rotations that minimise the energy for moved vertices (n, 3), Eq. 6; none is a reflection."""
         now = self._ends.T @ moved
         outer = self._weights[:, None, None] * self._rest[:, :, None] * now[:, None, :]
         covariance = (self._sums @ outer.reshape(-1, 9)).reshape(-1, 3, 3)
@@ -53,10 +53,10 @@ def nearest_rotations(covariance: np.ndarray) -> np.ndarray:
 
 
 def moved_rigidly(vertices: np.ndarray, matrix: csr_array, right: np.ndarray) -> np.ndarray:
-    """Vertices (n, 3) under the rigid motion that makes ``x . H x / 2 - r . x`` least.
+    """Vertices (n, 3) under the rigid motion that minimises ``x . H x / 2 - r . x``.
 
     With H the (n, n) ``matrix`` and r the ``right`` side (n, 3). H is a sum of outer products of barycentric
-    coordinates, so that ``sum_s w_s |x_s - g_s|^2`` is meant: what the Procrustes problem needs is in H and r.
+    coordinates, so this is ``sum_s w_s |x_s - g_s|^2``: H and r contain all terms of the Procrustes problem.
     """
     pulled = matrix @ vertices
     total, center, goal = float(matrix.sum()), pulled.sum(axis=0), right.sum(axis=0)

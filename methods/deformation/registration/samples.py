@@ -35,7 +35,7 @@ class Samples:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator):
         area = np.linalg.norm(_area_vectors(vertices, faces), axis=1)
-        # One random shift of evenly spaced numbers, and not independent ones: no part gets too few by accident.
+        # One random shift of evenly spaced numbers, not independent ones: no part gets too few by chance.
         heights = (np.arange(count) + rng.random()) / count * area.sum()
         self.faces = np.minimum(np.searchsorted(np.cumsum(area), heights, side="right"), np.flatnonzero(area)[-1])
         u, v = rng.random((2, count))
@@ -59,7 +59,7 @@ def _area_vectors(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def points_of(target: Trimesh | PointCloud, count: int, rng: np.random.Generator) -> PointCloud:
-    """At most ``count`` points of a cloud, drawn at random, or so many of a mesh with the normals of its faces.
+    """At most ``count`` points of a cloud, drawn at random, or ``count`` of a mesh with the normals of its faces.
 
     Raises
     ------

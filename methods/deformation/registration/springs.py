@@ -1,4 +1,4 @@
-"""Weak springs that hold the separate parts of a mesh in their places."""
+"""Weak springs that hold the separate parts of a mesh together."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-TIES = 8  # springs of a part that is near to no other
+TIES = 8  # springs of a part that is not near to any other
 
 
 def parts_of(edges: np.ndarray, count: int) -> np.ndarray:
-    """(count,) int array: the connected part of each of so many vertices, by edges (e, 2)."""
+    """(count,) int array: the connected component of each of ``count`` vertices, by edges (e, 2)."""
     ones = np.ones(len(edges))
     return connected_components(coo_array((ones, tuple(edges.T)), shape=(count, count)), directed=False)[1]
 
 
 def springs_between(vertices: np.ndarray, parts: np.ndarray, reach: float) -> np.ndarray:
-    """Pairs of vertices of different parts that are near to each other: an (s, 2) int array.
+    """Pairs of nearby vertices of different parts: an (s, 2) int array.
 
     Each part is thinned to one vertex in a cell of half the reach, so that the number of springs of a joint depends on
-    its size and not on how finely it is meshed. Parts that are joined to nothing, nor to the largest piece through
-    others, are tied to it by the nearest of their vertices: with the springs, all is connected.
+    its size and not on the resolution of the mesh. Parts that are not joined to the largest piece, even through
+    others, are tied to it by the nearest of their vertices: with the springs, the mesh is connected.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def springs_between(vertices: np.ndarray, parts: np.ndarray, reach: float) -> np
     thinned = np.unique(cells, axis=0, return_index=True)[1]
     pairs = thinned[cKDTree(vertices[thinned]).query_pairs(reach, output_type="ndarray")]
     pairs = np.sort(pairs[parts[pairs[:, 0]] != parts[pairs[:, 1]]], axis=1)
-    pairs = pairs[np.lexsort(pairs.T[::-1])]  # the tree promises no order
+    pairs = pairs[np.lexsort(pairs.T[::-1])]  # the tree does not guarantee an order
     pieces = parts_of(parts[pairs], int(parts.max()) + 1)[parts]
     return np.concatenate([pairs, *_ties(vertices, pieces)])
 

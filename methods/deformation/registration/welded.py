@@ -1,4 +1,4 @@
-"""A source mesh without its accidents: copies of vertices welded, unused ones left out, parts joined by springs."""
+"""A cleaned source mesh: duplicate vertices welded, unused ones removed, parts joined by springs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Welded:
     Parameters
     ----------
     source : Trimesh
-        With duplicate or unused vertices, separate parts and slivers as they come.
+        May have duplicate or unused vertices, separate parts and slivers.
     reach : float
         Vertices of different parts within this distance have springs.
     spring : float
@@ -41,8 +41,8 @@ class Welded:
     parts : (n,) int array
         The connected part of each vertex, without springs.
     edges, weights : (e, 2) int array, (e,) array
-        Each edge once, and half the sum of the cotangents of the angles opposite to it, held between 0.01 and 100:
-        obtuse angles make it negative, and slivers have none.
+        Each edge once, and half the sum of the cotangents of the angles opposite to it, clamped to 0.01 to 100:
+        obtuse angles make it negative, and for slivers it is undefined.
     springs : (s, 2) int array
         See :func:`.springs.springs_between`.
 
@@ -96,7 +96,7 @@ class Welded:
         return np.bincount(self.faces.reshape(-1), np.repeat(self.areas / 3, 3), len(self.vertices))
 
     def mesh(self, source: Trimesh, moved: np.ndarray) -> Trimesh:
-        """A copy of the source at the moved vertices (n, 3); a vertex that no face uses goes along with the nearest."""
+        """A copy of the source at the moved vertices (n, 3); a vertex that no face uses moves with the nearest."""
         vertices = self._given.copy()
         vertices[self._used] = moved[self._number]
         unused = np.setdiff1d(np.arange(len(vertices)), self._used)

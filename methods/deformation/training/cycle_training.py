@@ -1,4 +1,4 @@
-"""The training of adaptive layers: triplets of shapes, and ways around them that end where they began."""
+"""The training of adaptive layers: triplets of shapes, and cycles through them that end at their start."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class CycleTraining(PairTraining):
         return self.network(shapes[:, froms].flatten(0, 1), code).reshape(count, len(WAYS), *shapes.shape[2:])
 
     def _known(self, points: Tensor, rng: np.random.Generator) -> Tensor:
-        """The mean squared error of deformations that are known: of shapes (b, n, 3) to scaled ones, and back."""
+        """The mean squared error of known deformations: of shapes (b, n, 3) to scaled ones, and back."""
         factors = rng.uniform(1 - self.plan.scale, 1 + self.plan.scale, (len(points), 1, 3)).astype(np.float32)
         other = points * torch.from_numpy(factors).to(points)
         source, target = torch.cat([points, other]), torch.cat([other, points])
@@ -59,10 +59,10 @@ class CycleTraining(PairTraining):
 
 
 class Cycles:
-    """Ways around a triplet of shapes: a deformed point goes on from the nearest point of the shape that it came to.
+    """Cycles through a triplet of shapes: a deformed point continues from the nearest point of the shape it reached.
 
-    Those points are found without a derivative, so that only the last deformation of a way learns from it, as in the
-    released code.
+    Those points are found without a derivative, so that only the last deformation of a cycle is trained by it, as in
+    the released code.
 
     Parameters
     ----------
@@ -70,18 +70,18 @@ class Cycles:
     moved : (b, 6, n, 3) tensor
         The deformations of :data:`WAYS`.
     nearest : (b, 6, n) int64 tensor
-        Of each of their points, the nearest point of the shape that they are to become.
+        The nearest point of the target shape for each of their points.
     """
 
     def __init__(self, shapes: Tensor, moved: Tensor, nearest: Tensor):
         self.shapes, self.moved, self.nearest = shapes, moved, nearest
 
     def of_two(self) -> Tensor:
-        """The mean squared distance from where ways there and back began to where they end."""
+        """The mean squared distance between start and end of cycles through two shapes."""
         return reduce(add, (self._error(i, j, self._at(i, j)) for i, j in WAYS)) / len(WAYS)
 
     def of_three(self) -> Tensor:
-        """The same of ways over both other shapes."""
+        """The same for cycles through all three shapes."""
         ways = ((i, k, self._at(j, k).gather(1, self._at(i, j))) for i, j, k in CIRCLES)
         return reduce(add, (self._error(*way) for way in ways)) / len(CIRCLES)
 
@@ -89,5 +89,5 @@ class Cycles:
         return self.nearest[:, WAYS.index((i, j))]
 
     def _error(self, i: int, last: int, index: Tensor) -> Tensor:
-        """Of ways that began at all points of shape i, and are at those points (b, n) of the last shape."""
+        """The error of cycles that start at all points of shape i, and are at points (b, n) of the last shape."""
         return squared(taken(self.moved[:, WAYS.index((last, i))], index), self.shapes[:, i])

@@ -1,4 +1,4 @@
-"""The training of control grids: points that are to meet, and grids that are even."""
+"""The training of control grids: alignment of points, and evenness of grids."""
 
 from __future__ import annotations
 

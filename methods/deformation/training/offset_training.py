@@ -11,7 +11,7 @@ from .pair_training import PairTraining, crossed
 from .terms import chamfer, earth_mover, laplacian_change, squared
 
 STEP = 0.005  # between two points that must keep their order
-PART = 128  # points that stand for all in the terms of order and of shape
+PART = 128  # points that represent all in the terms of order and of shape
 AXES = "xyz"
 
 
@@ -39,7 +39,7 @@ class OffsetTraining(PairTraining):
         return loss
 
     def _disorder(self, points: Tensor, moved: Tensor, code: Tensor, rng: np.random.Generator) -> Tensor:
-        """How far a small step along an axis goes back along it, summed over three axes and both ways in the mean.
+        """How far a small step along an axis is reversed, summed over three axes and averaged over both directions.
 
         Each point takes one random step of the six.
         """

@@ -1,4 +1,4 @@
-"""What the trainings of deforming networks share: pairs in both directions, and of shapes with themselves."""
+"""The common part of trainings of deforming networks: pairs in both directions, and of shapes with themselves."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ AT_ONCE = 8  # of them
 
 
 class Batch(NamedTuple):
-    """Points of shapes: what moves, what the encoders see of it, and what it is to become; each (b, n, 3)."""
+    """Points of shapes: those that move, those for the encoders, and those of the target; each (b, n, 3)."""
 
     source: Tensor
     target: Tensor
     own: int
-    """how many of them, the last, are to become themselves: there the points of source and target correspond"""
+    """how many of them, the last, are paired with themselves: there the points of source and target correspond"""
     seen: Tensor
-    """of the targets: where they are the sources themselves, other points of those"""
+    """of the targets; other points of the sources if these are paired with themselves"""
 
 
 class PairTraining(DecayingTraining):
-    """Base of the trainings: a subclass has the terms of the loss.
+    """Base of the trainings: a subclass defines the terms of the loss.
 
     Parameters
     ----------
     network : Module with ``encode(source, target)`` and ``forward(points, code)``
     examples : mapping
-        What :func:`.pairs.pairs_of` made.
+        Of :func:`.pairs.pairs_of`.
     plan : the method
         Its fields are ``points``, ``batch``, ``scale``, ``strangers``, ``steps``, ``learning_rate``, ``decay``, and the
         weights of the terms.
     run : Run
     """
 
-    shapes: ClassVar[int] = 2  # that are drawn together
+    shapes: ClassVar[int] = 2  # number of shapes that are drawn together
 
     def __init__(self, network: nn.Module, examples: Mapping[str, np.ndarray], plan: Any, run: Run):
         self.network, self.plan, self.run = network, plan, run
@@ -57,7 +57,7 @@ class PairTraining(DecayingTraining):
         Parameters
         ----------
         shapes : (count, :attr:`shapes`, n, 3) tensor
-            Each n is twice the points that move: the second half is for the encoders of shapes that meet themselves.
+            Each n is twice the points that move: the second half is for the encoders of shapes paired with themselves.
         rng : numpy Generator
         done : float
             Progress of the training, from 0 to 1.
@@ -71,7 +71,7 @@ class PairTraining(DecayingTraining):
 
     @torch.no_grad()
     def validate(self) -> float:
-        """The loss of held-out pairs, as it counts at the end of the training."""
+        """The loss of held-out pairs, with the weights of the end of the training."""
         self.network.eval()
         rng, losses = step_generator(self.run.seed, 0, "validation"), []
         for _ in range(VALIDATED // AT_ONCE):

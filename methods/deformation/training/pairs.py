@@ -47,13 +47,13 @@ def pairs_of(data: TrainingData, run: Run, count: int = COUNT) -> dict[str, np.n
 
 
 class Pairs:
-    """What :func:`pairs_of` made, in part.
+    """A part of the examples of :func:`pairs_of`.
 
     Parameters
     ----------
     examples : mapping
     held_out : bool
-        Take the last tenth of the pairs, at least one; otherwise the others (all, where there is but one).
+        Take the last tenth of the pairs, at least one; otherwise the others (all, if there is only one).
     """
 
     def __init__(self, examples: Mapping[str, np.ndarray], held_out: bool = False):
@@ -63,7 +63,7 @@ class Pairs:
     def draw(
         self, count: int, points: int, scale: float, strangers: float, rng: np.random.Generator, shapes: int = 2
     ) -> np.ndarray:
-        """Points of shapes that are to be deformed to each other, each scaled along its axes and put in its box again.
+        """Points of shapes to be deformed to each other, each scaled along its axes and fitted to its box again.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class Pairs:
         points : int
             Of each shape, at most.
         scale : float
-            Factors are from 1 - scale to 1 + scale, apart for each shape and axis.
+            Factors are from 1 - scale to 1 + scale, independent for each shape and axis.
         strangers : float
             Share of the pairs whose second shape is any shape of another pair.
         rng : numpy Generator
@@ -92,7 +92,7 @@ class Pairs:
         return np.array(drawn, dtype=np.float32)
 
     def _other(self, pair: int, rng: np.random.Generator) -> tuple[int, int]:
-        """A shape of another pair, or of the only one."""
+        """A shape of another pair, or of the same one if there is no other."""
         step = int(rng.integers(1, len(self._points))) if len(self._points) > 1 else 0
         return (pair + step) % len(self._points), int(rng.integers(2))
 

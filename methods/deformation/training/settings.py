@@ -10,7 +10,7 @@ MOST = COUNT // 2  # points: a training has two samples of each shape
 
 
 def check_training(method: Any) -> None:
-    """Refuse parameters of a training that make no sense.
+    """Refuse invalid parameters of a training.
 
     Raises
     ------

@@ -1,11 +1,11 @@
-"""Terms of the losses, of sets of points (b, n, 3) that are deformed, and of those that they are to become."""
+"""Terms of the losses, for sets of deformed points (b, n, 3) and their targets."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor
 
-EXACT = "donot_use_mm_for_euclid_dist"  # the other way is off by 5e-4 in float32
+EXACT = "donot_use_mm_for_euclid_dist"  # the other mode has an error of 5e-4 in float32
 
 
 @torch.no_grad()
@@ -13,7 +13,7 @@ def matches(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     """The nearest of b (k, m, 3) for each point of a (k, n, 3), and the reverse: (k, n) and (k, m) indices."""
     sizes = a.square().sum(2), b.square().sum(2)
     to_b, to_a = [], []
-    # Set by set, and each direction anew: one table of distances stays in the processor's cache.
+    # Set by set, and again for each direction: one table of distances stays in the processor's cache.
     for one, other, own, others in zip(a, b, *sizes, strict=True):
         to_b.append(torch.addmm(others, one, other.t(), alpha=-2).argmin(1))
         to_a.append(torch.addmm(own, other, one.t(), alpha=-2).argmin(1))
@@ -32,20 +32,20 @@ def chamfer(a: Tensor, b: Tensor) -> Tensor:
 
 
 def squared(a: Tensor, b: Tensor) -> Tensor:
-    """The mean of |a - b|^2 over points that correspond: a scalar."""
+    """The mean of |a - b|^2 over corresponding points: a scalar."""
     return (a - b).square().sum(2).mean()
 
 
 def distance(a: Tensor, b: Tensor) -> Tensor:
-    """The mean of |a - b| over points that correspond: a scalar, whose derivative at 0 is 0."""
+    """The mean of |a - b| over corresponding points: a scalar, whose derivative at 0 is 0."""
     return (a - b).square().sum(2).clamp_min(1e-12).sqrt().mean() - 1e-6
 
 
 def earth_mover(a: Tensor, b: Tensor, rounds: int = 20) -> Tensor:
-    """The least mean distance over which the mass of one set comes to the other, nearly: a scalar.
+    """The approximate earth mover's distance, the least mean distance of a transport between both sets: a scalar.
 
-    By Sinkhorn's iterations (Cuturi 2013) between uniform masses, regularised less and less, down to a hundredth of the
-    mean distance; the transport that they find is a constant to the derivative. About 0 for sets that are equal.
+    By Sinkhorn's iterations (Cuturi 2013) between uniform masses, with decreasing regularisation, down to a hundredth
+    of the mean distance; the transport counts as constant in the derivative. About 0 for equal sets.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def earth_mover(a: Tensor, b: Tensor, rounds: int = 20) -> Tensor:
         cost = lengths / lengths.mean((1, 2), keepdim=True).clamp_min(1e-12)
         u = v = cost.new_zeros(cost.shape[:2])
         for regular in torch.logspace(0, -2, rounds).tolist():
-            # In units of the cost, so that potentials stay when the regularisation falls.
+            # In units of the cost, so that potentials remain valid when the regularisation falls.
             u = -regular * ((v[:, None] - cost) / regular).logsumexp(2)
             v = -regular * ((u[:, :, None] - cost) / regular).logsumexp(1)
         transport = ((u[:, :, None] + v[:, None] - cost) / regular).exp()
@@ -70,9 +70,9 @@ def laplacian_change(before: Tensor, after: Tensor, centers: int, neighbours: in
     Parameters
     ----------
     before, after : (b, n, 3) tensors
-        Points that correspond.
+        Corresponding points.
     centers : int
-        Of the points, the first so many count.
+        The number of points used, the first ones.
     neighbours : int
         Of each.
     """

@@ -1,4 +1,4 @@
-"""A patch to the displacement of its central point."""
+"""The network of PointCleanNet: maps a patch to the displacement of its central point."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from torch.nn import functional as F
 
 from .score_network import draw
 
-NEAR = 0.4  # radii of a patch: the deviation of the weights of its points, for the plane
+NEAR = 0.4  # radii of a patch: the standard deviation of the weights of its points, for the plane
 
 
 class Block(nn.Module):
-    """Two normalised layers and a shortcut, which is a normalised layer too where the width changes.
+    """Two normalised layers and a shortcut, which is a normalised layer too if the width changes.
 
     Parameters
     ----------
     inputs, outputs : int
     bare : bool
-        Without the activation at the end, and with outputs that are not normalised but begin as 0.
+        Without the final activation, and with outputs that are not normalised but start at 0.
     """
 
     def __init__(self, inputs: int, outputs: int, bare: bool = False):
@@ -36,7 +36,7 @@ class Block(nn.Module):
 
 
 class Normalised(nn.Module):
-    """A layer whose channels are normalised, or only scaled and shifted where they are numbers with a meaning."""
+    """A layer whose channels are normalised, or, for outputs with a geometric meaning, only scaled and shifted."""
 
     def __init__(self, inputs: int, outputs: int, scaled: bool = False):
         super().__init__()
@@ -49,7 +49,7 @@ class Normalised(nn.Module):
 
 
 class Scaled(nn.Module):
-    """A factor and a shift for each channel, which begin as 0."""
+    """A factor and a shift for each channel, which start at 0."""
 
     def __init__(self, channels: int):
         super().__init__()
@@ -61,7 +61,7 @@ class Scaled(nn.Module):
 
 
 class Pooled(nn.Module):
-    """Blocks on each point, and the largest value of each channel."""
+    """Blocks on each point, and the maximum of each channel."""
 
     def __init__(self, widths: list[int]):
         super().__init__()
@@ -77,16 +77,16 @@ class CleaningNetwork(nn.Module):
     """The residual network of Rakotosaona et al. 2019: 27,948,248 parameters at full width.
 
     A point transform (a rotation, by a quaternion), a feature transform (a matrix), blocks, a maximum over the points,
-    and blocks down to a displacement, which is turned back. As released but for the activation at the end of the last
-    blocks, which would make all outputs positive: the last blocks of both transforms and of the head have none.
-    Channels are normalised point by point, and those of the last blocks only scaled; as released, all are over the
-    batch. The displacement is added to that onto the plane of the nearer points, which is all there is before the
-    training.
+    and blocks down to a displacement, which is rotated back. As released except for the activation at the end of the
+    last blocks, which would make all outputs positive: the last blocks of both transforms and of the head have none.
+    Channels are normalised point by point, and those of the last blocks only scaled; in the released code, all are
+    normalised over the batch. The displacement is added to that onto the plane of the nearer points, which is the only
+    displacement before the training.
 
     Parameters
     ----------
     width : float
-        Factor of all widths but the outputs'.
+        Factor of all widths except the outputs'.
     generator : torch.Generator, optional
         The weights are drawn from it, on the CPU.
     """
@@ -114,13 +114,13 @@ class CleaningNetwork(nn.Module):
         return onto_plane + (moved[:, None] @ turn.transpose(1, 2))[:, 0]
 
     def features(self) -> int:
-        """How many parameters there are before the head."""
+        """The number of parameters before the head."""
         return sum(p.numel() for p in self.parameters()) - sum(p.numel() for p in self.displacement.parameters())
 
 
 @torch.no_grad()
 def to_planes(patches: Tensor) -> Tensor:
-    """From the points at 0 to planes through the nearer points: (b, n, 3) to (b, 3). Rows at 0 do not count."""
+    """Displacements from 0 onto planes through the nearer points: (b, n, 3) to (b, 3). Rows at 0 are ignored."""
     weights = torch.exp(-0.5 * (patches / NEAR).square().sum(2, keepdim=True)) * (patches != 0).any(2, keepdim=True)
     weights = weights / weights.sum(1, keepdim=True).clamp_min(1e-12)
     centre = (weights * patches).sum(1)
@@ -130,12 +130,12 @@ def to_planes(patches: Tensor) -> Tensor:
 
 
 def head(wide: int, half: int, quarter: int, outputs: int) -> nn.Sequential:
-    """Blocks from what was pooled down to a few numbers, which may be negative."""
+    """Blocks from the pooled features down to a few numbers, which may be negative."""
     return nn.Sequential(Block(wide, half), Block(half, quarter), Block(quarter, outputs, bare=True))
 
 
 def rotations(raw: Tensor) -> Tensor:
-    """Rotations (b, 3, 3) of what a transform gave, (b, 4): the quaternion 1, changed by that."""
+    """Rotations (b, 3, 3) from the output (b, 4) of a transform: the quaternion 1 plus that."""
     w, x, y, z = F.normalize(raw + raw.new_tensor([1.0, 0.0, 0.0, 0.0]), dim=1).unbind(1)
     rows = [
         torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], dim=1),

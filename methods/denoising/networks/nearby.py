@@ -45,7 +45,7 @@ def _smallest(squared: Tensor, k: int) -> Tensor:
 
 
 def gather(x: Tensor, index: Tensor) -> Tensor:
-    """The members of sets (b, n, c) that an index (b, m, k) names: (b, m, k, c); the gradient flows back to them."""
+    """The members of sets (b, n, c) at an index (b, m, k): (b, m, k, c); the gradient flows back to them."""
     b, n, c = x.shape
     flat = index + torch.arange(0, b * n, n, device=x.device)[:, None, None]
     return x.reshape(-1, c).index_select(0, flat.reshape(-1)).reshape(*index.shape, c)

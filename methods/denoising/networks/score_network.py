@@ -1,4 +1,4 @@
-"""Features of the points of a patch, and the score at places near them."""
+"""Features of the points of a patch, and the score at positions near them."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from torch.nn import functional as F
 from .nearby import gather, nearest
 
 GROWTH = 12  # channels that each layer of an edge convolution adds
-CHANNELS = 24  # of what goes into one
+CHANNELS = 24  # of the input of an edge convolution
 CONVOLUTIONS = 4
 FEATURES = CHANNELS + 3 * GROWTH  # of a point
 BLOCKS = 4  # of the score
-PLANE = 48  # points that the plane at a point is made of
+PLANE = 48  # points to which the plane at a point is fitted
 
 
 class DenseEdgeConvolution(nn.Module):
     """Three densely connected layers on the edges to the nearest members in feature space, and their maximum.
 
-    The published layers see, on each edge, both ends and their difference (``relative``: the difference alone). They
-    are linear before the first activation, so what depends on one end is computed once for each member, not for each
-    edge: the same numbers in a quarter of the time.
+    The input of the published layers is, on each edge, both ends and their difference (``relative``: only the
+    difference). They are linear before the first activation, so the part of one end is computed once for each member,
+    not for each edge: the same numbers in a quarter of the time.
     """
 
     def __init__(self, neighbours: int, relative: bool):
@@ -66,14 +66,14 @@ class Block(nn.Module):
 class ScoreNetwork(nn.Module):
     """The network of Luo and Hu 2021: 187,291 parameters, of which the features have 11,544.
 
-    Channels are normalised point by point; the published network normalises them over the batch, and is another one
-    for a single noise than for the mixture that it was trained on. The score is what is added to the offset to a local
-    plane, and places are relative to that: minutes of training are too short to find planes.
+    Channels are normalised point by point; the published network normalises them over the batch, so that it differs
+    between a single noise and the mixture that it was trained on. The score is the offset to a local plane plus a
+    learned part, and positions are relative to that plane: minutes of training are too short to find planes.
 
     Parameters
     ----------
     neighbours : int
-        Along whose edges features are made.
+        Of a point, along whose edges features are computed.
     width : int
         Channels of the score.
     generator : torch.Generator, optional
@@ -91,7 +91,7 @@ class ScoreNetwork(nn.Module):
         self.blocks = nn.ModuleList(blocks)
         self.norm, self.out = nn.LayerNorm(width), nn.Linear(width, 3)
         draw(self, generator)
-        with torch.no_grad():  # blocks begin as the identity, as in the released code; the score begins at 0
+        with torch.no_grad():  # blocks start as the identity, as in the released code; the score starts at 0
             for layer in (*(block.layers[1] for block in blocks), self.out):
                 assert isinstance(layer, nn.Linear)
                 layer.weight.zero_()
@@ -106,9 +106,9 @@ class ScoreNetwork(nn.Module):
         return x
 
     def forward(self, places: Tensor, features: Tensor, planes: Tensor) -> Tensor:
-        """The score at places: from where to where the surface is.
+        """The score at positions: the offset to the surface.
 
-        That is the offset to a plane, and what the network adds to it, which is nothing before the training.
+        That is the offset to a plane plus the output of the network, which is 0 before the training.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class ScoreNetwork(nn.Module):
 
 @torch.no_grad()
 def planes_of(patches: Tensor) -> Tensor:
-    """Planes through the nearest points of each: (b, n, 3) to (b, n, 6), a place relative to it, and a normal."""
+    """Planes through the nearest points of each: (b, n, 3) to (b, n, 6), a position relative to it, and a normal."""
     offsets = gather(patches, nearest(patches, patches, PLANE)) - patches[:, :, None]
     centre = offsets.mean(2)
     offsets = offsets - centre[:, :, None]
@@ -143,7 +143,7 @@ def planes_of(patches: Tensor) -> Tensor:
 
 
 def draw(network: nn.Module, generator: torch.Generator | None) -> None:
-    """Draw the weights of all layers: uniform within 1 / sqrt(inputs), as torch draws those of its own."""
+    """Draw the weights of all layers: uniform within 1 / sqrt(inputs), as by torch's default."""
     with torch.no_grad():
         for module in network.modules():
             if isinstance(module, nn.Linear):

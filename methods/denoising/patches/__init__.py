@@ -1,1 +1,1 @@
-"""A cloud taken apart into patches, and put together again."""
+"""Decomposition of a cloud into patches, and its reassembly."""

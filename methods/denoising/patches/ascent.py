@@ -13,13 +13,13 @@ from .cover import covering, most_central
 from .frames import principal_frames
 
 PATCHES = 16  # that are encoded at once
-ROWS = 1 << 14  # places whose score is computed at once
+ROWS = 1 << 14  # positions whose score is computed at once
 
 
 class Score:
     """The score around the points of one cloud.
 
-    The features of a point are those that it has in the patch in which it is most central; its unit and its axes are
+    The features of a point are those of the patch in which it is most central; its unit and its axes are
     the radius and the principal axes of that patch.
 
     Parameters
@@ -54,7 +54,7 @@ class Score:
 
     @torch.no_grad()
     def at(self, places: np.ndarray, around: int) -> np.ndarray:
-        """The mean of the scores that the nearest ``around`` points give places (n, 3): (n, 3) float64 array."""
+        """The mean score of the nearest ``around`` points at positions (n, 3): (n, 3) float64 array."""
         index = self._tree.query(places, np.arange(1, min(around, len(self.points)) + 1))[1]
         units = self.units[index][..., None]
         frames = self.frames[index]

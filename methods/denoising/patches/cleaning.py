@@ -1,4 +1,4 @@
-"""Points moved by what a network says of the ball around each, and the shrinking taken back."""
+"""Points moved by the output of a network for the ball around each, with a correction of shrinking."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from bench import Run
 
 from .frames import principal_frames
 
-TOGETHER = 32  # balls that a network is given at once: what it makes of them stays in the cache
+TOGETHER = 32  # balls in one call of the network: its activations stay in the cache
 GATHERED = 2048  # balls that are gathered at once
 
 
 @torch.no_grad()
 def displacements(network: nn.Module, points: np.ndarray, radius: float, size: int, run: Run) -> np.ndarray | None:
-    """What the network says of each point: (m, 3) float64 array; None where the time ended before.
+    """The displacement of each point by the network: (m, 3) float64 array; None if the time ended before.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def displacements(network: nn.Module, points: np.ndarray, radius: float, size: i
     points : (m, 3) array
     radius : float
     size : int
-        Points of a ball: a random part where there are more, the centre again where there are fewer.
+        Points of a ball: a random part if there are more, copies of the centre if there are fewer.
     run : Run
     """
     from scipy.spatial import cKDTree
@@ -49,8 +49,8 @@ def displacements(network: nn.Module, points: np.ndarray, radius: float, size: i
 
 
 def without_shrinking(points: np.ndarray, moves: np.ndarray, neighbours: int) -> np.ndarray:
-    """Moves (m, 3) less the mean one of the nearest ``neighbours`` points (m, 3), after Taubin: what all share is no
-    noise but a surface that shrinks. 0 leaves them as they are."""
+    """Moves (m, 3) less the mean of the nearest ``neighbours`` points (m, 3), after Taubin: a common move is not
+    noise but shrinking of the surface. 0 leaves them unchanged."""
     from scipy.spatial import cKDTree
 
     if not neighbours:

@@ -1,4 +1,4 @@
-"""Patches around farthest points that cover a cloud, and in which of them a point is nearest the middle."""
+"""Patches around farthest points that cover a cloud, and the patch in which a point is most central."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def covering(points: np.ndarray, size: int, overlap: float = 3.0) -> np.ndarray:
     ----------
     points : (m, 3) array
     size : int
-        Points of a patch; all of them where the cloud has fewer.
+        Points of a patch; all of them if the cloud has fewer.
     overlap : float
         How many patches a point is in, on average, at least 1.
 
@@ -35,7 +35,7 @@ def covering(points: np.ndarray, size: int, overlap: float = 3.0) -> np.ndarray:
         missing = np.flatnonzero(bare)
         if not len(missing):
             return patches
-        # Where many points coincide, a query may leave out the seed itself.
+        # If many points coincide, a query may leave out the seed itself.
         seeds = missing[farthest_points(points[missing], -(-len(missing) // size))]
         more = tree.query(points[seeds], np.arange(1, size + 1))[1]
         lacking = ~(more == seeds[:, None]).any(axis=1)
@@ -44,9 +44,9 @@ def covering(points: np.ndarray, size: int, overlap: float = 3.0) -> np.ndarray:
 
 
 def most_central(patches: np.ndarray, count: int) -> np.ndarray:
-    """Where each of ``count`` points is nearest the seed of a patch: (count,) indices into ``patches.ravel()``.
+    """The place at which each of ``count`` points is nearest the seed: (count,) indices into ``patches.ravel()``.
 
-    Nearness is told by the column; of equal ones the first patch is the better.
+    Nearness is the column; of equal ones the first patch counts.
     """
     h, size = patches.shape
     order = np.lexsort((np.tile(np.arange(size), h), patches.ravel()))

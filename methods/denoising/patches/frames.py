@@ -1,4 +1,4 @@
-"""Frames of patches: their principal axes, so that networks need not learn that all directions are alike."""
+"""Frames of patches: their principal axes, so that networks need not learn invariance to rotations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def principal_frames(patches: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     patches : (h, n, 3) array
-        Rows at 0, which fill up smaller patches, do not count.
+        Rows at 0, which pad smaller patches, are ignored.
 
     Returns
     -------
@@ -27,9 +27,9 @@ def principal_frames(patches: np.ndarray) -> np.ndarray:
 
 
 def random_turns(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Rotations (count, 3, 3) that leave the last axis where it is, up to its sign: what frames leave open."""
+    """Rotations (count, 3, 3) that fix the last axis up to its sign: the ambiguity of frames."""
     angle, side = rng.uniform(0, 2 * np.pi, count), rng.choice([-1.0, 1.0], count)
     cosine, sine, zero = np.cos(angle), np.sin(angle), np.zeros(count)
-    # Where the axis changes its sign, one within the plane does so too.
+    # If the axis changes its sign, one within the plane does so too.
     rows = [[cosine, -sine * side, zero], [sine, cosine * side, zero], [zero, zero, side]]
     return np.array(rows).transpose(2, 0, 1)

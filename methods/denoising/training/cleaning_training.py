@@ -1,4 +1,4 @@
-"""The training of PointCleanNet: balls around noisy points, and where their centres belong."""
+"""The training of PointCleanNet: balls around noisy points, and the clean positions of their centres."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SCALE = 100.0  # of the loss
 
 @dataclass(frozen=True)
 class Plan:
-    """How the network is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     points: int
     radius: float
@@ -43,21 +43,21 @@ class Batch(NamedTuple):
     """Balls in their own frames, in radii."""
 
     patches: Tensor
-    """(b, n, 3) tensor: the centre at 0; zeros where there are fewer points"""
+    """(b, n, 3) tensor: the centre at 0; padded by zeros if there are fewer points"""
     clean: Tensor
-    """(b, m, 3) tensor: exact points of the ball, some of them again where there are fewer"""
+    """(b, m, 3) tensor: exact points of the ball, with copies if there are fewer"""
     nearest: Tensor
     """(b, 3) tensor: the point of the surface nearest the centre"""
 
 
 class Training(NormalisedTraining):
-    """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
+    """Loss and validation of a network; random draws depend only on the run's seed and the number of a step.
 
     Parameters
     ----------
     network : CleaningNetwork
     examples : mapping
-        What :func:`.clouds.clouds_of` made.
+        Of :func:`.clouds.clouds_of`.
     plan : Plan
     run : Run
     """
@@ -74,7 +74,7 @@ class Training(NormalisedTraining):
         return cleaning_loss(moved, batch.clean)
 
     def error(self) -> float:
-        """The mean square of what moved centres of held-out balls lack, over that of unmoved ones."""
+        """The mean squared error of moved centres of held-out balls, over that of unmoved ones."""
         rng = step_generator(self.run.seed, 0, "validation")
         moved, unmoved = [], []
         for _ in range(VALIDATED // 4):
@@ -109,8 +109,8 @@ def ball(
 ) -> Tensor:
     """``count`` random points of a ball, in its frame and in radii: (count, 3).
 
-    Where there are fewer, zeros follow: the centre again and again. With ``again``, the points themselves come again,
-    and where there is none the nearest one.
+    If there are fewer, zeros follow: copies of the centre. With ``again``, the points themselves are repeated,
+    and if there are none, the nearest one.
     """
     relative = (points - centre) / radius
     squared = relative.square().sum(1).numpy()

@@ -16,18 +16,18 @@ from ..patches.frames import principal_frames, random_turns
 if TYPE_CHECKING:
     from bench import Run, TrainingData
 
-FULL, UNIT = 32767, 127  # the integers of a coordinate of a point, and of a normal
-WIDE = 2.0  # so many times the points of a patch are given noise, before the nearest of them are taken
-AROUND = 1.3  # so many times the exact points of a patch are kept around it
-LARGEST = 0.18  # noise, relative to the radius of a patch: more would come from farther away than that
+FULL, UNIT = 32767, 127  # the largest integers of a coordinate of a point, and of a normal
+WIDE = 2.0  # times the points of a patch get noise, before the nearest of them are taken
+AROUND = 1.3  # times the exact points of a patch are stored around it
+LARGEST = 0.18  # largest noise, relative to the radius of a patch: with more, points would come from farther away
 REGION = 2.5  # radii of balls that a region has
-DISC = 1.3  # the radius of what a random sample stands for: the k-th nearest sample is sqrt(k) / 1.3 of it away
+DISC = 1.3  # for the radius of the disc of a random sample: the k-th nearest sample is sqrt(k) / 1.3 of it away
 
 
 def clouds_of(data: TrainingData, run: Run, counts: tuple[int, ...]) -> dict[str, np.ndarray]:
-    """Clouds of so many points of each shape, sparsest first, as few arrays of integers.
+    """Clouds of the given numbers of points of each shape, sparsest first, as few arrays of integers.
 
-    The densest is random, each of the others is an evenly spread part of the one that follows.
+    The densest is random, each of the others is an evenly spread part of the next.
 
     Returns
     -------
@@ -61,13 +61,13 @@ class Patch:
     """Noisy points around a seed, and the surface there; all in the unit of the clouds, relative to the seed."""
 
     noisy: Tensor
-    """(n, 3) tensor: the points around the seed; of a patch, the seed and those nearest to it, the nearest first"""
+    """(n, 3) tensor: the points around the seed; in a patch, the seed and those nearest to it, the nearest first"""
     surface: Tensor
-    """(m, 3) tensor: exact points, and some way around"""
+    """(m, 3) tensor: exact points of the patch and around it"""
     normals: Tensor
-    """(m, 3) tensor of theirs"""
+    """(m, 3) tensor: the normals of these points"""
     disc: float
-    """The radius of the disc that each of them stands for"""
+    """The radius of the disc that each of them represents"""
 
     def nearest_surface(self, places: Tensor) -> Tensor:
         """The points of the surface nearest to places (k, 3): those of the discs around the exact points."""
@@ -78,7 +78,7 @@ def on_discs(places: Tensor, points: Tensor, normals: Tensor, radius: float) -> 
     """The point nearest each place, of the disc around the nearest of the points.
 
     The nearest of the points itself would be off by half a spacing along the surface, which hides small noise. A plane
-    would be right beside it, but wrong beyond edges.
+    would be right near it, but wrong beyond edges.
 
     Parameters
     ----------
@@ -99,13 +99,13 @@ def on_discs(places: Tensor, points: Tensor, normals: Tensor, radius: float) -> 
 
 
 class Clouds:
-    """What :func:`clouds_of` made, on the CPU.
+    """The examples of :func:`clouds_of`, on the CPU.
 
     Parameters
     ----------
     examples : mapping
     held_out : bool
-        Take the last tenth of the shapes, at least one; otherwise the others (all, where there is but one).
+        Take the last tenth of the shapes, at least one; otherwise the others (all, if there is only one).
     """
 
     def __init__(self, examples: Mapping[str, np.ndarray], held_out: bool = False):
@@ -117,7 +117,7 @@ class Clouds:
         self.shapes = list(whole[shapes - last :] if held_out and last else whole[: shapes - last])
 
     def cloud(self, shape: int, level: int) -> tuple[np.ndarray, np.ndarray]:
-        """Points (n, 3) float32 of a shape at a density, and their normals as the integers that are stored."""
+        """Points (n, 3) float32 of a shape at a density, and their normals as stored integers."""
         first = shape * sum(self.counts) + sum(self.counts[:level])
         rows = slice(first, first + self.counts[level])
         points = self._points[rows] * np.float32(self._scales[shape])
@@ -131,7 +131,7 @@ class Clouds:
         size : int
             Points.
         noise : (float, float)
-            The least and the largest deviation, in the unit of the clouds; equally likely by their logarithms.
+            The least and the largest deviation, in the unit of the clouds; log-uniform between them.
         rng : numpy Generator
         level : int, optional
             Of the density; otherwise all are equally likely.
@@ -147,7 +147,7 @@ class Clouds:
         moved = clean + deviation * rng.standard_normal(clean.shape, dtype=np.float32)
         place = moved[0]
         noisy = moved[_nearest(moved, place, size)] - place
-        # The surface: denser where there is a denser cloud.
+        # The surface: from a denser cloud, if there is one.
         finer = min(level + 1, len(self.counts) - 1)
         dense, normals = self.cloud(shape, finer)
         ratio = self.counts[finer] / self.counts[level]
@@ -191,7 +191,7 @@ class Clouds:
 
 
 def drawn(noise: tuple[float, float], rng: np.random.Generator) -> float:
-    """A deviation between two; equally likely by their logarithms."""
+    """A deviation between two, log-uniform."""
     return float(np.exp(rng.uniform(*np.log(noise))))
 
 

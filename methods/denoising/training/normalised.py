@@ -1,4 +1,4 @@
-"""What the trainings of the denoisers share: layers that depend on the batch while they are trained."""
+"""The common part of the trainings of the denoisers: layers that depend on the batch during training."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...learned.training.decaying import DecayingTraining
 
 
 class NormalisedTraining(DecayingTraining):
-    """A subclass has :meth:`error` for :meth:`validate`: the network is validated as it will be used."""
+    """A subclass defines :meth:`error` instead of :meth:`validate`: the network is validated in evaluation mode."""
 
     validations: ClassVar[int] = 50
     begin_decay: ClassVar[float] = 0.5
@@ -23,7 +23,7 @@ class NormalisedTraining(DecayingTraining):
 
     @torch.no_grad()
     def validate(self) -> float:
-        """The error of the network as it will be used."""
+        """The error of the network in evaluation mode."""
         self.network.eval()
         error = self.error()
         self.network.train()

@@ -1,4 +1,4 @@
-"""The training of the score: places near noisy points, and where the surface is."""
+"""The training of the score: positions near noisy points, and their offsets to the surface."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .clouds import Clouds, Patch
 from .normalised import NormalisedTraining
 
 VALIDATED = 48  # held-out patches
-FLOOR = 0.03  # radii of a patch: its offsets count as this at least, where the loss is relative to them
+FLOOR = 0.03  # radii of a patch: a lower bound of its offsets, as the denominator of the relative loss
 AROUND = 4  # noisy points near a point at which its score is learned, itself among them
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How the network is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     points: int
     queries: int
@@ -50,13 +50,13 @@ class Batch(NamedTuple):
 
 
 class Training(NormalisedTraining):
-    """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
+    """Loss and validation of a network; random draws depend only on the run's seed and the number of a step.
 
     Parameters
     ----------
     network : ScoreNetwork
     examples : mapping
-        What :func:`.clouds.clouds_of` made.
+        Of :func:`.clouds.clouds_of`.
     plan : Plan
     run : Run
     """
@@ -79,20 +79,20 @@ class Training(NormalisedTraining):
         return float(torch.cat(parts).mean())
 
     def batch(self, clouds: Clouds, count: int, rng: np.random.Generator) -> Batch:
-        """Patches of one size, and places in them."""
+        """Patches of one size, and positions in them."""
         size = min(self.plan.points, min(clouds.counts))
         drawn = [self._places(clouds.patch(size, self.plan.noise, rng), rng) for _ in range(count)]
         return Batch(*(torch.stack(parts).to(self.run.device) for parts in zip(*drawn, strict=True)))
 
     def _places(self, patch: Patch, rng: np.random.Generator) -> tuple[Tensor, ...]:
-        """Noisy points near points; half of them moved part of the way to the surface, as they will be."""
+        """Noisy points near points; half of them moved part of the way to the surface, as during denoising."""
         noisy = patch.noisy
         unit = noisy[-1].norm().clamp_min(1e-12)
         count = min(self.plan.queries, len(noisy) // 2)
         points = torch.from_numpy(rng.choice(len(noisy) // 2, count, replace=False))
         around = noisy[nearest(noisy[points][None], noisy[None], AROUND)[0]]
         way = torch.from_numpy(np.maximum(rng.uniform(-1, 1, (*around.shape[:2], 1)), 0).astype(np.float32))
-        # A place that moves towards the point nearest to it still has that nearest.
+        # The nearest surface point of a position does not change while it moves towards that point.
         whole = patch.nearest_surface(around.reshape(-1, 3)).reshape(around.shape) - around
         places, offsets = around + way * whole, (1 - way) * whole
         return noisy / unit, points, (places - noisy[points][:, None]) / unit, offsets / unit
