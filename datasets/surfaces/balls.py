@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-ROWS = 192  # points at a time, neighbours in space: only the balls about them are looked at
+ROWS = 192  # points at a time, neighbours in space: only the balls near them are evaluated
 
 
 class BallField:
@@ -59,7 +59,7 @@ class BallField:
         return low, high
 
     def _parts(self, points: np.ndarray, margin: float) -> Iterator[tuple[slice, np.ndarray]]:
-        """Rows of points, and the balls (indices) that reach nearer than ``margin`` to any of them."""
+        """Rows of points, and the balls (indices) that reach within ``margin`` of any of them."""
         for start in range(0, len(points), ROWS):
             part = slice(start, start + ROWS)
             low, high = points[part].min(axis=0), points[part].max(axis=0)

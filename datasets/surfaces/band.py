@@ -1,4 +1,4 @@
-"""A function on a grid, evaluated only where its surface may be; no part of the surface is missed."""
+"""A function on a grid, evaluated only where its surface may be, without missing any part of it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ BATCH = 64  # fine blocks at a time: 4,096 points
 
 
 def sample_near_zero(field: Field, origin: np.ndarray, shape: np.ndarray, step: float) -> np.ndarray:
-    """The values of ``field`` at ``origin + step * (i, j, k)``, true near its zeros, elsewhere only in sign.
+    """The values of ``field`` at ``origin + step * (i, j, k)``: exact near its zeros, elsewhere only their sign.
 
-    A block of grid points is left out where the bounds of the function in the ball about it have one sign. So every
-    change of sign between neighbours on the full grid is here, too.
+    A block of grid points is skipped if the bounds of the function in the ball about it have the same sign. So every
+    sign change between neighbours on the full grid is found.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Where else the nearest point may be: vertices of a mesh that are nearer to a point than all their neighbours.
+"""Other candidates for the nearest point: vertices of a mesh that are nearer to a point than all their neighbours.
 
-Newton's method ends in the basin that it starts in. Near a surface that of the closest point of the mesh is the right
-one; far from a bumpy one, several bumps are equally far but for less than the error of the mesh.
+Newton's method ends in the basin that it starts in. Near a surface, the basin of the mesh's closest point is the right
+one; far from a bumpy surface, the distances of several bumps may differ by less than the error of the mesh.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-NEAREST = 64  # vertices that are looked at: basins that are left out are farther than so many vertices
+NEAREST = 64  # number of nearest vertices that are searched for basins
 FAR = 3.0  # mean edges from the mesh: nearer points have one basin
 ROWS = 4096  # points at a time
 
@@ -38,25 +38,25 @@ class Basins:
         ends = ends[np.argsort(ends[:, 0], kind="stable")]
         counts = np.bincount(ends[:, 0], minlength=len(self.vertices))
         place = np.arange(len(ends)) - np.repeat(np.cumsum(counts) - counts, counts)
-        # A row a vertex, filled up with itself: a half-edge to each neighbour. Poles of hundreds are cut, not the rest.
+        # One row per vertex with its neighbours, padded with itself; only poles with hundreds are cut off.
         width = min(int(counts.max()), 32)
         self._around = np.repeat(np.arange(len(self.vertices))[:, None], width, axis=1)
         kept = place < width
         self._around[ends[kept, 0], place[kept]] = ends[kept, 1]
 
     def starts(self, points: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places to start from for points with several basins: the points (s,) and vertices (s,), as indices.
+        """Starting points for points with several basins: the points (s,) and vertices (s,), as indices.
 
         Parameters
         ----------
         points : (n, 3) array
-        distances : (n,) array, from the mesh or nearly so
+        distances : (n,) array, from the mesh, approximately
         """
         rows, starts = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
         far = np.flatnonzero(distances > FAR * self._edge)
         for part in np.split(far, range(ROWS, len(far), ROWS)):
             away, nearest = self._tree.query(points[part], k=min(NEAREST, len(self.vertices)))
-            # Whether any neighbour is nearer; level by level of the list, most are refused by the first.
+            # Whether any neighbour is nearer, one column at a time; the first column rules out most vertices.
             lowest = np.ones(nearest.shape, dtype=bool)
             for k in range(self._around.shape[1]):
                 at = np.nonzero(lowest)
@@ -70,6 +70,6 @@ class Basins:
 
 
 def best_of(rows: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """Of trials (s,) for ``rows`` (s,), the index of the one with the least square for each row that occurs."""
+    """For each row that occurs in ``rows`` (s,), the index of its trial with the least of ``squares`` (s,)."""
     order = np.lexsort((squares, rows))
     return order[np.unique(rows[order], return_index=True)[1]]

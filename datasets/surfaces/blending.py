@@ -13,7 +13,7 @@ def smooth_min(
     """A twice differentiable minimum: that of a and b where they differ by ``width`` or more, elsewhere below it.
 
     The cubic of Quilez: ``min(a, b) - width / 6 (1 - |a - b| / width)^3``, at most ``width / 6`` below the minimum. Its
-    gradient is a mean of the two, so it is no steeper than they are.
+    gradient is a weighted mean of the two, so it is not steeper than they are.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Functions of space with their exact gradients, carried through arithmetic: forward differentiation of first order.
 
-A body that is written once, as a formula of x, y and z, so has exact normals. Where only values are asked for, the
-same formula costs a quarter.
+So a body that is written once, as a formula of x, y and z, has exact normals. If only values are needed, the same
+formula costs a quarter.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Dual:
 
 
 Point = tuple[Dual, Dual, Dual]
-At = TypeVar("At", bound=tuple[Dual, ...])  # a point, and perhaps further functions that are known there
+At = TypeVar("At", bound=tuple[Dual, ...])  # a point, and optionally more functions there
 
 
 def taken(at: At, rows: np.ndarray) -> At:
@@ -96,7 +96,7 @@ def scaled(at: Point, factor: Dual | float) -> Point:
 
 
 def shifted(at: Point, by: Triple) -> Point:
-    """Coordinates plus a number each."""
+    """Coordinates, each plus a number."""
     x, y, z = at
     a, b, c = by
     return x + a, y + b, z + c
@@ -135,7 +135,7 @@ def atan2(y: Dual, x: Dual) -> Dual:
 
 
 def length(*parts: Dual) -> Dual:
-    """The Euclidean norm; its gradient is 0 where it is."""
+    """The Euclidean norm; where it is 0, so is its gradient."""
     root = np.sqrt(np.maximum(sum(p.v * p.v for p in parts), 1e-300))
     if parts[0].g is None:
         return Dual(root)

@@ -1,4 +1,4 @@
-"""What an implicit surface is the zero level of."""
+"""The protocol of the functions that define implicit surfaces."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .tangents import dot
 
-ROUNDING = 1e-15  # of coordinates, relative to the size: no step is refused for what it makes of a squared distance
+ROUNDING = 1e-15  # of coordinates, relative to the size: no step is rejected for its effect on a squared distance
 
 
 def refine(
@@ -22,7 +22,7 @@ def refine(
     *,
     iterations: int = 60,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Minimise ``|p - x(u, v)|^2`` from ``start``, never ending farther away than there.
+    """Minimise ``|p - x(u, v)|^2`` from ``start``; the result is never farther away than the start.
 
     Parameters
     ----------
@@ -49,10 +49,10 @@ def refine(
         step, moved = _newton_step(points[rows] - taylor[0], taylor, places, low[rows], high[rows])
         shrink = np.minimum(1, (longest[rows] / np.maximum(np.abs(step), 1e-300)).min(axis=1)) * damping
         trial = np.clip(places + shrink[:, None] * step, low[rows], high[rows])
-        # Convergence is quadratic, though slow to become so beside a pole: what is left is far below the last step.
+        # Convergence is quadratic, beside a pole only after some steps: the error is far below the last step.
         going = np.flatnonzero((moved * shrink > 1e-11 * size) & (damping > 1e-9))
         ended = np.setdiff1d(np.arange(len(rows)), going, assume_unique=True)
-        if len(ended):  # the last step counts where it is one to the better
+        if len(ended):  # the last step counts if it comes nearer
             last = rows[ended]
             square = _square(points[last], evaluate(last, trial[ended], 0)[0])
             better = square <= _tolerant(squares[ended], size)
@@ -85,7 +85,7 @@ def _tolerant(squares: np.ndarray, size: float) -> np.ndarray:
 def _newton_step(
     residual: np.ndarray, taylor: np.ndarray, places: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The step (n, 2) towards the minimum of ``|r|^2 / 2``, and how far it moves along the surface, (n,).
+    """The step (n, 2) towards the minimum of ``|r|^2 / 2``, and its length along the surface, (n,).
 
     In parameters scaled to lengths, so that the step does not depend on the parametrisation.
     """
@@ -97,7 +97,7 @@ def _newton_step(
     a = (dot(x_u, x_u) - 2 * dot(residual, x_uu)) / s_u**2
     b = (dot(x_u, x_v) - dot(residual, x_uv)) / (s_u * s_v)
     c = (dot(x_v, x_v) - 2 * dot(residual, x_vv)) / s_v**2
-    # Where |r|^2 is not convex, shift its curvatures up: the step is then one of descent.
+    # Where |r|^2 is not convex, shift its curvatures up: then the step is a descent step.
     lowest = (a + c) / 2 - np.hypot((a - c) / 2, b)
     shift = np.where(lowest < 1e-3, np.maximum(0.1, -lowest) - lowest, 0.0)
     a, c = a + shift, c + shift
@@ -108,7 +108,7 @@ def _newton_step(
 def _box_minimum(
     a: np.ndarray, b: np.ndarray, c: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """The minimum (n, 2) of ``g . s + (a s0^2 + 2 b s0 s1 + c s1^2) / 2`` over low <= s <= high, for convex ones."""
+    """The minimum (n, 2) of convex functions ``g . s + (a s0^2 + 2 b s0 s1 + c s1^2) / 2`` over low <= s <= high."""
     determinant = a * c - b * b
     step = np.stack([b * g[:, 1] - c * g[:, 0], b * g[:, 0] - a * g[:, 1]], axis=1) / determinant[:, None]
     step = np.nan_to_num(step)
@@ -116,7 +116,7 @@ def _box_minimum(
     rows = np.flatnonzero(crosses.any(axis=1))
     if not len(rows):
         return step
-    # Where the free minimum lies beyond one bound, the bounded one is on that bound; beyond two, on one of them.
+    # If the free minimum lies beyond one bound, the bounded one is on that bound; beyond two, on one of them.
     a, b, c, g, low, high, free = (x[rows] for x in (a, b, c, g, low, high, step))
     best, lowest = np.clip(free, low, high), np.full(len(rows), np.inf)
     for k, own in ((0, a), (1, c)):

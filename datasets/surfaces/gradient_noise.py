@@ -9,11 +9,11 @@ import numpy as np
 from .duals import Dual, Point
 from .jets import Jet
 
-BOUND = 0.75**0.5  # of the absolute value: the mean distance of a corner of the unit cell, by its weights, at most
+BOUND = 0.75**0.5  # of the absolute value: the largest weighted mean distance to the corners of the unit cell
 
 
 class GradientNoise:
-    """Noise of one octave: 0 at all points with whole coordinates, with random slopes there.
+    """Noise of one octave: 0 at all points with integer coordinates, with random slopes there.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class GradientNoise:
         slopes = rng.normal(size=(256, 3))
         self._slopes = slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
         self._columns = np.ascontiguousarray(self._slopes.T)
-        self._twice = np.concatenate([self._shuffled, self._shuffled])  # sums of two of its entries need no remainder
+        self._twice = np.concatenate([self._shuffled, self._shuffled])  # avoids a modulo for sums of two of its entries
 
     def __call__(self, x: Jet) -> Jet:
         """The noise at points x, a vector function; twice continuously differentiable."""
@@ -46,7 +46,7 @@ class GradientNoise:
         return total
 
     def at(self, point: Point) -> Dual:
-        """The noise at n points of space, with its gradient where theirs is known; the same function, unrolled."""
+        """The noise at n points in space, with its gradient if the points have one; the same function, unrolled."""
         x = np.stack([p.v for p in point])
         cell = np.floor(x)
         local, cell = x - cell, cell.astype(np.int64) & 255

@@ -1,7 +1,7 @@
 """Sums of real spherical harmonics, with exact first and second derivatives.
 
 Written in Cartesian form, ``Y_lm(x, y, z) = q_l^m(z) * Re or Im of (x + iy)^m`` with polynomials ``q_l^m``, so that
-nothing is special at the poles and every derivative is again a polynomial.
+the poles are not singular and every derivative is again a polynomial.
 """
 
 from __future__ import annotations
@@ -117,9 +117,9 @@ def _recurrence(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _factors(coefficients: np.ndarray, degree: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """What multiplies ``q_l^(m+k)`` in the k-th derivative in z, for k = 0, 1, 2: (m, 1, l) arrays, cosine and sine.
+    """The factors of ``q_l^(m+k)`` in the k-th derivative in z, for k = 0, 1, 2: (m, 1, l) arrays, cosine and sine.
 
-    One table of polynomials serves all derivatives, since that of one is a multiple of the next:
+    One table of polynomials is enough for all derivatives, since the derivative of one is a multiple of the next:
     ``d q_l^m / dz = sqrt((l - m) (l + m + 1)) q_l^(m+1)``, with another ``1/sqrt(2)`` for m = 0.
     """
     cosine, sine = np.zeros((2, degree + 1, 1, degree + 1))

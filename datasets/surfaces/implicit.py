@@ -1,7 +1,7 @@
 """The surface ``f(x) = 0`` of a function in closed form, f < 0 inside: mesh, samples and closest points.
 
 Everything is exact up to rounding: vertices and samples are moved onto f = 0 by Newton's method, closest points solve
-the equations of the nearest point, normals are gradients. Only how the surface hangs together is read off a grid.
+the equations of the nearest point, normals are gradients. Only the topology of the surface comes from a grid.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
     from bench.geometry.mesh_surface import MeshSurface
 
 
-CHUNK = 4096  # points at a time: what a function keeps for them stays in the cache
+CHUNK = 4096  # points at a time, so that a function's intermediate arrays stay in the processor's cache
 OFFSETS = ((0.382, 0.236, 0.146), (0.171, 0.618, 0.447), (0.729, 0.293, 0.874))  # of the grid, in steps
-NEAREST = 0.05  # a vertex of the mesh starts no nearer to a grid point, in steps: no face starts without an area
+NEAREST = 0.05  # least initial distance of a vertex from a grid point, in steps, so that every face has an area
 BOUND = 1.15  # of the area element in a face relative to its middle, in rejection sampling
 
 
 class Body(NamedTuple):
-    """A function and where to look for its surface."""
+    """A function and the region of its surface."""
 
     field: Field
     low: np.ndarray  # corners of a box that holds the surface
     high: np.ndarray
-    step: float  # of the grid that the mesh is read off; the thinnest wall should be at least two steps
+    step: float  # of the grid for the mesh; the thinnest wall should be at least two steps
 
 
 class ImplicitSurface:
@@ -50,7 +50,7 @@ class ImplicitSurface:
     largest : bool
         Whether the surface is the largest connected part of ``f = 0`` (by faces) instead of all parts.
     refine : bool
-        Whether the mesh gets finer where the surface bends away from the grid, see :func:`refining.refined`.
+        Whether the mesh is refined where it cuts off the curvature of the surface, see :func:`refining.refined`.
     """
 
     def __init__(self, make_body: Callable[[], Body], *, largest: bool = True, refine: bool = True):
@@ -65,7 +65,7 @@ class ImplicitSurface:
     def mesh(self) -> Trimesh:
         """A closed manifold tessellation whose vertices lie on the surface, with edges of about the grid's step.
 
-        Where asked for, edges that the surface bends away from are halved.
+        With ``refine``, edges that are too far from the surface are halved.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class ImplicitSurface:
         raise ValueError(f"step: expected a grid that resolves the surface, got {self.body.step}; try a smaller one")
 
     def _march(self, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Marching cubes over a grid whose points no symmetric shape meets: vertices (v, 3) and faces (f, 3)."""
+        """Marching cubes over a grid with offsets that avoid symmetric shapes: vertices (v, 3) and faces (f, 3)."""
         from skimage.measure import marching_cubes
 
         field, low, high, step = self.body
@@ -103,12 +103,12 @@ class ImplicitSurface:
         part = vertices - corner
         on_edge = (part > 0).sum(axis=1) <= 1
         inner = np.clip(part, NEAREST, 1 - NEAREST)
-        # A vertex exactly on a grid point has lost its edge; its faces keep it apart from others after the projection.
+        # For a vertex exactly on a grid point the edge is unknown; the projection separates it from others.
         vertices = np.where(on_edge[:, None] & (part > 0), corner + inner, vertices)
         return origin + step * vertices, faces.astype(np.int64)
 
     def _settle(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        """The vertices on the surface, moved along it towards the middle of their neighbours for rounder faces."""
+        """The vertices on the surface, moved along it towards the mean of their neighbours for better shaped faces."""
         from scipy.sparse import coo_array
 
         ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -116,7 +116,7 @@ class ImplicitSurface:
         rows, degree = ends[np.lexsort((ends[:, 1], ends[:, 0])), 0], np.diff(adjacency.indptr)
         vertices, normals = self.project(vertices, iterations=2)
         for _ in range(3):
-            # Where the surface turns away from the normal within an edge, a tangent move would fold the faces.
+            # Where the normal turns too far within an edge, a tangential move would fold the faces.
             turn = np.minimum.reduceat(dot(normals[rows], normals[adjacency.indices]), adjacency.indptr[:-1])
             weight = 0.5 * np.clip(2.5 * turn - 1.25, 0, 1)
             move = weight[:, None] * (adjacency @ vertices / degree[:, None] - vertices)
@@ -129,8 +129,8 @@ class ImplicitSurface:
     def project(self, points: np.ndarray, *, iterations: int = 30) -> tuple[np.ndarray, np.ndarray]:
         """Points near the surface moved onto it along gradients, and the unit normals there: two (n, 3) arrays.
 
-        Not the closest points, but as near to them as the surface is curved. After few ``iterations`` of Newton's
-        method the points are only near the surface.
+        Not the closest points; the difference grows with the curvature of the surface. After few ``iterations`` of
+        Newton's method the points are only near the surface.
         """
         x, active = np.array(points, dtype=np.float64), np.arange(len(points))
         normals, longest = np.zeros_like(x), self.body.step
@@ -139,7 +139,7 @@ class ImplicitSurface:
             square = np.maximum(dot(gradient, gradient), 1e-300)
             normals[active] = gradient / np.sqrt(square)[:, None]
             length = np.abs(value) / np.sqrt(square)
-            # One more step after the last that was measured costs a subtraction and gains the last digits.
+            # One more step after the last measured one costs a subtraction and gains the last digits.
             shorten = np.minimum(1, longest / np.maximum(length, longest))
             x[active] -= (shorten * value / square)[:, None] * gradient
             active = active[length > 1e-9 * self._size]
@@ -155,7 +155,7 @@ class ImplicitSurface:
         from bench.geometry.neighbours import curve_order
 
         value, gradient = np.empty(len(points)), np.empty((len(points), 3))
-        # Neighbours in space are evaluated together: a function with local parts looks only at those.
+        # Neighbours in space are evaluated together: a function with local parts evaluates only the nearby ones.
         order = curve_order(points) if len(points) > CHUNK else np.arange(len(points))
         for start in range(0, len(points), CHUNK):
             part = order[start : start + CHUNK]
@@ -173,8 +173,9 @@ class ImplicitSurface:
         """``count`` points, uniform by area of the exact surface, and their outward unit normals.
 
         The mesh and the surface correspond along lines between them in the (interpolated) normals of the vertices. A
-        point of a face is kept with a probability in proportion to the area element of the surface over it. Where the
-        element varies by more than 15 % within one face, in folds that the mesh hardly resolves, the excess is lost.
+        point of a face is accepted with a probability in proportion to the area element of the surface over it. Where
+        the element varies by more than 15 % within one face, in folds that the mesh hardly resolves, the sampling
+        density is too low.
         """
         faces, cumulative, middle = self._faces
         kept: list[tuple[np.ndarray, np.ndarray]] = []
@@ -247,9 +248,9 @@ class ImplicitSurface:
         """The foot point of each of ``points`` (n, 3) and its outward unit normal: two (n, 3) arrays.
 
         Newton's method along the surface from the closest point of the mesh, with curvatures from differences of the
-        exact gradient; a step that comes no nearer is shortened. Where another side of the surface may be as near, it
-        is tried, too, from the nearest vertex there; far from the surface, from every vertex that is nearer than its
-        neighbours, among the nearest 64.
+        exact gradient; a step that comes no nearer is shortened. If another side of the surface may be as near, the
+        method also starts from the nearest vertex there; far from the surface, from every vertex that is nearer than
+        its neighbours, among the nearest 64.
         """
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
@@ -264,7 +265,7 @@ class ImplicitSurface:
         return x, normals
 
     def _other_basins(self, points: np.ndarray, x: np.ndarray, normals: np.ndarray) -> None:
-        """Start again from other parts that may be as near; what is nearer is written into the arrays."""
+        """Start again from other parts that may be as near; nearer results are written into the arrays."""
         square = _square(points - x)
         rows, starts = self._basins.starts(points, np.sqrt(square))
         if not len(rows):
@@ -279,7 +280,7 @@ class ImplicitSurface:
         return Basins(self._corners[0], self._corners[2], self._vertex_tree)
 
     def _other_starts(self, points: np.ndarray, x: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (indices) with a vertex of the mesh on another side that may be nearer than x, and these vertices."""
+        """Points (indices) for which a vertex on another side of the mesh may be nearer than x, and these vertices."""
         vertices, vertex_normals, _ = self._corners
         distance, nearest = self._vertex_tree.query(points, k=min(12, len(vertices)))
         square = _square(points - x)
@@ -297,7 +298,7 @@ class ImplicitSurface:
         return cKDTree(self._corners[0])
 
     def _descend(self, points: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """From ``starts`` (n, 3) near the surface to points where the distance to ``points`` is least, and normals."""
+        """From ``starts`` (n, 3) near the surface to the points at least distance from ``points``, and the normals."""
         x, normals = self.project(starts)
         active, damping = np.arange(len(points)), np.ones(len(points))
         tiny = 1e-9 * self._size
@@ -307,12 +308,12 @@ class ImplicitSurface:
             length = np.sqrt(_square(step))
             shorten = damping[active] * np.minimum(1, 2 * self.body.step / np.maximum(length, tiny))
             trial, found = self.project(y + shorten[:, None] * step - (shorten**2 * bend / 2)[:, None] * n)
-            # Rounding must not keep a nearly converged point from its step.
+            # Rounding must not stop a nearly converged point.
             slack = np.where(length < 1e-5 * self._size, 1e-14 * self._size**2, 0)
             better = _square(p - trial) <= _square(p - y) + slack
             x[active[better]], normals[active[better]] = trial[better], found[better]
             damping[active] = np.where(better, 1.0, damping[active] / 4)
-            # Convergence is quadratic: after a step below 1e-9 nothing is left.
+            # Convergence is quadratic: after a step below 1e-9 the error is at rounding level.
             active = active[np.where(better, length, shorten * length) > tiny]
             if not len(active):
                 break
@@ -329,12 +330,12 @@ class ImplicitSurface:
         t1, t2, s = dot(away, e1), dot(away, e2), dot(away, n)
         h = 1e-6 * self._size
         around = np.concatenate([x + d for d in (h * e1, h * e2, -h * e1, -h * e2)])
-        gradients = np.split(self._gradient(around)[1], 4)  # at once: a call costs as much as hundreds of points
+        gradients = np.split(self._gradient(around)[1], 4)  # one call: its overhead equals hundreds of points
         slope = np.linalg.norm(gradients[0] + gradients[1] + gradients[2] + gradients[3], axis=1) / 4 * 2 * h
         d1, d2 = gradients[0] - gradients[2], gradients[1] - gradients[3]
         s11, s22, s12 = dot(d1, e1) / slope, dot(d2, e2) / slope, (dot(d1, e2) + dot(d2, e1)) / (2 * slope)
         a11, a22, a12 = 1 + s * s11, 1 + s * s22, s * s12
-        # Where the distance is not convex, shift its curvatures up: the step is then one of descent.
+        # Where the distance is not convex, shift its curvatures up: then the step is a descent step.
         lowest = (a11 + a22) / 2 - np.hypot((a11 - a22) / 2, a12)
         shift = np.where(lowest < 1e-3, 0.1 - lowest, 0.0)
         a11, a22 = a11 + shift, a22 + shift

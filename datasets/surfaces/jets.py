@@ -1,6 +1,6 @@
 """Jets: a function of (u, v) with its exact derivatives up to third order, carried through arithmetic.
 
-A surface that is written once, as a formula, so has closed-form tangents and curvatures. A jet is the truncated Taylor
+So a surface that is written once, as a formula, has closed-form tangents and curvatures. A jet is the truncated Taylor
 polynomial ``sum of c_ij du^i dv^j over i + j <= order`` at each of n places; products truncate, and a function of one
 variable is composed by its own Taylor polynomial.
 """
@@ -16,7 +16,7 @@ _INDEX = {term: k for k, term in enumerate(TERMS)}
 _COUNTS = (1, 3, 6, 10)  # of terms up to each order
 _PRODUCTS = [[(a, b, _INDEX[i + k, j + m]) for a, (i, j) in enumerate(TERMS) for b, (k, m) in enumerate(TERMS)
               if i + j + k + m <= order] for order in range(4)]  # fmt: skip
-NEAR_ZERO = 1e-12  # derivatives of |x|^p that are infinite at 0 are taken here instead
+NEAR_ZERO = 1e-12  # derivatives of |x|^p that are infinite at 0 are evaluated here instead
 
 
 class Jet:
@@ -30,7 +30,7 @@ class Jet:
 
     @staticmethod
     def variables(u: np.ndarray, v: np.ndarray, order: int) -> tuple[Jet, Jet]:
-        """The functions u and v themselves at the places (u, v), two (n,) arrays."""
+        """The functions u and v themselves at (u, v), two (n,) arrays."""
         jets = []
         for k, values in enumerate((u, v)):
             c = np.zeros((_COUNTS[order], len(values)))
@@ -109,7 +109,7 @@ class Jet:
                               for k in range(self.order + 1)))  # fmt: skip
 
     def compose(self, *taylor: np.ndarray) -> Jet:
-        """f(self), where ``taylor`` holds f, f', f''/2, f'''/6 at the values of self, as many as its order asks."""
+        """f(self), where ``taylor`` holds f, f', f''/2, f'''/6 at the values of self, as many as its order needs."""
         rest = Jet(np.concatenate([np.zeros_like(self.c[:1]), self.c[1:]]))
         result = Jet(np.zeros_like(self.c)) + taylor[self.order]
         for k in range(self.order - 1, -1, -1):

@@ -1,4 +1,4 @@
-"""Surfaces that are made of patches ``x(u, v)`` in closed form: exact samples, normals and foot points."""
+"""Surfaces of patches ``x(u, v)`` in closed form: exact samples, normals and foot points."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
     from trimesh import Trimesh
 
-CHUNK = 20_000  # places that are evaluated at a time: the terms of their jets stay in the cache
-MARGIN = 1.1  # of the bound of dA over a cell above the largest of the values that it is taken from
-MOST_SIDES = 24  # how many grid points of one vertex are tried where a foot point ended there: at a pole there are many
+CHUNK = 20_000  # number of places that are evaluated at a time: their jets stay in the processor's cache
+MARGIN = 1.1  # factor from the largest computed value of dA in a cell to its bound
+MOST_SIDES = 24  # most grid points of one vertex that are tried if a foot point ends there: at a pole there are many
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A formula x(u, v) that one or several patches share."""
+    """A formula x(u, v) of one or several patches."""
 
     position: Callable[[Jet, Jet], Jet]  # from u and v to the point, a vector
     flip: bool = False  # whether the outward normal is x_v cross x_u
-    lost: int = 0  # how many orders of derivatives the formula uses up (1 where it needs a normal of another surface)
+    lost: int = 0  # how many orders of derivatives the formula uses up (1 if it needs the normal of another surface)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +41,12 @@ class Patch:
     u: np.ndarray  # ascending grid lines; the first and the last are the border
     v: np.ndarray
     levels: np.ndarray | None = None  # how often the columns are halved in each row, see patch_grid
-    reach: tuple[float, float] = (0.0, 0.0)  # how far in u and v the formula goes on to describe the same surface
-    fixed: bool = False  # whether its faces may not depend on its form: else quads are split along shorter diagonals
+    reach: tuple[float, float] = (0.0, 0.0)  # how far in u and v the formula is valid beyond the patch
+    fixed: bool = False  # whether faces must not depend on the form; otherwise quads are split along shorter diagonals
 
 
 class ParametricSurface:
-    """A surface of patches, exact; a :class:`bench.Surface`.
+    """An exact surface of patches; a :class:`bench.Surface`.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class ParametricSurface:
     rotation : (3, 3) array, optional
         Applied last.
     refine : bool
-        Whether the mesh gets finer where the surface bends away from the grid, see :func:`refining.refined`. For
+        Whether the mesh is refined where it cuts off the curvature of the surface, see :func:`refining.refined`. For
         charts without poles.
     """
 
@@ -106,13 +106,13 @@ class ParametricSurface:
 
     @cached_property
     def _table(self) -> dict[str, np.ndarray]:
-        """What is known of each patch, a row a patch: its chart, its borders, how far a foot point may go."""
+        """The properties of the patches, one row for each: its chart, its borders, the range of its foot points."""
         charts, patches = self.parts
         low, high = (np.array([(p.u[end], p.v[end]) for p in patches]) for end in (0, -1))
         reach = np.array([p.reach for p in patches])
         chart = np.array([p.chart for p in patches])
         flip = np.array([charts[k].flip for k in chart])
-        # At a pole, Newton's method does not know where to go: it starts a part of a cell beside it.
+        # At a pole, Newton's method has no direction: it starts a fraction of a cell beside it.
         inset = [np.array([self._pole_inset(p, end) for p in patches]) for end in (0, -1)]
         return {
             "chart": chart,
@@ -126,7 +126,7 @@ class ParametricSurface:
         }
 
     def _pole_inset(self, patch: Patch, end: int) -> float:
-        """A third of the cell at the first (0) or the last (-1) line of u, where that is a pole; 0 where it is not."""
+        """A third of the cell at the first (0) or the last (-1) line of u if that is a pole; otherwise 0."""
         v = np.linspace(patch.v[0], patch.v[-1], 5)
         points = self.evaluate(np.full(5, patch.chart), np.full(5, patch.u[end]), v, 0)[0]
         inside = self.evaluate(np.full(5, patch.chart), np.full(5, patch.u[len(patch.u) // 2]), v, 0)[0]
@@ -149,7 +149,7 @@ class ParametricSurface:
         return weld(points, grids, flips, fixed), patch, u, v, border
 
     def mesh(self) -> Trimesh:
-        """The tessellation; its vertices lie on the surface. Where asked for, edges that cut it off are halved."""
+        """The tessellation; its vertices lie on the surface. With ``refine``, edges that are too far off are halved."""
         from trimesh import Trimesh
 
         welded, patch, u, v, _ = self.grid
@@ -174,7 +174,7 @@ class ParametricSurface:
         """Patch, lower corner (c, 2), width (c, 2), bound of dA per du dv, cumulative bound of the area of the cells.
 
         The bound is the largest value at corners and middles of the cell and of the cells around it, with a margin:
-        cells are smaller than the features of a surface, so that what a cell hides is seen by its neighbours.
+        cells are smaller than the features of a surface, so neighbours detect a peak inside a cell.
         """
         corners, widths, bounds, owners = [], [], [], []
         for k, patch in enumerate(self.parts[1]):
@@ -199,7 +199,7 @@ class ParametricSurface:
     def sample(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """``count`` points, uniform by area of the exact surface, and their outward unit normals.
 
-        A cell of the grid is drawn by a bound of its area, a place in it is kept with the probability of its dA.
+        A cell of the grid is drawn by a bound of its area; a point in it is accepted in proportion to its dA.
         """
         owners, corners, widths, bounds, cumulative = self._cells
         kept, missing = [], count
@@ -230,7 +230,7 @@ class ParametricSurface:
 
     @cached_property
     def _border(self) -> tuple[cKDTree, np.ndarray, np.ndarray, np.ndarray]:
-        """A tree over the vertices on borders; the grid points there, sorted by vertex; of each, first and number."""
+        """A tree over the vertices on borders; their grid points, sorted by vertex; the first and number for each."""
         from scipy.spatial import cKDTree
 
         welded, _, _, _, border = self.grid
@@ -242,9 +242,9 @@ class ParametricSurface:
     def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The foot point of each of ``points`` (n, 3) and its outward unit normal: two (n, 3) arrays.
 
-        From the closest point of the tessellation, by Newton's method in (u, v). Where that ends on the border of a
-        patch, it starts again from the nearest places on other borders, and the best end counts; far from the surface,
-        from every vertex that is nearer than its neighbours, among the nearest 64.
+        From the closest point of the tessellation, by Newton's method in (u, v). If that ends on the border of a
+        patch, it starts again from the nearest places on other borders, and the best result counts; far from the
+        surface, from every vertex that is nearer than its neighbours, among the nearest 64.
         """
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
@@ -262,7 +262,7 @@ class ParametricSurface:
             ends = places[stuck]
             feet = self.evaluate(self._table["chart"][patch[stuck]], ends[:, 0], ends[:, 1], 0)[0]
             nearest = tree.query(feet)[1]
-            # All grid points of the vertex; of very many, as at a pole, evenly chosen ones.
+            # All grid points of the vertex; if there are very many, as at a pole, an even selection.
             sides = np.minimum(number[nearest], MOST_SIDES)
             rows = np.repeat(np.arange(len(stuck)), sides)
             k = np.arange(len(rows)) - np.repeat(np.cumsum(sides) - sides, sides)
@@ -277,7 +277,7 @@ class ParametricSurface:
         return patch, places
 
     def _other_basins(self, points: np.ndarray, patch: np.ndarray, places: np.ndarray, square: np.ndarray) -> None:
-        """Start again from other bumps that may be as near; what is nearer is written into the arrays."""
+        """Start again from other bumps that may be as near; nearer results are written into the arrays."""
         rows, starts = self._basins.starts(points, np.sqrt(square))
         if not len(rows):
             return

@@ -1,4 +1,4 @@
-"""Tessellations of surfaces that are made of patches: grids over (u, v), welded along seams and at poles."""
+"""Tessellations of surfaces of patches: grids over (u, v), welded along seams and at poles."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-WELD = 1e-9  # grid points on borders that are closer than this, relative to the size, are one vertex
+WELD = 1e-9  # grid points on borders that are closer than this, relative to the size, become one vertex
 
 
 class PatchGrid(NamedTuple):
-    """Grid points of one patch, row by row, and faces between them that turn from u to v."""
+    """Grid points of one patch, row by row, and the faces between them, wound from u to v."""
 
     u: np.ndarray
     v: np.ndarray
     faces: np.ndarray  # (f, 3): triangles between rows of different numbers of columns
     border: np.ndarray  # the grid points on the border
-    quads: np.ndarray  # (q, 4): the quads between the rest, round about, that are still to be split
+    quads: np.ndarray  # (q, 4): the quads between the other rows, corners in order, not yet split
 
 
 class WeldedMesh(NamedTuple):
-    """A mesh that knows the parameters of its corners."""
+    """A mesh with the grid points of its corners, which have parameters."""
 
     vertices: np.ndarray  # (v, 3)
     faces: np.ndarray  # (f, 3)
     corners: np.ndarray  # (f, 3): the grid point of each corner of a face
     representative: np.ndarray  # (v,): one grid point of each vertex
-    vertex: np.ndarray  # (n,): the vertex of each grid point; -1 where no face is left there
+    vertex: np.ndarray  # (n,): the vertex of each grid point; -1 if no face uses it
 
 
 def patch_grid(u: np.ndarray, v: np.ndarray, levels: np.ndarray | None) -> PatchGrid:
@@ -36,8 +36,8 @@ def patch_grid(u: np.ndarray, v: np.ndarray, levels: np.ndarray | None) -> Patch
     ----------
     u, v : ascending grid lines
     levels : (len(u),) int array, optional
-        Row i keeps only every 2^levels[i]-th column; neighbouring rows differ by at most one level. So the columns
-        thin out towards a pole.
+        Row i keeps only every 2^levels[i]-th column; neighbouring rows differ by at most one level. This gives fewer
+        columns towards a pole.
     """
     columns = [np.arange(0, len(v), 1 << int(level)) for level in (np.zeros(len(u)) if levels is None else levels)]
     starts = np.concatenate([[0], np.cumsum([len(c) for c in columns])])
@@ -66,9 +66,9 @@ def weld(points: np.ndarray, grids: list[PatchGrid], flips: list[bool], fixed: l
     Parameters
     ----------
     points : (n, 3) array of all grid points, one grid after the other
-    grids : one a patch
+    grids : one for each patch
     flips : for each, whether the outward normal is ``x_v`` cross ``x_u``
-    fixed : for each, whether its quads are split along their first diagonals, wherever its points are
+    fixed : for each, whether its quads are split along their first diagonals, independent of its points
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -88,7 +88,7 @@ def weld(points: np.ndarray, grids: list[PatchGrid], flips: list[bool], fixed: l
     faces = labels[corners]
     proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     faces, corners = faces[proper], corners[proper]
-    used, faces = np.unique(faces, return_inverse=True)  # a row of cells that a pole swallowed leaves none behind
+    used, faces = np.unique(faces, return_inverse=True)  # rows of cells that collapse at a pole have no faces
     representative = np.full(labels.max() + 1, -1)
     representative[labels[::-1]] = np.arange(len(points))[::-1]
     representative = representative[used]
@@ -98,7 +98,7 @@ def weld(points: np.ndarray, grids: list[PatchGrid], flips: list[bool], fixed: l
 
 
 def _split(points: np.ndarray, quads: np.ndarray, first: bool) -> np.ndarray:
-    """Two triangles a quad, along its shorter diagonal or always along its first one."""
+    """Two triangles for each quad, along its shorter diagonal or always along its first one."""
     a, b, c, d = quads.T
     across = ((points[a] - points[c]) ** 2).sum(axis=1) <= 1.000001 * ((points[b] - points[d]) ** 2).sum(axis=1)
     across |= first
@@ -108,14 +108,14 @@ def _split(points: np.ndarray, quads: np.ndarray, first: bool) -> np.ndarray:
 
 
 def pole_levels(ring: np.ndarray, spacing: np.ndarray, columns: int) -> np.ndarray:
-    """How often to halve the columns of each row so that its cells stay about as wide as they are high.
+    """How often to halve the columns of each row so that its cells are about as wide as high.
 
     Parameters
     ----------
     ring : (rows,) array, the width of a cell in each row before halving
     spacing : (rows,) array, the height of the cells there
     columns : int
-        How many cells the narrowest patch has across: no row is halved beyond a whole number of them.
+        Number of cells across the narrowest patch: no row is halved beyond a whole number of cells.
     """
     deepest = (columns & -columns).bit_length() - 1
     wanted = np.floor(np.log2(np.maximum(spacing, 1e-300) / np.maximum(ring, 1e-12 * spacing.max())) + 0.5)
@@ -131,7 +131,7 @@ def pole_levels(ring: np.ndarray, spacing: np.ndarray, columns: int) -> np.ndarr
 
 
 def graded_lines(points: np.ndarray, parameters: np.ndarray, cells: int, turning: float = 0.5) -> np.ndarray:
-    """Parameters of ``cells + 1`` grid lines along a curve: where it turns fast they are closer.
+    """Parameters of ``cells + 1`` grid lines along a curve, closer where it turns fast.
 
     Parameters
     ----------

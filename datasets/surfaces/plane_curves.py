@@ -1,4 +1,4 @@
-"""Closed curves in a plane, of cubic Bezier pieces: exact samples by arc length, exact closest points, thin ribbons."""
+"""Closed plane curves of cubic Bezier pieces: exact samples by arc length, exact closest points, thin ribbons."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 TURN = 0.5  # radians by which the control polygon of an arc turns at most; closest points search arc by arc
 SHARE = 1 / 40  # of the length of all curves that an arc has at most
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)  # of an arc's length: exact to about 1e-13
-STEPS = 12  # of Newton's method, at most: near a centre of curvature it gains a third of the way with each
-STARTS = np.linspace(0, 1, 5)  # places on an arc from whose nearest the foot point is looked for
-PAIRS = 2_000_000  # of points and arcs that are looked at together
-WANDER = 0.15  # of the mean gap that an even sample may be off its place: gaps are 0.7 to 1.3 of the mean
+STEPS = 12  # most steps of Newton's method: near a centre of curvature each gains a third of the remaining distance
+STARTS = np.linspace(0, 1, 5)  # parameters on an arc; the search for the foot point starts at the nearest one
+PAIRS = 2_000_000  # of points and arcs that are evaluated together
+WANDER = 0.15  # largest shift of an even sample in mean gaps: gaps are 0.7 to 1.3 of the mean
 
 
 class _Arcs(NamedTuple):
-    """The curves in short arcs."""
+    """The curves divided into short arcs."""
 
-    curve: np.ndarray  # (s,) of which each is a part
+    curve: np.ndarray  # (s,) index of the curve of each arc
     points: np.ndarray  # (s, 4, 2) control points
     lengths: np.ndarray  # (s,)
     ends: np.ndarray  # (s,) lengths from the beginning of the first curve
@@ -34,15 +34,15 @@ class _Arcs(NamedTuple):
 class PlaneCurves:
     """Closed curves in the plane z = 0, as a :class:`bench.Surface` of one dimension less.
 
-    Samples are uniform by arc length, normals lie in the plane and point outwards. A surface of this kind has no area
-    that evenly spread points could be spaced by, so it has :meth:`sample_evenly`, which
-    :func:`bench.geometry.poisson_disk.sample_poisson_disk` asks.
+    Samples are uniform by arc length, normals lie in the plane and point outwards. Such a surface has no area that
+    defines the spacing of evenly spread points, so it has :meth:`sample_evenly`, which
+    :func:`bench.geometry.poisson_disk.sample_poisson_disk` calls.
 
     Parameters
     ----------
     make : function without arguments, called once
         The control points of the pieces of each closed curve, a sequence of (m, 4, 2) arrays. A piece begins where the
-        one before it ends, the first where the last ends. The inside is on the left: outlines are counter-clockwise,
+        previous one ends, the first where the last ends. The inside is on the left: outlines are counter-clockwise,
         holes clockwise. Where the tangents of neighbouring pieces differ there is a corner.
     """
 
@@ -83,8 +83,8 @@ class PlaneCurves:
     def sample_evenly(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """``count`` points at even distances along the curves, and their unit normals: two (count, 3) arrays.
 
-        Each curve has its share of the points by its length, begins anywhere, and each point wanders by up to 0.15 of
-        the gap. So gaps along a curve are 0.7 to 1.3 of their mean, as with Poisson disks that cannot be packed denser.
+        Each curve gets its share of the points by its length and a random start, and each point shifts by up to 0.15 of
+        the gap. So gaps along a curve are 0.7 to 1.3 of their mean, as with the densest packing of Poisson disks.
         """
         lengths = self.lengths
         begins = np.cumsum(lengths) - lengths
@@ -97,8 +97,8 @@ class PlaneCurves:
     def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The closest point of the curves to each of ``points`` (n, 3), and the unit normal there: two (n, 3) arrays.
 
-        Arcs that lie farther than the nearest known point are left out, by the balls around their control points; on
-        the others Newton's method finds the foot point. In a corner the normal is that of one of its sides.
+        Arcs whose balls around the control points are farther than the nearest known point are skipped; on the others
+        Newton's method finds the foot point. In a corner the normal is that of one of its sides.
         """
         flat = np.asarray(points, dtype=np.float64)[:, :2]
         arc, t = np.zeros(len(flat), dtype=np.int64), np.zeros(len(flat))
@@ -141,13 +141,13 @@ class PlaneCurves:
     # -- the mesh --------------------------------------------------------------------------------------------------
 
     def ribbon(self, height: float, tolerance: float, longest: float) -> Trimesh:
-        """A ribbon that stands on the plane: the curves from z = -height / 2 to height / 2, faces looking outwards.
+        """A ribbon perpendicular to the plane: the curves from z = -height / 2 to height / 2, with outward faces.
 
         Parameters
         ----------
         height : float
         tolerance : float
-            How far an edge may be from the curve; its ends lie on it.
+            The largest distance of an edge from the curve; its ends lie on the curve.
         longest : float
             The longest edge.
         """
@@ -167,7 +167,7 @@ class PlaneCurves:
 
     @staticmethod
     def _polyline(arcs: np.ndarray, tolerance: float, longest: float) -> np.ndarray:
-        """(n, 2) points on a curve whose chords are near it."""
+        """(n, 2) points on a curve, with chords near it."""
         t = np.tile(STARTS, (len(arcs), 1))
         d, dd = ((f(arcs[:, None], t)) for f in (_derivative, _second))
         speed = np.linalg.norm(d, axis=2)
@@ -240,7 +240,7 @@ def _foot(arcs: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         slope, square = np.einsum("ni,ni->n", away, d), np.einsum("ni,ni->n", d, d)
         bend = square + np.einsum("ni,ni->n", away, _second(arcs, t))
         low, high = np.where(slope < 0, t, low), np.where(slope < 0, high, t)
-        # At the centre of curvature Newton's step has no bound, and beyond it looks for a maximum: then halve instead.
+        # At the centre of curvature Newton's step is unbounded, and beyond it leads to a maximum: then halve instead.
         ahead = t - slope / np.where(bend > 0, bend, square)
         t = np.where((bend > 0) & (ahead >= low) & (ahead <= high), ahead, (low + high) / 2)
         distance = np.linalg.norm(_point(arcs, t) - points, axis=1)
@@ -250,7 +250,7 @@ def _foot(arcs: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _shares(lengths: np.ndarray, count: int) -> np.ndarray:
-    """``count`` things shared by lengths, in whole numbers: the largest remainders get one more."""
+    """Integer shares of ``count`` in proportion to lengths: the largest remainders get one more."""
     exact = count * lengths / lengths.sum()
     shares = np.floor(exact).astype(int)
     shares[np.argsort(shares - exact, kind="stable")[: count - shares.sum()]] += 1

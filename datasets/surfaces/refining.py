@@ -1,4 +1,4 @@
-"""Finer triangles where a surface bends away from its mesh: edges are halved, and the middles put on the surface."""
+"""Adaptive refinement of meshes of curved surfaces: edges are halved, and their middles moved onto the surface."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from bench.geometry.topology import Edges
 
-PASSES, TRIES = 6, 4  # of halving edges; of doing so without crossings
-TOLERANCE = 2.5e-4  # of a middle, relative to the radius about the middle of the box
+PASSES, TRIES = 6, 4  # most passes of halving edges; most attempts to do so without crossings
+TOLERANCE = 2.5e-4  # for the middle of an edge, relative to the radius about the middle of the box
 MOST_FACES = 200_000
-WHOLE = -1.0  # in place of how far a middle is off, for edges that are not to be halved
-# The corners a, b, c of a face and the middles ab, bc, ca are 0 to 5; a face with so many halved edges becomes these.
+WHOLE = -1.0  # replaces the distance of a middle, for edges that must not be halved
+# The corners a, b, c of a face and the middles ab, bc, ca are 0 to 5; entry k replaces a face with k halved edges.
 PATTERNS = (
     ((0, 1, 2),),
     ((0, 3, 2), (3, 1, 2)),
@@ -30,25 +30,26 @@ def refined(
     tolerance: float = TOLERANCE,
     most: int = MOST_FACES,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Halve the edges whose middle is farther than ``tolerance`` from the surface, until none is or ``most`` faces are.
+    """Halve edges whose middle is farther than ``tolerance`` from the surface, until none is left or at ``most`` faces.
 
     In each pass the longest edge of every face with a halved one is halved, too (Rivara 1984), so that triangles do not
-    get ever thinner; a face with one, two or three halved edges becomes two, three or four. Both faces at an edge see
-    the same middle: what was watertight stays so, and the genus with it. Where the mesh cuts off a crease, middles may
-    come to lie beyond their neighbours: faces whose parts cross others stay as they are, with those around them.
+    get thinner and thinner; a face with one, two or three halved edges becomes two, three or four. Both faces at an
+    edge use the same middle, so a watertight mesh stays watertight and keeps its genus. Where the mesh cuts off a
+    crease, middles may move beyond their neighbours: faces whose parts cross others are not divided, nor those around
+    them.
 
     Parameters
     ----------
     vertices : (v, 3) array, on the surface
     faces : (f, 3) int array
-    onto : function of middles of edges (n, 3) and what lies between the places of their ends (n, m)
-        Gives the points of the surface (n, 3) that they stand for.
+    onto : function of middles of edges (n, 3) and the means of the places of their ends (n, m)
+        Returns the points of the surface (n, 3) for them.
     places : (f, 3, m) array, optional
-        What is known of the corners of each face, such as parameters; that of a middle is the mean of its ends.
+        Values at the corners of each face, such as parameters; the value of a middle is the mean of its ends.
     tolerance : float
         Relative to the radius of the mesh about the middle of its box.
     most : int
-        Where more faces would be needed, edges are halved that are farthest from the surface.
+        If more faces would be needed, the edges farthest from the surface are halved.
 
     Returns
     -------
@@ -85,7 +86,7 @@ def _halved(
     limit: float,
     most: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The finer mesh, and which face each of its faces is a part of; ``known``: keys, middles, distances of edges."""
+    """The finer mesh, and the face that each of its faces comes from; ``known``: keys, middles, distances of edges."""
     origin = np.arange(len(F))
     for _ in range(PASSES):
         ends, sides, half = _edges(F)
@@ -119,15 +120,15 @@ def _key(ends: np.ndarray) -> np.ndarray:
 
 
 def _off(offsets: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """How far points at ``offsets`` (n, 3) from the starts of edges (n, 3) are from their lines: (n,)."""
+    """Distances (n,) from the lines of edges (n, 3) to points at ``offsets`` (n, 3) from the starts of the edges."""
     along = np.einsum("ni,ni->n", offsets, edges) / np.maximum(np.einsum("ni,ni->n", edges, edges), 1e-300)
     return np.linalg.norm(offsets - along[:, None] * edges, axis=1)
 
 
 def _edges(F: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Edges: their vertices (e, 2), lower first; those of each face, from each corner on (f, 3); a half-edge of each.
+    """Edges: their vertices (e, 2), lower first; those of each face, by their first corner (f, 3); a half-edge of each.
 
-    Half-edge 3 f + k runs from corner k of face f on.
+    Half-edge 3 f + k starts at corner k of face f.
     """
     edges = Edges(F)
     one = np.unique(edges.at, return_index=True)[1]
@@ -135,7 +136,7 @@ def _edges(F: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _known(key: np.ndarray, known: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """What an earlier pass found of edges, nan elsewhere: middles (e, 3) and how far they are (e,)."""
+    """The results of earlier passes for edges, otherwise nan: middles (e, 3) and their distances (e,)."""
     middles, away = np.full((len(key), 3), np.nan), np.full(len(key), np.nan)
     if len(known[0]):
         at = np.minimum(np.searchsorted(known[0], key), len(known[0]) - 1)
@@ -145,7 +146,7 @@ def _known(key: np.ndarray, known: tuple[np.ndarray, np.ndarray, np.ndarray]) ->
 
 
 def _chosen(sides: np.ndarray, away: np.ndarray, length: np.ndarray, limit: float, most: int) -> np.ndarray:
-    """The edges (e,) to halve: those that are far off, with what belongs to them, within the number of faces."""
+    """The edges (e,) to halve: those beyond the limit, and the longest ones of their faces, within ``most`` faces."""
     longest = sides[np.arange(len(sides)), length[sides].argmax(axis=1)]
     one, two, three = sides.T
     for factor in 1.25 ** np.arange(24):
@@ -164,11 +165,11 @@ def _chosen(sides: np.ndarray, away: np.ndarray, length: np.ndarray, limit: floa
 def _split(F: np.ndarray, P: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Faces between corners F (f, 3) and new vertices ``middle`` (f, 3) on the edges from each, -1 for none.
 
-    And the places of their corners, and the faces that they are parts of.
+    And the places of their corners, and the faces that they come from.
     """
     halved = middle >= 0
     count = halved[:, 0].astype(np.int64) + halved[:, 1] + halved[:, 2]
-    # Turned so that with one halved edge it is the first, and with two the edge that is left is the last.
+    # Rotated so that a single halved edge comes first, and with two halved edges the undivided edge comes last.
     first = np.select([count == 1, count == 2], [halved.argmax(axis=1), (halved.argmin(axis=1) + 1) % 3], 0)
     turn = (first[:, None] + np.arange(3)) % 3
     F, P = np.take_along_axis(F, turn, axis=1), np.take_along_axis(P, turn[..., None], axis=1)

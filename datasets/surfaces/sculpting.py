@@ -1,4 +1,4 @@
-"""Bodies as formulas of :class:`.duals.Dual`: primitives, smooth unions that look only where a part is, and the field.
+"""Bodies as formulas of :class:`.duals.Dual`: primitives, smooth unions that evaluate parts locally, and the field.
 
 A primitive is positive outside and nearly a distance: exact for balls, cones' axes and boxes, of first order for
 ellipsoids (Quilez, iquilezles.org/articles/distfunctions).
@@ -34,7 +34,7 @@ class Sculpture:
     def gradient(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """``f`` and its gradient at points (n, 3): (n,) and (n, 3) arrays."""
         found = self.form(Dual.coordinates(points @ self.rotation.T, gradients=True))
-        assert found.g is not None  # they were asked for
+        assert found.g is not None  # gradients were requested
         return found.v, found.g.T @ self.rotation
 
     def range(self, centres: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -47,7 +47,7 @@ class Sculpture:
 
 
 def add(body: Dual, at: Point, centre: Triple, reach: float, width: float, part: Form) -> Dual:
-    """The smooth union with a part within ``reach`` of ``centre``, which is evaluated only where it may matter."""
+    """The smooth union with a part within ``reach`` of ``centre``, evaluated only where it may have an effect."""
     beyond = _distance(at, centre) - reach
     return _merged(body, at, beyond < body.v + width, lambda a, p: smooth_min(a, part(p), width))
 

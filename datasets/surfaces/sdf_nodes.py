@@ -1,6 +1,6 @@
 """Signed distance functions of rounded primitives, and smooth booleans of them, with exact gradients.
 
-All are no steeper than 1. A boolean's value is a lower bound of the distance from outside, not the distance itself.
+No slope is steeper than 1. A boolean's value is a lower bound of the distance from outside, not the distance itself.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Union:
 
 @dataclass(frozen=True, eq=False)
 class Intersection:
-    """What two bodies share, with its edges rounded by about ``width``."""
+    """The common part of two bodies, with its edges rounded by about ``width``."""
 
     one: Node
     other: Node

@@ -14,7 +14,7 @@ Position = Callable[[Jet, Jet], Jet]
 def offset(middle: Position, distance: float, pole: float | None = None) -> Position:
     """The surface at ``distance`` along ``x_u`` cross ``x_v``; it uses up one order of derivatives.
 
-    Where u = 0 is a pole in a flat place, ``pole`` is the smallest u that the normal is taken at.
+    If u = 0 is a pole where the surface is flat, ``pole`` is the smallest u at which the normal is evaluated.
     """
 
     def position(u: Jet, v: Jet) -> Jet:
@@ -49,7 +49,7 @@ def round_end(middle: Position, at: float, axis: int, outward: float, half: floa
         x = middle(*jets)
         normal = unit_normal(x)
         along = normalize(x.derivative(1 - axis)).truncate(normal.order)
-        # Of the jets by (u, v) only what changes along the border is kept, as functions of t.
+        # Only the derivatives along the border are kept of the jets by (u, v), as functions of t.
         x, normal, along = (_along(j, 1 - axis) for j in (x.truncate(normal.order), normal, along))
         beyond = cross(along, normal) * (outward if axis == 0 else -outward)
         s = s.truncate(normal.order)

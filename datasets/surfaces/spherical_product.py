@@ -1,4 +1,4 @@
-"""Spherical products: a closed curve that is swept over the heights of another one, both superformulas.
+"""Spherical products: one closed curve swept along another one, both superformulas.
 
 With the longitude w and the latitude h, the surface is ``(a p(h) cos w r2(w), b p(h) sin w r2(w), c q(h))``, where
 ``p = major + r1(h) cos h`` and ``q = r1(h) sin h``. Superquadrics are the case m = 4, n1 = n2 = n3 = 2 / e.
@@ -16,8 +16,8 @@ from .jets import Jet, abs_power, cos, sin, stack
 from .parametric import Chart, Patch
 from .patch_mesh import graded_lines, pole_levels
 
-DENSE = 2001  # places on a curve, a piece, that grid lines and angles are taken from
-EDGE_WINDOW = 0.02  # of the diagonal: how far along a curve its turn is measured
+DENSE = 2001  # points on each piece of a curve, for grid lines and angles
+EDGE_WINDOW = 0.02  # of the diagonal: the length of curve over which its turn is measured
 
 
 def check_grid(rows: int, columns: int) -> None:
@@ -29,9 +29,9 @@ def check_grid(rows: int, columns: int) -> None:
 
 @dataclass(frozen=True)
 class Superformula:
-    """Gielis' ``r(t) = (|cos(m t / 4)|^n2 + |sin(m t / 4)|^n3)^(-1 / n1)``; it is smooth but for t = 2 pi k / m."""
+    """Gielis' ``r(t) = (|cos(m t / 4)|^n2 + |sin(m t / 4)|^n3)^(-1 / n1)``; it is smooth except at t = 2 pi k / m."""
 
-    m: int  # how many lobes
+    m: int  # number of lobes
     n1: float
     n2: float  # at least 1
     n3: float  # at least 1; equal to n2 where m is odd, otherwise the curve does not close
@@ -61,7 +61,7 @@ class SphericalProduct:
     longitude: Superformula  # r2
     axes: tuple[float, float, float]  # a, b, c
     major: float = 0.0  # radius of the ring: 0 for none
-    rows: int = 160  # of cells, about
+    rows: int = 160  # approximate number of rows of cells
     columns: int = 256
 
     @property
@@ -106,11 +106,11 @@ class SphericalProduct:
         return np.array([*(np.ptp(ring, axis=0) * np.abs(meridian[:, 0]).max()), np.ptp(meridian[:, 1])]) * self.axes
 
     def sharpest_turn(self) -> float:
-        """By how many degrees at most the normal turns within 2 % of the bounding-box diagonal, along both curves."""
+        """The largest turn of the normal in degrees within 2 % of the bounding-box diagonal, along both curves."""
         window = EDGE_WINDOW * float(np.linalg.norm(self.extents()))
         meridian, ring = self._curves()
         profile = meridian(np.linspace(-self._span, self._span, 2 * DENSE))
-        if not self.major:  # on over the pole, to the other side: an apex is sharp as well
+        if not self.major:  # continued over the pole to the other side: an apex is sharp as well
             mirrored = profile[::-1] * [-1, 1]
             profile = np.concatenate([profile, mirrored[1:]])
         return max(_turn(profile, window), _turn(ring(np.linspace(-pi, pi, 2 * DENSE)), window))
@@ -129,7 +129,7 @@ def _turn(closed: np.ndarray, window: float) -> float:
 
 
 def _lines(breaks: np.ndarray, curve, cells: int) -> list[np.ndarray]:
-    """Grid lines between all neighbouring breaks; in all the same number, a multiple of 8."""
+    """Grid lines between all neighbouring breaks, the same number in each, a multiple of 8."""
     each = max(8, 8 * round(cells / (len(breaks) - 1) / 8))
     dense = [np.linspace(low, high, DENSE) for low, high in pairwise(breaks)]
     return [graded_lines(curve(t), t, each) for t in dense]

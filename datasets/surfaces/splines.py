@@ -15,8 +15,8 @@ class Profile:
     Parameters
     ----------
     controls : (n, 2) array
-        At t = 0 the curve starts on the axis: the control points go on as their mirror image there, so that r is odd
-        and z is even in t and the turned surface is smooth at its pole. ``controls[0]`` lies on the axis.
+        At t = 0 the curve starts on the axis: the control points continue as their mirror image there, so that r is odd
+        and z is even in t and the surface of revolution is smooth at its pole. ``controls[0]`` lies on the axis.
     """
 
     def __init__(self, controls: np.ndarray):
@@ -41,7 +41,7 @@ class Profile:
         return self._spline(t)
 
     def smallest_radius(self) -> float:
-        """The smallest radius of curvature, over 2000 places."""
+        """The smallest radius of curvature, over 2000 points."""
         d, dd = (self._spline(np.linspace(0, 1, 2001), k) for k in (1, 2))
         bend = np.abs(d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0])
         return float(((d**2).sum(axis=1) ** 1.5 / np.maximum(bend, 1e-300)).min())

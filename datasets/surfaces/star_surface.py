@@ -1,4 +1,4 @@
-"""The surface ``x = r(u) u`` over the unit sphere, r a sum of spherical harmonics: all about it is exact."""
+"""The surface ``x = r(u) u`` over the unit sphere, r a sum of spherical harmonics, with exact samples and normals."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class StarSurface:
     def sample(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """``count`` points, uniform by area of the exact surface, and their outward unit normals.
 
-        By rejection: a uniform direction is kept with the probability ``dA / largest dA``.
+        By rejection: a uniform direction is accepted with the probability ``dA / largest dA``.
         """
         largest, mean = self._area_elements
         kept: list[tuple[np.ndarray, np.ndarray]] = []
@@ -91,7 +91,7 @@ class StarSurface:
 
     @cached_property
     def _area_elements(self) -> tuple[float, float]:
-        """A certain upper bound of dA per solid angle, and its mean.
+        """A proven upper bound of dA per solid angle, and its mean.
 
         Along every great circle ``(dA)^2 = r^2 (r^2 + |grad r|^2)`` is a non-negative trigonometric polynomial of
         degree N = 4 L. By M. Riesz, within the distance d of its maximum M it is at least ``M cos^2(N d / 2)``. So the
@@ -110,8 +110,8 @@ class StarSurface:
         """The foot point of each of ``points`` (n, 3) and its outward unit normal: two (n, 3) arrays.
 
         Newton's method on the sphere for ``min |p - r(u) u|^2``, from the nearest vertex of a fine tessellation; it
-        never leaves the valley of that vertex for a worse point. Far from the surface, from all of the nearest 64
-        vertices that are nearer than their neighbours.
+        never moves from there to a worse point. Far from the surface, from all of the nearest 64 vertices that are
+        nearer than their neighbours.
         """
         points = np.asarray(points, dtype=np.float64)
         if not len(points):
@@ -142,7 +142,7 @@ class StarSurface:
         return directions, terms, cKDTree(terms[0][:, None] * directions)
 
     def _foot_directions(self, points: np.ndarray, nearest: np.ndarray, *, iterations: int = 50) -> np.ndarray:
-        """Of each of ``points`` (n, 3), from the vertex ``nearest`` (n,) of the tessellation: an (n, 3) array."""
+        """For each of ``points`` (n, 3), from the vertex ``nearest`` (n,) of the tessellation: an (n, 3) array."""
         directions, known, _ = self._start
         result = directions[nearest]
         active, p, u, terms = np.arange(len(points)), points, result, tuple(term[nearest] for term in known)
@@ -151,14 +151,14 @@ class StarSurface:
             step = damping[:, None] * _newton_step(p, u, *terms)
             trial = u + step
             trial /= np.linalg.norm(trial, axis=1, keepdims=True)
-            # Convergence is quadratic: after a step below 1e-7 what is left is about 1e-13.
+            # Convergence is quadratic: after a step below 1e-7 the error is about 1e-13.
             arrived = dot(step, step) < 1e-14
             result[active[arrived]] = trial[arrived]
             active, p, u, trial, damping = (rows[~arrived] for rows in (active, p, u, trial, damping))
             if not len(active):
                 break
             terms, trial_terms = tuple(term[~arrived] for term in terms), self.radius.hessian(trial)
-            # Rounding must not keep a nearly converged point from its step.
+            # Rounding must not stop a nearly converged point.
             better = _half_square(p, trial, trial_terms[0]) <= _half_square(p, u, terms[0]) + 1e-15
             u, *terms = (_choose(better, new, old) for new, old in zip((trial, *trial_terms), (u, *terms), strict=True))
             damping = np.where(better, 1.0, damping / 4)
@@ -204,7 +204,7 @@ def _newton_step(p: np.ndarray, u: np.ndarray, r: np.ndarray, gradient: np.ndarr
     a11 = (r - q) * r11 + g1 * g1 - 2 * g1 * t1 + r * q
     a22 = (r - q) * r22 + g2 * g2 - 2 * g2 * t2 + r * q
     a12 = (r - q) * r12 + g1 * g2 - g1 * t2 - t1 * g2
-    # Where E is not convex, shift its curvatures up: the step is then one of descent.
+    # Where E is not convex, shift its curvatures up: then the step is a descent step.
     lowest = (a11 + a22) / 2 - np.hypot((a11 - a22) / 2, a12)
     shift = np.where(lowest < 1e-6, 0.1 - lowest, 0.0)
     a11, a22 = a11 + shift, a22 + shift

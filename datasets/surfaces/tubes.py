@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
     from trimesh import Trimesh
 
-SAMPLES = 2048  # of a curve: the nearest one lies in the valley of the nearest point
+SAMPLES = 2048  # of a curve: dense enough that the nearest one lies in the basin of the nearest point
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class FourierCurve:
 
     @cached_property
     def _is_circle(self) -> bool:
-        """Whether this is a circle, perhaps with a shift after it: then the nearest point is known in closed form."""
+        """Whether this is a circle, perhaps shifted: then the nearest point has a closed form."""
         a, b = self.cosine[0], self.sine[0]
         plain = self.frequencies[0] == 1 and not self.frequencies[1:].any()
         return bool(plain and abs(a @ b) < 1e-14 * (a @ a) and abs(a @ a - b @ b) < 1e-14 * (a @ a))
@@ -97,7 +97,7 @@ class FourierCurve:
             longest = 8 * pi / SAMPLES
             trial = now + damping[active] * np.clip(step, -longest, longest)
             moved = self.at(trial)[0] - p
-            # Rounding must not keep a nearly converged point from its step.
+            # Rounding must not stop a nearly converged point.
             better = dot(moved, moved) <= dot(away, away) * (1 + np.where(np.abs(step) < 1e-5, 1e-13, 0))
             s[active[better]] = trial[better]
             damping[active] = np.where(better, 1.0, damping[active] / 4)
@@ -253,7 +253,7 @@ class TubeSurface:
             away = points - centre
             distance = np.sqrt(dot(away, away))
             tangent = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
-            # On the curve itself every direction across it is as near.
+            # On the curve itself all directions across it are equally near.
             on_curve = distance < 1e-12 * self.radius
             normal = np.where(on_curve[:, None], tangents(tangent)[0], away / np.maximum(distance, 1e-300)[:, None])
             nearer = distance < best
@@ -271,9 +271,9 @@ def _equal_arcs(curve: FourierCurve, count: int) -> np.ndarray:
 
 
 def _untwisted_frames(centre: np.ndarray, tangent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors across the curve at each point, turning as little as they can and closing up.
+    """Two unit vectors across the curve at each point, with the least rotation along it, and the same at both ends.
 
-    The double reflection of Wang et al. (2008), then the angle that is left over is spread evenly.
+    The double reflection of Wang et al. (2008); then the remaining angle is spread evenly.
     """
     count = len(centre)
     one = np.empty((count + 1, 3))
