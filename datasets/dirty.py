@@ -48,7 +48,7 @@ class Dirty(Mixture):
     def shapes(self, split: str) -> Iterator[Shape]:
         """The shapes of a split, one of each family in turn."""
         for shape in super().shapes(split):
-            yield self._soiled(shape, _Soiling(shape, tuple(self.dirt), self.share))
+            yield self._dirty(shape, _MeshDirt(shape, tuple(self.dirt), self.share))
 
     @property
     def pairs(self) -> Callable[[str], Iterator[ShapePair]]:
@@ -59,27 +59,27 @@ class Dirty(Mixture):
         AttributeError
             Where no family has pairs.
         """
-        return partial(self._soiled_pairs, super().pairs)
+        return partial(self._dirty_pairs, super().pairs)
 
-    def _soiled_pairs(self, clean: Callable[[str], Iterator[ShapePair]], split: str) -> Iterator[ShapePair]:
+    def _dirty_pairs(self, clean: Callable[[str], Iterator[ShapePair]], split: str) -> Iterator[ShapePair]:
         for pair in clean(split):
-            soiling = _Soiling(pair.source, tuple(self.dirt), self.share)
-            other = soiling if pair.corresponding else _Soiling(pair.target, tuple(self.dirt), self.share)
-            yield replace(pair, source=self._soiled(pair.source, soiling), target=self._soiled(pair.target, other))
+            mesh_dirt = _MeshDirt(pair.source, tuple(self.dirt), self.share)
+            other = mesh_dirt if pair.corresponding else _MeshDirt(pair.target, tuple(self.dirt), self.share)
+            yield replace(pair, source=self._dirty(pair.source, mesh_dirt), target=self._dirty(pair.target, other))
 
-    def _soiled(self, shape: Shape, soiling: _Soiling) -> Shape:
+    def _dirty(self, shape: Shape, mesh_dirt: _MeshDirt) -> Shape:
         return Shape(
             shape.id,
-            lambda: soiling.mesh(shape.mesh),
+            lambda: mesh_dirt.mesh(shape.mesh),
             surface=_Clean(shape),
             tags=shape.tags,
             info={**shape.info, "dirt": list(self.dirt)},
             exactness=shape.exactness,
-            attributes=lambda: soiling.attributes(shape),
+            attributes=lambda: mesh_dirt.attributes(shape),
         )
 
 
-class _Soiling:
+class _MeshDirt:
     """The dirt of one mesh, made on first use; it is valid for other meshes with the same faces."""
 
     def __init__(self, shape: Shape, kinds: tuple[str, ...], share: float):

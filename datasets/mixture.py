@@ -118,10 +118,10 @@ def _in_turn(streams: Mapping[str, Iterator[Item]]) -> Iterator[Item]:
             while id in taken:
                 id = f"{name}-{id}"
             taken.add(id)
-            yield _called(item, id, name)
+            yield _renamed(item, id, name)
 
 
-def _called(item: Item, id: str, family: str) -> Item:
+def _renamed(item: Item, id: str, family: str) -> Item:
     """The item under another id; the info of its shapes, or of both shapes of a pair, names the family."""
     if isinstance(item, ShapePair):
         source, target = (shape.renamed(shape.id, family=family) for shape in (item.source, item.target))

@@ -11,7 +11,7 @@ from bench import BadInput, UsageError
 
 TIMEOUT = 30  # seconds without a byte
 BLOCK = 1 << 18
-TOLD = 10  # number of progress reports in a download
+REPORTS = 10  # number of progress reports in a download
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _append(archive: Archive, url: str, part: Path, say: Callable[[str], None]) 
             while done <= archive.size and (block := answer.read(min(BLOCK, archive.size + 1 - done))):
                 file.write(block)
                 before, done = done, done + len(block)
-                if before * TOLD // archive.size < done * TOLD // archive.size:
+                if before * REPORTS // archive.size < done * REPORTS // archive.size:
                     say(f"  {min(done / archive.size, 1):.0%}")
 
 

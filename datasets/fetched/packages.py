@@ -128,7 +128,7 @@ def fetch_packages(folder: Path, wanted: Mapping[str, Mapping[str, str]], say: C
 def _fetch(folder: Path, name: str, files: Mapping[str, str], say: Callable[[str], None]) -> None:
     """Fetch one package, unless all its files exist and are right."""
     package, place = PACKAGES[name], folder / name
-    missing = {file: sha256 for file, sha256 in files.items() if not _is(place / file, sha256)}
+    missing = {file: sha256 for file, sha256 in files.items() if not _is_right(place / file, sha256)}
     if not missing:
         return
     archive = folder / DOWNLOADS / package.archive.name
@@ -147,7 +147,7 @@ def _fetch(folder: Path, name: str, files: Mapping[str, str], say: Callable[[str
             archive.parent.rmdir()
 
 
-def _is(file: Path, sha256: str) -> bool:
+def _is_right(file: Path, sha256: str) -> bool:
     return file.is_file() and sha256_of(file) == sha256
 
 

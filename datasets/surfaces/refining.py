@@ -65,7 +65,7 @@ def refined(
     ends, sides, half = _edges(F)
     a, b = V[ends[:, 0]], V[ends[:, 1]]
     middles = onto((a + b) / 2, _between(P, half))
-    away = _off(middles - a, b - a)
+    away = _line_distances(middles - a, b - a)
     for _ in range(TRIES):
         W, G, origin = _halved(V, F, P, onto, (_key(ends), middles, away), limit, most)
         crossing = self_intersecting_faces(W, G)
@@ -95,7 +95,7 @@ def _halved(
         if len(new):
             a, b = V[ends[new, 0]], V[ends[new, 1]]
             middles[new] = onto((a + b) / 2, _between(P, half[new]))
-            away[new] = _off(middles[new] - a, b - a)
+            away[new] = _line_distances(middles[new] - a, b - a)
         length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
         chosen = _chosen(sides, away, length, limit, most)
         if not chosen.any():
@@ -119,7 +119,7 @@ def _key(ends: np.ndarray) -> np.ndarray:
     return (ends[:, 0] << 32) + ends[:, 1]
 
 
-def _off(offsets: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _line_distances(offsets: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Distances (n,) from the lines of edges (n, 3) to points at ``offsets`` (n, 3) from the starts of the edges."""
     along = np.einsum("ni,ni->n", offsets, edges) / np.maximum(np.einsum("ni,ni->n", edges, edges), 1e-300)
     return np.linalg.norm(offsets - along[:, None] * edges, axis=1)
