@@ -165,7 +165,7 @@ class _Found(NamedTuple):
 
 
 def _by_id(found: list[_Found]) -> dict[str, _Found]:
-    """The files by ids that are unique (also where upper and lower case are one) and safe as file names."""
+    """The files by ids that are unique (also if case is ignored) and safe as file names."""
     return dict(zip(safe_ids(one.file.stem for one in found), found, strict=True))
 
 

@@ -116,9 +116,9 @@ class Paired:
         for part, files in found.items():
             if missing := [file for file in inputs if file not in files]:
                 raise UsageError(
-                    f"dataset.{part}={getattr(self, part)}: {len(missing)} of {len(inputs)} scans have none "
+                    f"dataset.{part}={getattr(self, part)}: {len(missing)} of {len(inputs)} scans have no {part} "
                     f"({_shown(missing)}); give these files the names of their scans, or list "
-                    "the scans that have one: dataset.test_names=FILE"
+                    f"the scans that have a {part}: dataset.test_names=FILE"
                 )
         pairs = [_Pair(splits[file], file, **{part: files[file] for part, files in found.items()}) for file in inputs]
         ids = safe_ids("-".join(inputs[pair.input]) for pair in pairs)

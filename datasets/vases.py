@@ -44,7 +44,7 @@ class Vases(Family):
     independent: kinds and sections of the two are drawn separately.
     """
 
-    thickness_low: float = 0.008  # thinnest wall, as a fraction of the bounding-box diagonal, about
+    thickness_low: float = 0.008  # approximate thinnest wall, as a fraction of the bounding-box diagonal
     thickness_high: float = 0.045  # thickest wall
     columns: int = 256  # cells of the tessellation around
 

@@ -64,7 +64,7 @@ class Iou:
 
 
 def _solids(output: Trimesh, case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Vertices and oriented faces of the output and of the reference, or :class:`NoSides` where one is no solid."""
+    """Vertices and oriented faces of the output and of the reference, or :class:`NoSides` if one is not a solid."""
     found = []
     for name, mesh in (("output", output), ("reference", case.reference.mesh)):
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
@@ -74,5 +74,5 @@ def _solids(output: Trimesh, case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
             raise NoSides(f"the {name} has no inside: {error}") from None
         found.append((vertices, faces))
     if not count_topology(*found[1]).watertight:
-        raise NoSides("the reference is not closed: it has edges of other than two faces")
+        raise NoSides("the reference is not closed: it has edges that do not belong to two faces")
     return found

@@ -192,7 +192,8 @@ def _rounds(mesh: Trimesh, least: int) -> int:
         count, edges, faces, rounds = count + edges, 2 * edges + 3 * faces, 4 * faces, rounds + 1
         if rounds > 8:
             raise BadInput(
-                f"the source has {len(mesh.vertices)} vertices; subdividing it to {least} takes too many rounds"
+                f"the source has {len(mesh.vertices)} vertices; subdividing it to {least} takes too many rounds; "
+                "use a finer mesh or a smaller task.vertices"
             )
     return rounds
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @register("task")
 @dataclass(frozen=True)
 class PoseTransfer(Task):
-    """A character at rest, a template at rest, landmarks on both, and somebody in a pose -> the character in the pose.
+    """A character at rest, a template at rest, landmarks on both, and a figure in a pose -> the character in the pose.
 
     A method is called as ``pose_transfer(source, template, landmarks, target, run)`` and returns a mesh with the faces
     of ``source``, the character, in order. ``landmarks`` are (2, 3) arrays by name: the same place on template and

@@ -36,7 +36,7 @@ class Dirt(NamedTuple):
         return (values[self.parents[:, 0]] + values[self.parents[:, 1]]) / 2
 
     def spread(self, values: np.ndarray, vertices: int, faces: int) -> np.ndarray:
-        """An attribute for the dirty mesh, from that of the clean one with so many ``vertices`` and ``faces``."""
+        """An attribute for the dirty mesh, from that of the clean one; ``vertices`` and ``faces`` are its counts."""
         if len(values) == vertices:
             return self.of_vertices(values)
         return values[self.origin] if len(values) == faces else values

@@ -18,7 +18,7 @@ TEXTS = (".txt", ".csv")  # may hold points, but are mostly notes and lists
 
 
 def safe_ids(stems: Iterable[str]) -> list[str]:
-    """The stems as ids that are unique (also where upper and lower case are one) and safe as file names."""
+    """The stems as ids that are unique (also if case is ignored) and safe as file names."""
     ids: list[str] = []
     taken: set[str] = set()
     for name in stems:

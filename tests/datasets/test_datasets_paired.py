@@ -128,8 +128,8 @@ def test_the_last_stars_are_matched_where_one_pattern_has_more(tmp_path):
         ({"reference": ""}, "dataset.reference is empty; expected a mesh or a point cloud"),
         ({"path": "nowhere"}, r"dataset.path=nowhere: no such folder; expected one that holds scans/\*_noisy.ply"),
         ({"input": "scan/*.ply"}, r"scan/\*.ply \(in dataset.path=.*no file matches.*the folder should hold"),
-        ({"reference": "mesh/[ab].off"}, r"1 of 3 scans have none \(c_noisy.ply\).*test_names=FILE"),
-        ({"reference": "mesh/[a].off"}, r"2 of 3 scans have none \(b_noisy.ply, c_noisy.ply\)"),
+        ({"reference": "mesh/[ab].off"}, r"1 of 3 scans have no reference \(c_noisy.ply\).*test_names=FILE"),
+        ({"reference": "mesh/[a].off"}, r"2 of 3 scans have no reference \(b_noisy.ply, c_noisy.ply\)"),
         ({"reference": "**/*.off"}, "two files match it as its reference"),
     ],
 )
