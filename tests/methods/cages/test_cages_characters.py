@@ -52,7 +52,7 @@ def weights_of(points, cage, faces):
     return mean_value_coordinates(torch.from_numpy(points)[None], torch.from_numpy(cage)[None], faces)[0].numpy()
 
 
-def test_a_cage_is_closed_holds_the_body_and_has_the_vertices_asked_for():
+def test_a_cage_is_closed_contains_the_body_and_has_the_requested_vertices():
     body = icosphere(subdivisions=2)
     body.vertices = body.vertices * (0.3, 0.2, 1.0)
     for count in (30, 60):
@@ -64,8 +64,8 @@ def test_a_cage_is_closed_holds_the_body_and_has_the_vertices_asked_for():
         body_cage(body, 4)
 
 
-def test_the_cage_of_a_larger_and_moved_template_is_larger_and_moved():
-    """Points have the same coordinates in a cage that was scaled and moved with them: the loss is 0 there."""
+def test_a_cage_fitted_to_a_scaled_and_moved_template_is_scaled_and_moved():
+    """Points have the same coordinates in a cage scaled and moved with them: the loss is 0 there."""
     cage, faces = ball_cage(0, 1.7)
     there = np.asarray(icosphere(subdivisions=1).vertices)
     here, wanted = 1.1 * there + (0.05, 0, -0.03), 1.1 * cage + (0.05, 0, -0.03)
@@ -77,7 +77,7 @@ def test_the_cage_of_a_larger_and_moved_template_is_larger_and_moved():
     assert np.array_equal(same, cage)
 
 
-def test_the_cage_stays_smoother_with_its_laplacian():
+def test_the_laplacian_keeps_the_cage_smooth():
     rng = np.random.default_rng(1)
     cage, faces = ball_cage(1, 1.6)
     there = np.asarray(icosphere(subdivisions=1).vertices)
@@ -93,7 +93,7 @@ def test_the_cage_stays_smoother_with_its_laplacian():
     assert roughness(smooth) < 0.8 * roughness(rough)
 
 
-def test_no_offsets_leave_the_character_and_a_common_one_moves_it(toy):
+def test_zero_offsets_keep_the_character_and_a_constant_one_translates_it(toy):
     posing = Posing(toy.input["source"], toy.input["template"], toy.input["landmarks"], Run())
     cage, faces = body_cage(
         Trimesh(toy.input["template"].vertices / posing.unit, toy.input["template"].faces, process=False), 30
@@ -116,18 +116,18 @@ def test_no_offsets_leave_the_character_and_a_common_one_moves_it(toy):
         Posing(toy.input["source"], toy.input["template"], dict(list(toy.input["landmarks"].items())[:2]), Run())
 
 
-def test_the_network_has_the_published_size_and_its_cage_in_its_state():
+def test_the_network_has_the_published_size_and_stores_its_cage():
     network = PoseNetwork(torch.zeros(77, 3), 512)
     assert sum(p.numel() for p in network.parameters()) == 1_362_023
     assert network.state_dict()["cage"].shape == (77, 3)
 
 
-def test_examples_are_the_targets_and_the_posed_template_in_the_templates_unit(toy, examples):
+def test_examples_are_targets_and_posed_templates_in_the_unit_of_the_template(toy, examples):
     unit = np.ptp(toy.input["template"].vertices, axis=0).max() / 2
     targets, posed = Poses(examples).drawn(np.array([0, 1]), 2000, np.random.default_rng(0))
     assert len(Poses(examples)) == 3 and len(Poses(examples, held_out=True)) == 1
     truth = toy.reference.attributes["template_posed"] / unit
-    np.testing.assert_allclose(posed[0], truth, atol=1e-4)  # all 642 vertices, in their order
+    np.testing.assert_allclose(posed[0], truth, atol=1e-4)  # all 642 vertices, in order
     np.testing.assert_allclose(examples["rest"], toy.input["template"].vertices / unit)
     assert np.abs(targets.max(axis=1) - toy.input["target"].points.max(axis=0) / unit).max() < 0.02
 
@@ -139,7 +139,7 @@ def test_two_templates_in_one_training_are_refused(toy):
         poses_of(data_of([toy, other]), Run(), 30)
 
 
-def test_a_training_learns_goes_on_to_the_bit_and_poses_the_character(toy, examples):
+def test_a_training_learns_resumes_exactly_and_poses_the_character(toy, examples):
     method = CharacterCages(**SMALL, fit_steps=60)
     run = Logged(seed=3)
     weights = method.fit(examples, run)
@@ -166,7 +166,7 @@ def test_one_cage_poses_the_toy_by_descent(toy):
     assert score(output, toy)["pose_distance_mean"] < 0.9 * score(toy.input["source"], toy)["pose_distance_mean"]
 
 
-def test_what_is_no_single_body_may_have_a_cage_too():
+def test_several_bodies_get_one_cage():
     two = box((0.5, 0.5, 0.5))
     other = box((0.5, 0.5, 0.5))
     other.apply_translation((0, 0, 0.52))
@@ -178,6 +178,6 @@ def test_what_is_no_single_body_may_have_a_cage_too():
 @pytest.mark.parametrize(
     "wrong", [{"cage_vertices": 19}, {"code": 0}, {"steps": -1}, {"worst": -1}, {"decay": 0}, {"fit_rate": 0.0}]
 )
-def test_parameters_that_do_not_fit(wrong):
+def test_invalid_parameters(wrong):
     with pytest.raises(ValueError, match=f"^{next(iter(wrong))}: expected"):
         CharacterCages(**wrong)

@@ -1,4 +1,4 @@
-"""Green coordinates: identities, quadrature of the integrals that define them, and what they do to shapes."""
+"""Green coordinates: identities, quadrature of the defining integrals, and deformations by them."""
 
 import numpy as np
 import pytest
@@ -89,7 +89,7 @@ TURN = trimesh.transformations.rotation_matrix(1.1, [1, 2, 3])[:3, :3]
 
 
 @cages
-def test_inside_they_sum_to_1_and_reproduce_the_query(name):
+def test_inside_coordinates_sum_to_1_and_reproduce_the_query(name):
     V, F = CAGES[name]
     x = points(V, F, 40, True)
     phi, psi = green(x, V, F)
@@ -99,7 +99,7 @@ def test_inside_they_sum_to_1_and_reproduce_the_query(name):
 
 
 @cages
-def test_outside_they_sum_to_0_and_reproduce_nothing(name):
+def test_outside_coordinates_sum_to_0_and_reproduce_the_origin(name):
     V, F = CAGES[name]
     phi, psi = green(points(V, F, 40, False), V, F)
     assert np.abs(phi.sum(axis=1)).max() < 1e-13 and psi.min() > 0
@@ -108,7 +108,7 @@ def test_outside_they_sum_to_0_and_reproduce_nothing(name):
 
 @places
 @cages
-def test_on_the_cage_they_are_the_limits_from_inside(name, place):
+def test_on_the_cage_coordinates_are_the_limits_from_inside(name, place):
     V, F = CAGES[name]
     x = PLACES[place](V, F)
     phi, psi = green(x, V, F)
@@ -125,12 +125,12 @@ def test_on_the_cage_they_are_the_limits_from_inside(name, place):
         inside = np.abs(near[0].sum(axis=1) - 1) < 0.1
         assert inside.mean() > 0.9
         for ours, theirs in zip((phi, psi), near, strict=True):
-            # At edges the slope grows like a logarithm.
+            # At edges the slope grows logarithmically.
             assert np.abs(ours - theirs)[inside].max() < 10 * offset * (1 - np.log(offset)), offset
 
 
 @cages
-def test_close_to_the_cage_no_digits_are_lost(name):
+def test_coordinates_are_accurate_close_to_the_cage(name):
     V, F = CAGES[name]
     x, normals = on_faces(V, F), normals_of(V, F)
     for offset in 10.0 ** -np.arange(3, 15):
@@ -139,7 +139,7 @@ def test_close_to_the_cage_no_digits_are_lost(name):
         assert np.abs(phi @ V + psi @ normals - (x - offset * normals)).max() < 1e-12
 
 
-def test_a_similarity_of_query_and_cage_changes_but_the_unit_of_psi():
+def test_a_similarity_of_query_and_cage_only_scales_psi():
     V, F = CAGES["L"]
     x = points(V, F, 20, True)
     phi, psi = green(x, V, F)
@@ -150,7 +150,7 @@ def test_a_similarity_of_query_and_cage_changes_but_the_unit_of_psi():
 
 
 @cages
-def test_they_are_harmonic_inside(name):
+def test_coordinates_are_harmonic_inside(name):
     V, F = CAGES[name]
     x, h = points(V, F, 10, True), 1e-3
     star = x[:, None] + h * np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])
@@ -164,7 +164,7 @@ def test_they_are_harmonic_inside(name):
 
 
 def quadrature(x, V, F, rounds=5):
-    """The integrals that define them, by the middle points of 4^k triangles of each face, extrapolated."""
+    """The defining integrals, by the midpoints of 4^k triangles of each face, extrapolated."""
     found = []
     for k in (rounds - 1, rounds):
         phi, psi = np.zeros((len(x), len(V))), np.zeros((len(x), len(F)))
@@ -186,12 +186,12 @@ def quadrature(x, V, F, rounds=5):
             slope = part * (r @ (normal / np.linalg.norm(normal))) / d**3 / (4 * np.pi)
             phi[:, face] += slope @ hat
         found.append((phi, psi))
-    return [(4 * fine - coarse) / 3 for coarse, fine in zip(*found, strict=True)]  # the error falls with the square
+    return [(4 * fine - coarse) / 3 for coarse, fine in zip(*found, strict=True)]  # the error falls quadratically
 
 
 @pytest.mark.parametrize("is_inside", [True, False])
 @pytest.mark.parametrize("name", ["L", "ball"])
-def test_they_are_the_integrals_over_the_faces(name, is_inside):
+def test_coordinates_are_the_integrals_over_the_faces(name, is_inside):
     V, F = CAGES[name]
     x = points(V, F, 5, is_inside)
     for ours, theirs in zip(green(x, V, F), quadrature(x, V, F), strict=True):
@@ -199,11 +199,11 @@ def test_they_are_the_integrals_over_the_faces(name, is_inside):
 
 
 def test_closed_forms_over_the_middle_of_a_square():
-    """A box seen from its middle: a sixth of the full turn for a side, and the potential of a square."""
+    """A box seen from its centre: a sixth of the full solid angle per side, and the potential of a square."""
     mesh = trimesh.creation.box((2, 2, 2))
     V, F = np.array(mesh.vertices), np.array(mesh.faces)
     phi, psi = green(np.zeros((1, 3)), V, F)
-    of_square = 8 * np.arcsinh(np.sqrt(0.5)) - 2 * np.pi / 3  # of side 2, from a height of 1 above its middle
+    of_square = 8 * np.arcsinh(np.sqrt(0.5)) - 2 * np.pi / 3  # of side 2, from a height of 1 above its centre
     of_side = np.abs(normals_of(V, F) - (0, 0, 1)).max(axis=1) < 1e-12
     assert psi[0, of_side].sum() == pytest.approx(of_square / (4 * np.pi), abs=1e-14)
     assert phi[0].sum() == pytest.approx(1, abs=1e-14)
@@ -220,7 +220,7 @@ def slopes(x, V, F):
     return x.grad.numpy(), v.grad.numpy()
 
 
-def test_derivatives_by_queries_and_cages_are_finite_differences():
+def test_derivatives_by_queries_and_cages_match_finite_differences():
     V, F = PYRAMID
     x = np.array([[[0.2, 0.3, 0.2]], [[0.1, 0.1, 0.6]]])
     new = V + 0.05 * generator(2).normal(size=(2, *V.shape))
@@ -267,7 +267,7 @@ def anisotropy(function, x, h=1e-5):
 
 
 @pytest.mark.parametrize("bend", ["stretch", "twist"])
-def test_details_are_sheared_less_than_by_mean_values(bend):
+def test_details_are_sheared_less_than_by_mean_value_coordinates(bend):
     box = trimesh.creation.box((1, 1, 3)).subdivide()
     V, F = np.array(box.vertices), np.array(box.faces)
     x = generator(0).uniform((-0.3, -0.3, -1.2), (0.3, 0.3, 1.2), (50, 3))
@@ -284,7 +284,7 @@ def test_details_are_sheared_less_than_by_mean_values(bend):
         assert np.abs(by_mean_values - 3).max() < 1e-6  # linear precision
 
 
-def test_the_stretch_of_a_face_is_the_root_mean_square_of_its_two_stretches():
+def test_the_stretch_of_a_face_is_the_rms_of_its_two_singular_values():
     V, F = PYRAMID
     x, new = np.array([[0.2, 0.2, 0.3]]), V * (2, 1, 1)
     phi, psi = green(x, V, F)
@@ -299,11 +299,11 @@ def test_the_stretch_of_a_face_is_the_root_mean_square_of_its_two_stretches():
     assert np.abs(moved(x, V, F, new) - expected).max() < 1e-13
 
 
-def test_faces_without_an_area_do_no_harm():
+def test_faces_of_zero_area_are_accepted():
     V, F = CAGES["ball"]
     x = points(V, F, 5, True)
     i, j, k = F[0]
-    middle = (V[i] + V[j]) / 2  # a new vertex on an edge, whose other face keeps it whole, and a sliver between
+    middle = (V[i] + V[j]) / 2  # a new vertex on an edge that the other face does not split, and a sliver between
     sliver = np.vstack([F[1:], [[i, 42, k], [42, j, k], [i, j, 42]]])
     phi, psi = green(x, np.vstack([V, middle]), sliver)
     assert np.abs(phi.sum(axis=1) - 1).max() < 1e-12 and np.abs(psi[:, -1]).max() < 1e-12
@@ -318,7 +318,7 @@ def test_faces_without_an_area_do_no_harm():
 # -- how it is called --------------------------------------------------------------------------------------------------
 
 
-def test_each_of_a_batch_is_computed_by_itself():
+def test_elements_of_a_batch_are_independent():
     V, F = CAGES["L"]
     x = points(V, F, 8, True).reshape(2, 4, 3)
     two = V + 0.05 * generator(2).normal(size=(2, *V.shape))
@@ -331,7 +331,7 @@ def test_each_of_a_batch_is_computed_by_itself():
     assert [t.shape for t in green(x[:, :0], V, torch.from_numpy(F))] == [(2, 0, 12), (2, 0, 20)]
 
 
-def test_parts_of_the_queries_and_of_the_batch_make_no_difference(monkeypatch):
+def test_chunks_of_queries_and_of_the_batch_change_nothing(monkeypatch):
     V, F = CAGES["L"]
     x = points(V, F, 3 * 7, True).reshape(3, 7, 3)
     at_once = green(x, V, F), slopes(x, V, F)
@@ -363,13 +363,13 @@ def test_float32_is_computed_in_float64():
         ((5, 3), (12, 3), None, r"faces: expected to be counter-clockwise as seen from outside, got .* volume 0"),
     ],
 )
-def test_wrong_arguments_are_named(queries, vertices, faces, says):
+def test_invalid_arguments_are_named(queries, vertices, faces, says):
     faces = CAGES["L"][1] if faces is None else faces
     with pytest.raises(ValueError, match=says):
         green_coordinates(torch.zeros(queries), torch.zeros(vertices), faces)
 
 
-def test_faces_that_look_inward_and_other_new_vertices_are_refused():
+def test_inward_faces_and_another_number_of_new_vertices_are_refused():
     V, F = CAGES["L"]
     with pytest.raises(ValueError, match="counter-clockwise as seen from outside, got a cage of volume -3"):
         green(V, V, F[:, ::-1])

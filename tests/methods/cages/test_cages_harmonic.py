@@ -1,4 +1,4 @@
-"""Harmonic coordinates, held to what all coordinates are and to what these alone are."""
+"""Harmonic coordinates: properties of all coordinates, and properties of these alone."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from bench.tasks.deform import Deform
 
 
 def arch():
-    """A cage in the form of an U: two legs with a gap between them, on a bar."""
+    """A cage in the shape of a U: two legs with a gap between them, on a bar."""
     outline = np.array([[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]], float)
     triangles = [(0, 1, 4), (0, 4, 5), (1, 2, 4), (2, 3, 4), (0, 5, 7), (5, 6, 7)]
     count = len(outline)
@@ -32,7 +32,7 @@ def ball():
     return vertices, faces, HarmonicCoordinates(vertices, faces, cells=8)
 
 
-def test_they_sum_to_one_and_give_the_point_back(ball):
+def test_coordinates_sum_to_one_and_reproduce_the_point(ball):
     vertices, _, coordinates = ball
     points = np.random.default_rng(0).uniform(-0.45, 0.45, (200, 3))
     weights = coordinates(points)
@@ -41,7 +41,7 @@ def test_they_sum_to_one_and_give_the_point_back(ball):
     np.testing.assert_allclose(weights @ vertices, points, atol=1e-9)
 
 
-def test_on_the_cage_they_are_barycentric(ball):
+def test_on_the_cage_coordinates_are_barycentric(ball):
     vertices, faces, coordinates = ball
     np.testing.assert_allclose(coordinates(vertices), np.eye(42), atol=1e-9)
     middle = vertices[faces].mean(axis=1)
@@ -50,19 +50,19 @@ def test_on_the_cage_they_are_barycentric(ball):
     np.testing.assert_allclose(coordinates(middle), wanted, atol=0.02)
 
 
-def test_they_are_harmonic():
+def test_coordinates_are_within_the_bounds_of_harmonic_functions():
     """In a box, xy is harmonic and bilinear on the faces but for their diagonals; at the centre it is the mean."""
     cage = box((2, 2, 2))
     vertices, faces = np.array(cage.vertices), np.array(cage.faces)
     weights = HarmonicCoordinates(vertices, faces, cells=10)(np.random.default_rng(1).uniform(-0.7, 0.7, (300, 3)))
-    assert weights.min() > -0.02  # but for flat tetrahedra: harmonic functions lie between those on the cage
+    assert weights.min() > -0.02  # harmonic functions lie between their values on the cage, except in flat tetrahedra
     centre = HarmonicCoordinates(vertices, faces, cells=10)(np.zeros((1, 3)))[0]
     np.testing.assert_allclose(centre.sum(), 1, atol=1e-9)
     assert centre.min() > 0.05 and centre.max() < 0.2
 
 
-def test_what_is_near_but_across_a_gap_does_not_move():
-    """The upper end of one leg of an arch hardly knows the other's; mean value coordinates do."""
+def test_points_across_a_gap_do_not_move():
+    """One leg of an arch hardly depends on the end of the other; with mean value coordinates it does."""
     vertices, faces = arch()
     other = (vertices[:, 0] >= 2) & (vertices[:, 1] == 3)  # the end of the right leg
     point = np.array([[0.5, 2.5, 0.5]])
@@ -72,13 +72,13 @@ def test_what_is_near_but_across_a_gap_does_not_move():
     assert harmonic < 0.01 and np.abs(mean_value[other]).sum() > 0.01 > 1e4 * harmonic
 
 
-def test_a_cage_without_an_inside_is_refused():
+def test_a_cage_that_is_not_closed_is_refused():
     sheet = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.1]])
     with pytest.raises(BadInput, match="closed"):
         HarmonicCoordinates(sheet, np.array([[0, 1, 2], [1, 3, 2]]))
 
 
-def test_a_descent_follows_them():
+def test_cage_per_pair_can_use_them():
     toy = Deform().toy()
     method = CagePerPair(coordinates="harmonic", points=128, steps=15)
     output = method.deform(**toy.input, run=Run())

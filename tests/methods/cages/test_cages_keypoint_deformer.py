@@ -30,7 +30,7 @@ def clouds(count, points=60):
 
 
 def network(method=TINY):
-    """One that moves something: the influence of a new one is 0."""
+    """A network with nonzero influence: that of a new one is 0."""
     made = method._network(generator())
     torch.nn.init.normal_(made.influence, std=0.3, generator=generator(3))
     torch.nn.init.normal_(made.offsets[-1].weight, std=0.1, generator=generator(4))
@@ -38,7 +38,7 @@ def network(method=TINY):
 
 
 def examples(pairs=4, corresponding=False):
-    """Boxes of several sizes as sources and targets; with correspondences, wide ones that become high."""
+    """Boxes of several sizes as sources and targets; with correspondences, wide boxes that become high."""
     rng = np.random.default_rng(0)
     inside = rng.uniform(-1, 1, (pairs, 1, 4096, 3)).repeat(2, axis=1)
     size = np.array([[[1, 0.4, 0.4]], [[0.4, 1, 0.4]]]) if corresponding else rng.uniform(0.3, 1, (pairs, 2, 1, 3))
@@ -57,7 +57,7 @@ def training(method, run=None, corresponding=False, made=None):
 # --- the cage ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_vertex_stops_where_the_nearest_point_is_as_near_as_the_gap():
+def test_a_vertex_stops_where_its_distance_to_the_points_is_the_gap():
     directions, faces = (torch.from_numpy(array) for array in ball_cage(1, 1.0))
     steps = torch.arange(2.5, 0, -0.01)
     walked = steps[:, None, None] * directions[None]  # (steps, vertices, 3), from outside
@@ -66,7 +66,7 @@ def test_a_vertex_stops_where_the_nearest_point_is_as_near_as_the_gap():
         stops = torch.cat([points, torch.zeros(1, 3)])
         near = (torch.cdist(walked, stops.expand(len(steps), -1, -1)) <= 0.5).any(dim=2)
         stopped = steps[near.byte().argmax(dim=0)]
-        assert (radii > stopped - 1e-6).all()  # where faces would cut points off, they are farther out
+        assert (radii > stopped - 1e-6).all()  # farther out where faces would cut off points
         assert (radii < stopped + 0.011).sum() > 10
 
 
@@ -85,7 +85,7 @@ def test_cages_leave_no_point_outside():
             torch.testing.assert_close(angle, torch.full_like(angle, 4 * np.pi))  # the solid angle of all faces
 
 
-def test_a_small_ball_has_the_round_cage_around_it():
+def test_the_cage_of_a_small_ball_is_round():
     directions, faces = (torch.from_numpy(array) for array in ball_cage(1, 1.0))
     ball = torch.from_numpy(np.array(icosphere(3, 0.8).vertices))[None]
     radii = shrunk_cage(directions, faces, ball, 0.4).norm(dim=2)
@@ -112,14 +112,14 @@ def test_the_number_of_parameters_is_that_of_the_layers():
     assert sum(p.numel() for p in made.parameters()) == sum(count.values()) + 12 * 42 == 485_652
 
 
-def test_a_shape_that_meets_itself_stays():
+def test_a_shape_as_its_own_target_stays():
     source = clouds(3)
     made = network()
     keyed = made(source, source)
     assert torch.equal(keyed.cage, keyed.moved) and keyed.offset.abs().max() > 1e-3
     moved = mean_value_coordinates(source, keyed.cage, made.faces) @ keyed.moved
     torch.testing.assert_close(moved, source, rtol=0, atol=1e-5)
-    again = made(source, source.flip(1))  # the order of points says nothing
+    again = made(source, source.flip(1))  # the order of points does not matter
     torch.testing.assert_close(again.moved, keyed.moved, rtol=0, atol=1e-5)
 
 
@@ -174,16 +174,16 @@ def test_the_loss_is_the_sum_of_its_terms(corresponding):
     torch.testing.assert_close(cold, 0.3 * torch.stack(kept).mean())
 
 
-def test_all_parameters_have_finite_slopes():
+def test_all_parameters_have_finite_gradients():
     taught = training(KeypointDeformer(keypoints=5, points=64, code=16, batch=2, warm_up=0.0))
     taught.loss(0).backward()
     for name, parameter in taught.network.named_parameters():
         assert parameter.grad is not None and parameter.grad.isfinite().all() and parameter.grad.any(), name
 
 
-def test_in_the_warm_up_keypoints_learn_alone():
+def test_in_the_warm_up_only_keypoints_learn():
     method = KeypointDeformer(keypoints=5, points=64, code=16, batch=2, steps=3, warm_up=0.99)
-    begin = method._network(generator()).state_dict()  # of the seed of the run
+    begin = method._network(generator()).state_dict()  # drawn with the seed of the run
     weights = method.fit(examples(), Run(seed=0))
     moved = {name for name in weights if (weights[name] != begin[name].numpy()).any()}
     assert moved and all(name.startswith(("encoder", "pointing")) for name in moved)
@@ -224,7 +224,7 @@ def test_deformations_keep_faces_and_store_cages_and_keypoints():
     assert all(isinstance(kept[name], PointCloud) and len(kept[name]) == 5 for name in kept if "key" in name)
 
 
-def test_a_deformation_is_where_the_target_is_and_as_large():
+def test_a_deformation_has_the_position_and_size_of_the_target():
     weights = {name: tensor.numpy() for name, tensor in network().state_dict().items()}
     source, target = box((1, 2, 1)).subdivide(), box((2, 1, 1)).sample(500, seed=0)
     one = TINY.deform(source, PointCloud(target), Run(seed=0, weights=weights))

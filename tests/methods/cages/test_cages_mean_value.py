@@ -1,4 +1,4 @@
-"""Mean value coordinates, compiled and in torch: identities, two other ways to compute them, and finite differences."""
+"""Mean value coordinates, compiled and in torch: identities, two independent computations, finite differences."""
 
 from itertools import combinations
 
@@ -16,7 +16,7 @@ OFFSETS = np.array([1e-2, 1e-4, 1e-6, 1e-8, 1e-9, 5e-10, 1e-10, 1e-12, 1e-15])
 
 
 def prism(outline, triangles):
-    """A prism of height 1 over an outline that runs counter-clockwise; faces look outward."""
+    """A prism of height 1 over a counter-clockwise outline; faces look outward."""
     n = len(outline)
     V = np.vstack([np.column_stack([outline, np.full(n, z)]) for z in (0.0, 1.0)])
     lids = [t[::-1] for t in triangles] + [[n + i for i in t] for t in triangles]
@@ -57,7 +57,7 @@ ways = pytest.mark.parametrize("way", [compiled, in_torch])
 
 
 def around(V, count, seed=0):
-    """Points inside and outside: in a box that is twice as long as the cage's."""
+    """Points inside and outside: in a box twice as long as that of the cage."""
     middle, half = (V.min(axis=0) + V.max(axis=0)) / 2, np.ptp(V, axis=0) / 2
     return generator(seed, "around").uniform(middle - 2 * half, middle + 2 * half, (count, 3))
 
@@ -94,7 +94,7 @@ def normals_of(V, F):
 
 
 def off_planes(x, V, F, least=0.02):
-    """Those of the points that are not close to the plane of any face."""
+    """The points that are not close to the plane of any face."""
     height = np.abs(np.einsum("pfi,fi->pf", x[:, None] - V[F[:, 0]], normals_of(V, F)))
     return x[height.min(axis=1) > least]
 
@@ -115,7 +115,7 @@ def solid_angles(x, V, F):
 
 @ways
 @cages
-def test_they_sum_to_1_and_reproduce_the_query_inside_and_outside(name, way):
+def test_coordinates_sum_to_1_and_reproduce_the_query_inside_and_outside(name, way):
     V, F = CAGES[name]
     x = around(V, 300)
     assert 5 < inside(x, V, F).sum() < 100
@@ -127,7 +127,7 @@ def test_they_sum_to_1_and_reproduce_the_query_inside_and_outside(name, way):
 @ways
 @places
 @cages
-def test_on_faces_edges_and_vertices_they_interpolate(name, place, way):
+def test_coordinates_interpolate_on_faces_edges_and_vertices(name, place, way):
     V, F = CAGES[name]
     x, expected = PLACES[place](V, F)
     assert np.abs(way(x, V, F) - expected).max() < 1e-12
@@ -136,7 +136,7 @@ def test_on_faces_edges_and_vertices_they_interpolate(name, place, way):
 @ways
 @places
 @cages
-def test_near_faces_edges_and_vertices_they_are_exact_and_continuous(name, place, way):
+def test_coordinates_are_exact_and_continuous_near_faces_edges_and_vertices(name, place, way):
     V, F = CAGES[name]
     at, expected = PLACES[place](V, F)
     d = generator(1, "directions").normal(size=at.shape)
@@ -145,14 +145,14 @@ def test_near_faces_edges_and_vertices_they_are_exact_and_continuous(name, place
         x = at + offset * d
         w = way(x, V, F)
         assert np.abs(w.sum(axis=1) - 1).max() < 1e-12
-        assert np.abs(w @ V - x).max() < 2e-9, offset  # faces that are seen at less than that are left out
-        # The slope has no bound at edges and vertices: it grows like a logarithm, and more slowly than this.
+        assert np.abs(w @ V - x).max() < 2e-9, offset  # faces seen under a smaller angle are left out
+        # The slope is unbounded at edges and vertices: it grows logarithmically, more slowly than this.
         assert np.abs(w - expected).max() < 10 * offset**0.8, offset
 
 
 @places
 @cages
-def test_in_float32_they_interpolate_as_far_as_it_goes(name, place):
+def test_float32_coordinates_interpolate_to_rounding(name, place):
     V, F = CAGES[name]
     V = V.astype(np.float32)
     x, expected = PLACES[place](V.astype(np.float64), F)
@@ -160,14 +160,14 @@ def test_in_float32_they_interpolate_as_far_as_it_goes(name, place):
     assert w.dtype == np.float32
     assert np.abs(w.astype(np.float64) @ V - x).max() < 1e-6
     assert np.abs(w - expected).max() < 1e-5
-    # Computed in float64, and rounded once.
+    # Computed in float64 and rounded once.
     assert np.array_equal(
         w, compiled(x.astype(np.float32).astype(np.float64), V.astype(np.float64), F).astype(np.float32)
     )
 
 
-def test_all_points_of_a_grid_on_a_cage_of_flat_sides():
-    """Of faces in one plane, the query lies on one, and in the plane of the others, near and far from their edges."""
+def test_points_of_a_grid_on_coplanar_faces():
+    """Each query lies on one of several coplanar faces, near and far from their edges."""
     V, F = CAGES["L"]
     t = np.arange(41) / 20
     x, y = (a.ravel() for a in np.meshgrid(t, t))
@@ -204,24 +204,24 @@ def test_an_affine_map_keeps_linear_precision_and_changes_the_coordinates():
 
 @ways
 @cages
-def test_faces_may_look_inward_as_well(name, way):
+def test_faces_may_look_inward(name, way):
     V, F = CAGES[name]
     x = np.vstack([around(V, 50), *(f(V, F)[0] for f in PLACES.values())])
     assert np.abs(way(x, V, F[:, ::-1]) - way(x, V, F)).max() < 1e-11
 
 
-def test_in_a_convex_cage_they_are_positive():
+def test_coordinates_are_positive_in_a_convex_cage():
     for name in ("tetrahedron", "box"):
         V, F = CAGES[name]
         x = generator(0).dirichlet(np.ones(len(V)), 200) @ V
         assert compiled(x, V, F).min() > 0
 
 
-def test_a_regular_tetrahedron_shares_its_middle_equally():
+def test_coordinates_are_equal_at_the_centre_of_a_regular_tetrahedron():
     V = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     F = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
     assert np.abs(compiled(np.zeros((1, 3)), V, F) - 0.25).max() < 1e-15
-    # Of a tetrahedron, all coordinates with linear precision are the barycentric ones.
+    # In a tetrahedron, the only coordinates with linear precision are the barycentric ones.
     V, F = CAGES["tetrahedron"]
     x = around(V, 100)
     assert np.abs(compiled(x, V, F) - np.column_stack([1 - x.sum(axis=1), x])).max() < 1e-12
@@ -234,13 +234,13 @@ def test_vertices_without_faces_have_no_weight():
     assert not w[:, -1].any() and np.array_equal(w[:, :-1], compiled(x, V, F))
 
 
-# -- computed in other ways --------------------------------------------------------------------------------------------
+# -- independent computations ------------------------------------------------------------------------------------------
 
 
 def by_rays(x, V, F, count):
-    """The integral over directions of what they hit, ``sum over hits of (+-) hat_j(hit) / distance``, normalised.
+    """The integral over directions of ``sum over hits of (+-) hat_j(hit) / distance``, normalised.
 
-    A hit counts with - where the ray enters. The directions are a spiral.
+    A hit where the ray enters counts negatively. The directions form a spiral.
     """
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, k * np.pi * (1 + 5**0.5)
@@ -270,7 +270,7 @@ def by_rays(x, V, F, count):
         ("two boxes", (0.95, 0.1, 0.1)),  # outside, between the boxes
     ],
 )
-def test_they_are_the_integral_over_all_directions(name, x):
+def test_coordinates_match_the_integral_over_all_directions(name, x):
     V, F = CAGES[name]
     x = np.array(x)
     assert np.abs(by_rays(x, V, F, 20_000) - compiled(x[None], V, F)[0]).max() < 5e-3
@@ -296,7 +296,7 @@ def by_angles(x, V, F):
 
 @ways
 @pytest.mark.parametrize("name", ["box", "L", "ball", "ring"])
-def test_they_are_those_of_the_formula_in_angles(name, way):
+def test_coordinates_match_the_formula_in_angles(name, way):
     V, F = CAGES[name]
     x = off_planes(around(V, 400), V, F)
     x = x[inside(x, V, F)][:20]
@@ -321,7 +321,7 @@ def slopes(x, V, F, function=mean_value_coordinates, seed=0):
 
 @pytest.mark.parametrize("function", [mean_value_coordinates, coordinates_in_torch])
 @pytest.mark.parametrize("name", ["tetrahedron", "L"])
-def test_derivatives_by_queries_and_cages_are_finite_differences(name, function):
+def test_derivatives_by_queries_and_cages_match_finite_differences(name, function):
     V, F = CAGES[name]
     x = off_planes(around(V, 200), V, F, least=0.05)
     x = np.stack([x[:2], x[2:4]])
@@ -341,8 +341,8 @@ def test_derivatives_of_one_cage_for_many_and_of_many_for_the_same_queries():
 
 @pytest.mark.parametrize("place", [None, *PLACES])
 @cages
-def test_derivatives_know_of_similarities(name, place):
-    """Moving, scaling or turning queries and cage together changes nothing, wherever the query lies."""
+def test_derivatives_are_invariant_to_similarities(name, place):
+    """Translating, scaling or rotating queries and cage together changes nothing, wherever the query lies."""
     V, F = CAGES[name]
     x = off_planes(around(V, 50), V, F) if place is None else PLACES[place](V, F)[0]
     for query in x[:12, None]:
@@ -390,7 +390,7 @@ def test_derivatives_are_finite_near_faces_edges_and_vertices(name):
 # -- how it is called --------------------------------------------------------------------------------------------------
 
 
-def test_each_of_a_batch_is_computed_by_itself():
+def test_elements_of_a_batch_are_independent():
     V, F = CAGES["box"]
     x = around(V, 2 * 40).reshape(2, 40, 3)
     moved = V + 0.1 * generator(2).normal(size=(2, *V.shape))
@@ -402,7 +402,7 @@ def test_each_of_a_batch_is_computed_by_itself():
     assert compiled(x[0], V, torch.from_numpy(F)).shape == (40, 8) and compiled(x[:, :0], V, F).shape == (2, 0, 8)
 
 
-def test_the_number_of_threads_does_not_matter_to_the_bit():
+def test_any_number_of_threads_gives_the_same_bits():
     V, F = CAGES["ball"]
     x = around(V, 777)
     results = []
@@ -436,7 +436,7 @@ def test_types_of_queries_and_cages_may_differ():
         ((5, 3), (8, 3), np.array([[0, 1, -1]]), r"faces: expected numbers from 0 to 7, got -1\.\.1"),
     ],
 )
-def test_wrong_arguments_are_named(queries, vertices, faces, says):
+def test_invalid_arguments_are_named(queries, vertices, faces, says):
     faces = CAGES["box"][1] if faces is None else faces
     with pytest.raises(ValueError, match=says):
         mean_value_coordinates(torch.zeros(queries), torch.zeros(vertices), faces)
@@ -467,7 +467,7 @@ def test_torch_agrees_in_derivatives_on_faces_edges_and_vertices(name, place):
         assert np.abs(ours - expected).max() < 1e-10 * (1 + np.abs(expected).max())
 
 
-def test_torch_takes_parts_of_the_queries_and_of_the_batch(monkeypatch):
+def test_torch_computes_chunks_of_queries_and_of_the_batch(monkeypatch):
     V, F = CAGES["L"]
     x = around(V, 3 * 11).reshape(3, 11, 3)
     moved = V + 0.05 * generator(2).normal(size=(3, *V.shape))
@@ -478,12 +478,12 @@ def test_torch_takes_parts_of_the_queries_and_of_the_batch(monkeypatch):
         assert torch.allclose(coordinates_in_torch(leaf(x), leaf(moved), F), at_once[1], rtol=0, atol=1e-13)
         for ours, expected in zip(slopes(x, moved, F, coordinates_in_torch), at_once[0], strict=True):
             assert np.abs(ours - expected).max() < 1e-12 * (1 + np.abs(expected).max())
-    only = torch.tensor(x, requires_grad=True)  # and the cage needs no derivative
+    only = torch.tensor(x, requires_grad=True)  # the cage requires no gradient
     coordinates_in_torch(only, torch.tensor(moved), F).square().sum().backward()
     assert only.grad.isfinite().all()
 
 
-def test_no_part_is_larger_than_it_may_be(monkeypatch):
+def test_no_chunk_is_larger_than_the_limit(monkeypatch):
     seen = []
 
     def double(x, y):
@@ -499,8 +499,8 @@ def test_no_part_is_larger_than_it_may_be(monkeypatch):
     assert in_chunks(double, 10, x[:, :0], y).shape == (5, 0, 3)
 
 
-def test_what_a_part_keeps_is_as_large_as_was_said():
-    """In 64 MB there is room for what autograd keeps, and as much again while it runs back."""
+def test_a_chunk_saves_no_more_memory_than_estimated():
+    """64 MB hold what autograd saves, and as much again during the backward pass."""
     for level in (0, 1, 2):
         V, F = arrays(trimesh.creation.icosphere(level))
         x, kept = leaf(around(V, 20)[None]), {}

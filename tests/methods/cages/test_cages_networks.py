@@ -1,4 +1,4 @@
-"""Neural cages: networks, templates, losses, trainings, and that the weights that come with them deform."""
+"""Neural cages: networks, templates, losses, training, and deformations by the shipped weights."""
 
 import numpy as np
 import pytest
@@ -64,12 +64,12 @@ def test_the_template_is_a_flat_icosahedron():
     corners = vertices[faces]
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     distance = np.einsum("fa,fa->f", outward / np.linalg.norm(outward, axis=1, keepdims=True), corners[:, 0])
-    np.testing.assert_allclose(distance, 1.589309, atol=1e-5)  # of a face from the middle; all look outwards
+    np.testing.assert_allclose(distance, 1.589309, atol=1e-5)  # of a face from the centre; all look outwards
     assert len(ball_cage(2)[0]) == 162
 
 
 @pytest.mark.parametrize(("cage", "trained"), [("predicted", 2), ("invariant", 1), ("identity", 0)])
-def test_what_a_network_learns_of_its_cage(cage, trained):
+def test_which_cages_are_learned(cage, trained):
     template, _ = sphere_cage()
     network = CageNetwork(torch.from_numpy(template).float(), 16, cage, generator())
     clouds = torch.randn(2, 3, 50, 3, generator=generator())
@@ -79,10 +79,10 @@ def test_what_a_network_learns_of_its_cage(cage, trained):
     assert isinstance(network.template, torch.nn.Parameter) == (trained == 1)
     assert (around[0] != around[1]).any() == (trained == 2)
     again, _ = network(clouds[0][:, torch.randperm(50, generator=generator())], clouds[1])
-    torch.testing.assert_close(again, around)  # the order of points says nothing
+    torch.testing.assert_close(again, around)  # the order of points does not matter
 
 
-def test_a_pair_is_seen_in_the_unit_of_the_targets_box():
+def test_a_pair_is_scaled_by_the_box_of_the_target():
     source, target = box((1, 2, 3)), box((4, 2, 2))
     source.apply_translation((5, 5, 5))
     target.apply_translation((0, 0, 9))
@@ -97,7 +97,7 @@ def test_a_pair_is_seen_in_the_unit_of_the_targets_box():
 # --- losses -----------------------------------------------------------------------------------------------------------
 
 
-def test_chamfer_is_that_of_trees_and_its_slope_that_of_differences():
+def test_chamfer_matches_kd_trees_and_its_gradient_finite_differences():
     a, b = torch.randn(2, 30, 3, dtype=torch.float64, generator=generator()), torch.randn(2, 20, 3, dtype=torch.float64)
     there = [cKDTree(q).query(p)[0] ** 2 for p, q in zip(a.numpy(), b.numpy(), strict=True)]
     back = [cKDTree(p).query(q)[0] ** 2 for p, q in zip(a.numpy(), b.numpy(), strict=True)]
@@ -105,7 +105,7 @@ def test_chamfer_is_that_of_trees_and_its_slope_that_of_differences():
     assert torch.autograd.gradcheck(chamfer, (a.requires_grad_(True), b.requires_grad_(True)))
 
 
-def test_planes_of_a_plane_and_of_a_ball():
+def test_fitted_planes_of_a_plane_and_of_a_ball():
     rng = np.random.default_rng(1)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     flat = torch.from_numpy(np.column_stack([rng.uniform(-1, 1, (200, 2)), np.zeros(200)]) @ turn)[None]
@@ -116,7 +116,7 @@ def test_planes_of_a_plane_and_of_a_ball():
     assert ((normal * ball).sum(dim=2).abs() > 0.99).all()
 
 
-def test_the_slope_of_normals_is_that_of_differences_also_where_no_direction_is_special():
+def test_the_gradient_of_normals_matches_finite_differences_and_is_always_finite():
     points = torch.randn(1, 12, 3, dtype=torch.float64, generator=generator()).requires_grad_(True)
     index = neighbourhoods(points, 5)
     look = torch.randn(1, 12, 3, dtype=torch.float64, generator=generator())
@@ -126,14 +126,14 @@ def test_the_slope_of_normals_is_that_of_differences_also_where_no_direction_is_
     assert corners.grad.isfinite().all()
 
 
-def test_rigid_motions_cost_no_shape_and_bends_do():
+def test_shape_losses_are_zero_for_rigid_motions_and_positive_for_bends():
     rng = np.random.default_rng(2)
     points = torch.from_numpy(rng.uniform(-1, 1, (300, 3)) * [1, 1, 0.01])[None]
     near = neighbourhoods(points, 8)
     assert max(float(term) for term in plane_terms(points, points + 5, near)) < 1e-12
     turn = torch.from_numpy(np.linalg.qr(rng.normal(size=(3, 3)))[0])
     distance, normal = plane_terms(points, points @ turn, near)
-    assert float(distance) < 1e-12 and float(normal) > 1e-3  # Eq. 5.6 is of directions, Eq. 5.5 is not
+    assert float(distance) < 1e-12 and float(normal) > 1e-3  # Eq. 5.6 depends on directions, Eq. 5.5 does not
     assert float(laplacian_term(points, points @ turn, near)) < 1e-12
     bent = points.clone()
     bent[..., 2] += bent[..., 0] ** 2
@@ -167,15 +167,15 @@ def test_a_training_lowers_its_loss(more):
     assert losses[-1] < 0.7 * losses[0] and all(np.isfinite(array).all() for array in weights.values())
 
 
-def test_in_the_warm_up_cages_stay():
+def test_in_the_warm_up_cages_do_not_change():
     method = NeuralCages(points=64, code=16, batch=2, steps=3, neighbours=6, warm_up=0.99)
-    begin = method._network(generator())[0].state_dict()  # of the run's seed
+    begin = method._network(generator())[0].state_dict()  # drawn with the seed of the run
     weights = method.fit(examples(), Run(seed=0))
     moved = {name for name in weights if (weights[name] != begin[name].numpy()).any()}
     assert moved and all(name.startswith(("merger", "deforming")) for name in moved)
 
 
-def test_pairs_correspond_where_they_do():
+def test_corresponding_pairs_are_drawn_with_their_correspondence():
     pairs = Pairs(examples(corresponding=True))
     source, target = pairs.drawn(0, 100, 0.0, False, np.random.default_rng(0))
     np.testing.assert_allclose(target, source * np.float32([0.5, 2, 1.4]), atol=2e-4)
@@ -196,7 +196,7 @@ def test_deformations_keep_faces_and_store_their_cages(method):
     assert set(kept) == {"cage", "deformed_cage"} and len(kept["cage"].vertices) == 42
 
 
-def test_the_cage_of_a_pair_finds_an_egg():
+def test_cage_per_pair_deforms_a_ball_into_an_egg():
     case = Deform().toy()
     output = CagePerPair(points=256, steps=60, learning_rate=0.05).deform(**case.input, run=Run(seed=0))
     apart = [
@@ -213,7 +213,7 @@ def test_bad_parameters_are_refused(name):
             plugin(**{parameter: value})
 
 
-def test_the_weights_that_come_with_it_bring_a_chair_nearer_to_another():
+def test_the_shipped_weights_bring_a_chair_nearer_to_another():
     plugin = registry().find("method", "neural_cages")
     method = plugin.cls()
     run = Run(seed=0)

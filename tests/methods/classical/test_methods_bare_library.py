@@ -1,4 +1,4 @@
-"""At the parameters of the library's plain call, every method is that call, to rounding."""
+"""With the parameters of a plain library call, every method gives the result of that call, up to rounding."""
 
 import importlib.util
 import sys
@@ -15,7 +15,7 @@ from bench.plugins.schema import build
 CGAL = importlib.util.find_spec("CGAL") is not None
 BY_CGAL = {"advancing_front", "alpha_wrap", "jet", "bilateral", "wlop", "ear"}
 POINTS = 600
-COARSE = {"resolution": 40}  # of 200 cells, for both calls: marching cubes take half a minute there
+COARSE = {"resolution": 40}  # instead of 200 cells, for both calls: marching cubes would take half a minute
 # Open3D's solver computes in single precision. MeshLab stops the projection of APSS early, at an accuracy that depends
 # on what is in memory (see mls.py), and that the method does not ask for: half of the points agree to 1e-3, all to a
 # tenth of their spacing.
@@ -25,7 +25,7 @@ TYPICAL = {"apss": 1e-3}
 
 @pytest.fixture(scope="module")
 def cloud():
-    """Noisy points in the order in which the methods hand them on: some of the libraries look at it."""
+    """Noisy points in the order in which the methods pass them on: the result of some libraries depends on it."""
     _, mesh = bare_library.shape_of("bumps")
     ((_, noisy),) = bare_library.clouds(mesh, [1.0], POINTS, 0)
     _, order = np.unique(noisy.points, axis=0, return_index=True)
@@ -69,7 +69,7 @@ CASES = [
 
 
 @pytest.mark.parametrize("task, method", CASES)
-def test_a_method_at_the_library_s_parameters_is_the_library(task, method, cloud):
+def test_a_method_with_the_parameters_of_the_library_gives_its_result(task, method, cloud):
     ours, library = solved(task, as_bare(task, method, cloud), cloud), bare(task, method, cloud)
     tolerance = TOLERANCE.get(method, 1e-12)
     if task != "reconstruct":
@@ -78,7 +78,7 @@ def test_a_method_at_the_library_s_parameters_is_the_library(task, method, cloud
         assert np.median(np.abs(first - second)) < TYPICAL.get(method, tolerance)
         return
     assert len(ours.faces) == len(library.faces)
-    # By the corners of the faces: the vertices may be in another order, and some in no face.
+    # By the centres of faces: vertices may be in another order, and some in no face.
     first, second = (rows(np.asarray(mesh.triangles).mean(axis=1).round(9)) for mesh in (ours, library))
     from scipy.spatial import cKDTree
 
@@ -86,8 +86,8 @@ def test_a_method_at_the_library_s_parameters_is_the_library(task, method, cloud
     assert cKDTree(first).query(second)[0].max() < max(tolerance, 1e-8)
 
 
-def test_the_default_parameters_are_others_where_the_list_says_so(cloud):
-    """The equality above is not that of any two settings."""
+def test_the_default_parameters_differ_from_those_of_the_library(cloud):
+    """Not all settings give equal results."""
     ours = solved("reconstruct", build(registry().find("method", "poisson"), {}), cloud)
     library = bare_library.poisson(cloud)
     assert len(ours.vertices) != len(library.vertices) or np.abs(ours.vertices - library.vertices).max() > 1e-4
@@ -100,4 +100,4 @@ def test_the_script_prints_a_line_for_every_level_and_takes_parameters(capsys, m
     lines = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines() if "| denoise" in line]
     ratios = {(line[1], line[3]): float(line[10]) for line in lines}
     assert ratios["jet", "0"] == ratios["jet", "1"] == 1
-    assert ratios["wlop", "0"] != 1  # no parameter of it is given, and its defaults are others
+    assert ratios["wlop", "0"] != 1  # no parameter of it is given, and its defaults differ

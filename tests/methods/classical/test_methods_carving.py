@@ -1,4 +1,4 @@
-"""The visual hull and space carving: balls in closed form, masks that are reproduced, what is refused."""
+"""The visual hull and space carving: balls in closed form, reproduced masks, refused input."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ def on_sphere(count: int, seed: int = 0) -> np.ndarray:
 # -- the field of the hull ---------------------------------------------------------------------------------------------
 
 
-def test_mask_distances_are_those_to_the_border_of_pixels():
-    """Of a half plane, the distance to the line between two columns; of a full mask, that nothing is outside."""
+def test_mask_distances_are_to_the_boundary_between_pixels():
+    """For a half plane, the distance to the line between two columns; for a full mask, a negative constant."""
     mask = np.zeros((6, 9), dtype=bool)
     mask[:, :4] = True
     assert mask_distances(mask) == pytest.approx(np.broadcast_to(np.arange(9) + 0.5 - 4, (6, 9)))
     assert (mask_distances(np.ones((3, 4), dtype=bool)) == -5).all()
 
 
-def test_the_field_is_what_a_naive_loop_finds():
+def test_the_field_matches_a_naive_loop():
     views = balls(3, pixels=24)
     field = Silhouettes(views, Run(), "keep")
     points = np.random.default_rng(0).uniform(-1, 1, (200, 3))
@@ -67,13 +67,13 @@ def test_the_field_is_what_a_naive_loop_finds():
         assert found == pytest.approx(max(values), abs=1e-6)
 
 
-def test_the_hull_of_a_ball_holds_the_ball():
+def test_the_hull_of_a_ball_contains_the_ball():
     values = Silhouettes(balls(40), Run()).values(on_sphere(5000))
     assert values.max() < PIXEL
     assert Silhouettes(balls(40), Run()).values(1.2 * on_sphere(5000)).min() > PIXEL
 
 
-def test_the_volume_falls_towards_the_balls():
+def test_the_volume_decreases_to_that_of_the_ball():
     ball = 4 / 3 * np.pi * RADIUS**3
     hulls = [VisualHull(resolution=48).multiview(balls(count, pixels=192), Run()) for count in (3, 6, 36)]
     assert all(hull.is_watertight for hull in hulls)
@@ -83,7 +83,7 @@ def test_the_volume_falls_towards_the_balls():
     assert 0.99 < ratios[-1] < 1.02  # up to the error of the distance transform
 
 
-def test_two_views_at_a_right_angle_far_away_have_the_closed_form():
+def test_the_hull_of_two_far_views_at_a_right_angle_has_its_closed_form():
     """The hull of two crossed cylinders of radius r has the volume 16 r^3 / 3 (Archimedes)."""
     views = balls(2, pixels=192)
     away = 400.0
@@ -99,7 +99,7 @@ def test_two_views_at_a_right_angle_far_away_have_the_closed_form():
 
 @pytest.mark.parametrize("center", [(0, 0, 0), (0.2, -0.1, 0.15)])
 def test_every_mask_is_reproduced(center):
-    """No vertex of the hull projects a pixel outside a mask, and the pixels within are all covered."""
+    """No vertex of the hull projects more than a pixel outside a mask, and all pixels within are covered."""
     views = balls(10, center)
     hull = VisualHull(resolution=128).multiview(views, Run())
     assert np.linalg.norm(hull.vertices.mean(axis=0) - center) < 0.02
@@ -117,14 +117,14 @@ def test_every_mask_is_reproduced(center):
 
 
 def cut_off() -> Views:
-    """Images of the ball that show its middle only: a border of 30 pixels is cut away."""
+    """Images of the ball that show only its middle: a border of 30 pixels is cropped."""
     views = balls(20)
     shift = views.intrinsics - np.array([[0, 0, 30], [0, 0, 30], [0, 0, 0]])
     return Views(views.images[:, 30:-30, 30:-30], views.masks[:, 30:-30, 30:-30], views.extrinsics, shift)
 
 
-def test_what_an_image_does_not_show_does_not_carve():
-    """Masks that the border cuts off say nothing of what lies beyond; then the unit ball is the bound."""
+def test_regions_outside_an_image_are_not_carved():
+    """Masks cut off by the border give no information beyond it; then the unit ball is the bound."""
     views = cut_off()
     assert views.masks.all()
     assert VisualHull(resolution=32).multiview(views, Run()).volume == pytest.approx(4 / 3 * np.pi, rel=0.01)
@@ -133,11 +133,11 @@ def test_what_an_image_does_not_show_does_not_carve():
     assert views.pixels_at(0.99 * carved.vertices)[2].all()
 
 
-def test_one_view_that_is_cut_off_leaves_what_the_others_show():
+def test_a_view_that_is_cut_off_does_not_carve_what_the_others_show():
     views = balls(20)
     masks = views.masks.copy()
     half = views.intrinsics.copy()
-    half[0, 0, 2] += 48  # the first image shows the left half of the ball, in its right half
+    half[0, 0, 2] += 48  # the right half of the first image shows the left half of the ball
     masks[0] = np.roll(masks[0], 48, axis=1)
     masks[0, :, :48] = False
     hull = VisualHull(resolution=48).multiview(changed(views, masks=masks, intrinsics=half), Run())
@@ -176,7 +176,7 @@ def test_parameters_of_the_hull(name, value):
         VisualHull(**{name: value})
 
 
-# -- what sees a voxel -------------------------------------------------------------------------------------------------
+# -- visibility of voxels-----------------------------------------------------------------------------------------------
 
 
 def boxes() -> tuple[np.ndarray, float, Views, Silhouettes]:
@@ -186,7 +186,7 @@ def boxes() -> tuple[np.ndarray, float, Views, Silhouettes]:
 
 
 def drawn(points, cell, views, margin):
-    """By naive loops: for each view, the pixels whose middles lie in the square of each voxel, and its depth."""
+    """By naive loops: for each view, the pixels whose centres lie in the square of each voxel, and its depth."""
     pixels, depth = views.project(points)
     middles = np.stack(np.meshgrid(np.arange(24) + 0.5, np.arange(24) + 0.5), axis=-1)
     for view in range(len(views)):
@@ -195,7 +195,7 @@ def drawn(points, cell, views, margin):
             yield view, k, (np.abs(middles - pixels[view, k]) <= half).all(axis=2), depth[view, k]
 
 
-def test_depth_buffers_and_what_is_seen_are_what_naive_loops_find():
+def test_depth_buffers_and_visible_pixels_match_naive_loops():
     points, cell, views, known = boxes()
     wanted = np.full((3, 24, 24), np.inf)
     for view, _, square, depth in drawn(points, cell, views, 0.5):
@@ -212,7 +212,7 @@ def test_depth_buffers_and_what_is_seen_are_what_naive_loops_find():
     assert 0.2 < (found >= 0).mean() < 0.9
 
 
-def test_voxels_are_taken_until_the_next_would_uncover_a_mask():
+def test_voxels_are_removed_only_while_the_masks_stay_covered():
     points, cell, views, known = boxes()
     covers = count_covers(points, known.matrices, known.focal, cell, 24, 24)
     wanted = np.zeros((3, 24, 24), dtype=int)
@@ -225,7 +225,7 @@ def test_voxels_are_taken_until_the_next_would_uncover_a_mask():
     assert np.array_equal((covers > 0)[views.masks], (wanted > 0)[views.masks])
 
 
-def test_the_surface_of_voxels_is_what_a_naive_loop_finds():
+def test_the_surface_of_voxels_matches_a_naive_loop():
     filled = np.zeros((7, 6, 8), dtype=bool)
     filled[1:-1, 1:-1, 1:-1] = np.random.default_rng(0).random((5, 4, 6)) < 0.8
     wanted = []
@@ -236,14 +236,14 @@ def test_the_surface_of_voxels_is_what_a_naive_loop_finds():
     assert np.array_equal(surface_of(filled), wanted)
 
 
-def test_the_grid_holds_the_hull():
+def test_the_grid_contains_the_hull():
     voxels = Voxels.over(Silhouettes(balls(12, (0.2, -0.1, 0.15)), Run()), 24)
     ball = voxels.middles(np.argwhere(voxels.hull < 0))
     assert voxels.cell**3 * len(ball) == pytest.approx(4 / 3 * np.pi * RADIUS**3, rel=0.2)
     assert min((voxels.hull[part] > 0).all() for part in (0, -1, np.s_[:, [0, -1]], np.s_[:, :, [0, -1]]))
 
 
-# -- whether views agree -----------------------------------------------------------------------------------------------
+# -- agreement of views ------------------------------------------------------------------------------------------------
 
 
 def seen(colors: np.ndarray, **lights) -> Views:
@@ -254,12 +254,12 @@ def seen(colors: np.ndarray, **lights) -> Views:
 
 
 def lit(normals: np.ndarray, seed: int) -> Views:
-    """The colours of normals (v, 3) under three lights at right angles, the first about along that normal."""
+    """The colours of normals (v, 3) under three orthogonal lights, the first roughly along the normal."""
     rng = np.random.default_rng(seed)
     first = normals + 0.4 * rng.normal(size=normals.shape)
     lights = np.linalg.qr(np.concatenate([first[:, :, None], rng.normal(size=(len(normals), 3, 2))], axis=2))[0]
     lights = lights.transpose(0, 2, 1)
-    lights[:, 0] = first / np.linalg.norm(first, axis=1, keepdims=True)  # QR may have turned it around
+    lights[:, 0] = first / np.linalg.norm(first, axis=1, keepdims=True)  # QR may have flipped it
     colors, ambient = np.tile(0.9 * np.eye(3), (len(normals), 1, 1)), np.full((len(normals), 3), 0.1)
     shade = np.maximum(np.einsum("vki,vi->vk", lights, normals), 0) * 0.9 + 0.1
     images = np.rint(255 * shade).astype(np.uint8)
@@ -267,7 +267,7 @@ def lit(normals: np.ndarray, seed: int) -> Views:
 
 
 def test_views_of_one_normal_agree():
-    """Up to the rounding of colours; a view of another normal is found, and left out where a share allows it."""
+    """Up to the rounding of colours; a view of another normal is detected, and left out where a share allows it."""
     rng = np.random.default_rng(0)
     for seed in range(6):
         normal = rng.normal(size=3)
@@ -279,11 +279,11 @@ def test_views_of_one_normal_agree():
         views = lit(normals, seed)
         assert agreement(views, 1, 0)(pixels) > 0.1
         assert agreement(views, 0.8, 0)(pixels) < 0.004
-        pixels[0, 2] = -1  # which does not see it
+        pixels[0, 2] = -1  # this view does not see the point
         assert agreement(views, 1, 0)(pixels) < 0.004
 
 
-def test_without_lights_it_is_the_standard_deviation():
+def test_without_lights_the_agreement_is_the_standard_deviation():
     colors = np.random.default_rng(0).integers(256, size=(7, 3)).astype(np.uint8)
     pixels = np.zeros((1, 7), dtype=np.int32)
     wanted = np.sqrt((colors / 255).var(axis=0).mean())
@@ -308,12 +308,12 @@ def bowl() -> tuple[Views, MeshSurface, float]:
 
 @pytest.fixture(scope="module")
 def carved(bowl):
-    """What is left of the hull of the bowl."""
+    """The carved hull of the bowl."""
     return QUICK.multiview(bowl[0], Run())
 
 
 def test_the_hollow_of_a_bowl_is_carved(bowl, carved):
-    """The hull fills it."""
+    """The visual hull fills it."""
     views, surface, volume = bowl
     hull = VisualHull(resolution=32).multiview(views, Run())
     assert carved.is_watertight
@@ -324,7 +324,7 @@ def test_the_hollow_of_a_bowl_is_carved(bowl, carved):
 
 
 def test_the_masks_stay_reproduced(bowl, carved):
-    """Of the carved bowl; and by voxels, even if all are carved that may be."""
+    """By the carved bowl, and by voxels even if all that may be removed are."""
     views = bowl[0]
     rows, columns, _ = views.pixels_at(carved.sample(100_000, seed=0))
     for mask, row, column in zip(views.masks, rows, columns, strict=True):
@@ -342,14 +342,14 @@ def test_the_masks_stay_reproduced(bowl, carved):
     assert np.array_equal((after > 0)[views.masks], (before > 0)[views.masks])
 
 
-def test_a_ball_is_left_as_it_is():
+def test_a_ball_is_not_carved():
     views = balls(24)
     carved, hull = QUICK.multiview(views, Run()), replace(QUICK, rounds=0).multiview(views, Run())
     assert np.linalg.norm(carved.vertices, axis=1).mean() == pytest.approx(RADIUS, abs=0.01)
     assert carved.volume == pytest.approx(hull.volume, rel=0.01)
 
 
-def test_it_ends_with_the_time_and_returns_the_hull_where_colours_do_not_fit(bowl):
+def test_it_stops_in_time_and_returns_the_hull_where_colours_do_not_agree(bowl):
     views, run = bowl[0], Run(seconds=0)
     early = QUICK.multiview(views, run)
     assert "0 rounds were done" in run.notes[0]

@@ -1,6 +1,6 @@
-"""The classical methods: known surfaces to a tolerance, outward, repeatable, and no crash on anything.
+"""The classical methods: known surfaces to a tolerance, outward, repeatable, and no crash on any input.
 
-Native code may kill the process, so whatever is degenerate runs in a process of its own.
+Native code may crash, so degenerate input is processed in a separate process.
 """
 
 import functools
@@ -31,12 +31,12 @@ from bench.plugins.registry import registry
 from bench.tasks.denoise import Denoise
 from bench.tasks.reconstruct import Reconstruct
 
-# CGAL's bindings have no build for Python 3.13: there its methods are recorded as skipped, and not tried here.
+# CGAL's bindings have no build for Python 3.13: there its methods are recorded as skipped, and not tested here.
 CGAL = importlib.util.find_spec("CGAL") is not None
 POISSON, BALLS, SHAPE, WRAP = Poisson(depth=6), BallPivoting(), AlphaShape(alpha=4), AlphaWrap(alpha=6)
 RECONSTRUCT = [POISSON, BALLS, SHAPE, Apss(resolution=50), Rimls(resolution=50)]
 RECONSTRUCT += [AdvancingFront(), WRAP] if CGAL else []
-# Two defaults are chosen on shapes with thin walls at 5,000 points: here stronger, there gentler ones are asked for.
+# Two defaults are tuned on shapes with thin walls at 5,000 points; stronger settings are used here.
 DENOISE = [
     *([Jet(), Wlop(radius=4.5, iterations=15), Bilateral(k=24, angle=15.0)] if CGAL else []),
     Apss(),
@@ -73,7 +73,7 @@ def distances(shape, points):
     return np.linalg.norm(surface(shape).closest(np.asarray(points))[0] - points, axis=1)
 
 
-@pytest.mark.parametrize("shape", ["torus", "cube"])  # of spheres see the tests of half of one, and of the volume
+@pytest.mark.parametrize("shape", ["torus", "cube"])  # other tests use spheres and hemispheres
 @pytest.mark.parametrize("method", RECONSTRUCT, ids=name)
 def test_a_known_surface_is_reconstructed_outward(method, shape):
     cloud = cloud_of(shape)
@@ -81,7 +81,7 @@ def test_a_known_surface_is_reconstructed_outward(method, shape):
     Reconstruct().validate(mesh, {"cloud": cloud})
     made, rng = MeshSurface(mesh), np.random.default_rng(0)
     points, _ = made.sample(1500, rng)
-    # A chord of length s misses an arc of curvature 1/r by s^2 / 8 r; at creases the methods round by a part of s.
+    # A chord of length s is off an arc of radius r by s^2 / 8 r; creases are rounded by a fraction of s.
     assert distances(shape, points).mean() < 0.15 * SPACING
     of_truth, _ = surface(shape).sample(1500, rng)
     assert np.linalg.norm(made.closest(of_truth)[0] - of_truth, axis=1).mean() < 0.15 * SPACING
@@ -91,7 +91,7 @@ def test_a_known_surface_is_reconstructed_outward(method, shape):
 
 
 @pytest.mark.parametrize("method", [POISSON, *([WRAP] if CGAL else [])], ids=name)
-def test_what_is_closed_has_the_volume(method):
+def test_closed_reconstructions_have_the_volume_of_the_shape(method):
     mesh = method.reconstruct(cloud_of("sphere", normals=True), Run())
     assert mesh.is_watertight
     # A hundredth of the volume is a mean offset of 0.0033.
@@ -106,7 +106,7 @@ def test_trim_removes_the_least_supported_vertices():
     trimmed = Poisson(depth=6, trim=0.2).reconstruct(hemisphere, Run())
     assert len(trimmed.vertices) == pytest.approx(0.8 * len(closed.vertices), rel=0.01)
     assert trimmed.area < closed.area
-    # What goes is the lid that no point supports.
+    # The removed part is the lid, which no point supports.
     assert trimmed.triangles_center[:, 2].min() >= closed.triangles_center[:, 2].min()
     assert distances("sphere", trimmed.vertices).mean() < distances("sphere", closed.vertices).mean()
 
@@ -126,7 +126,7 @@ def test_noise_is_reduced(method):
     output = method.denoise(cloud, Run())
     Denoise().validate(output, {"cloud": cloud})
     assert len(output) == len(cloud)
-    # An average of n neighbours has 1/sqrt(n) of their noise: half is what four would do.
+    # An average of n neighbours has 1/sqrt(n) of their noise: half of it with four.
     assert distances("torus", output.points).mean() < 0.55 * distances("torus", cloud.points).mean()
 
 
@@ -137,7 +137,7 @@ def test_a_clean_cloud_is_hardly_moved(method):
 
 
 @pytest.mark.parametrize("method", [*([Jet(), Bilateral()] if CGAL else []), Apss(), Rimls()], ids=name)
-def test_points_keep_their_order_and_repetitions(method):
+def test_points_keep_their_order_and_duplicates(method):
     cloud = cloud_of("sphere", 0.01, count=600)
     twice = PointCloud(np.repeat(cloud.points, 2, axis=0))
     output = method.denoise(twice, Run()).points
@@ -147,7 +147,7 @@ def test_points_keep_their_order_and_repetitions(method):
 
 if CGAL:
 
-    def test_wlop_retains_the_share_asked_for():
+    def test_wlop_retains_the_requested_share():
         cloud = cloud_of("sphere", 0.01)
         assert len(Wlop(retain=25).denoise(cloud, Run())) == pytest.approx(COUNT / 4, abs=1)
 
@@ -157,7 +157,7 @@ def test_the_unit_does_not_matter(method):
     cloud = cloud_of("sphere", 0.01, count=600)
     small = method.denoise(cloud, Run()).points
     large = method.denoise(PointCloud(cloud.points * 4), Run()).points / 4
-    # A power of two scales exactly; what is left are thresholds inside the libraries.
+    # A power of two scales exactly; only thresholds inside the libraries differ.
     assert np.abs(np.sort(small, axis=0) - np.sort(large, axis=0)).mean() < 1e-5
 
 
@@ -193,7 +193,7 @@ def test_messages_name_the_method_and_what_was_expected():
         Jet().denoise(PointCloud(np.outer(np.arange(50.0), [1, 2, 3])), Run())
 
 
-# -- in processes of their own ---------------------------------------------------------------------------------------
+# -- in separate processes -------------------------------------------------------------------------------------------
 
 DEGENERATE = """
 import hashlib, json, sys
@@ -272,7 +272,7 @@ TIMEOUT = 300  # seconds
 
 
 def classical(library):
-    """The methods of the folder that need a library, or, for None, none of those that are not always there."""
+    """The methods of the folder that need a library, or, for None, those that need no optional one."""
     mine = [p for p in registry().all("method") if p.file.parent.name == "classical"]
     mine = [p for p in mine if any(map(p.solves, OF_CLOUDS))]
     needs = {p.name: next((r for r in p.requires if r in ("CGAL", "pymeshlab")), None) for p in mine}
@@ -287,15 +287,15 @@ ALL = OPEN3D_AND_SCIPY | MESHLAB | (BY_CGAL if CGAL else {})
 
 @pytest.fixture(scope="module")
 def of_degenerate_input():
-    """What a process prints of all methods, each on all inputs, and then on a noisy one."""
+    """The output of a process that runs all methods, each on all inputs, and then on a noisy one."""
     return in_own_process(ALL, "degenerate")
 
 
 @pytest.fixture(scope="module")
 def hashes_elsewhere():
-    """Of all methods in another process, whose C library overwrites memory that is freed and handed out again.
+    """The hashes of all methods in another process, whose C library overwrites freed and allocated memory.
 
-    So a result that depends on what was never written would show.
+    A result that depends on uninitialised memory would differ.
     """
     return hashes(in_own_process(ALL, MALLOC_PERTURB_="255"))
 
@@ -316,9 +316,7 @@ def in_own_process(methods, *options, **environment):
 @pytest.mark.parametrize(
     "methods", [OPEN3D_AND_SCIPY, MESHLAB, *([BY_CGAL] if CGAL else [])], ids=lambda methods: "+".join(methods)
 )
-def test_degenerate_input_is_refused_or_answered_validly_and_all_is_repeatable(
-    methods, of_degenerate_input, hashes_elsewhere
-):
+def test_degenerate_input_is_refused_or_gives_valid_repeatable_output(methods, of_degenerate_input, hashes_elsewhere):
     outcomes = [json.loads(line[4:]) for line in of_degenerate_input.splitlines() if line.startswith("END ")]
     outcomes = [outcome for outcome in outcomes if outcome[0] in methods]
     assert {name for name, *_ in outcomes} == set(methods)

@@ -1,4 +1,4 @@
-"""Outlier removal returns a subset, untouched; and the methods for holes close them or leave them, as they say."""
+"""Outlier removal returns an unchanged subset; reconstruction methods close or keep holes as documented."""
 
 import importlib.util
 import sys
@@ -43,7 +43,7 @@ def with_hole(cloud, radius):
 
 
 @pytest.mark.parametrize("method", OUTLIERS, ids=name)
-def test_outliers_go_and_the_rest_keeps_place_order_and_normals(method):
+def test_outliers_are_removed_and_the_rest_keeps_positions_order_and_normals(method):
     clean = even_cloud(1000)
     rng = np.random.default_rng(0)
     far = rng.standard_normal((50, 3))
@@ -60,14 +60,14 @@ def test_outliers_go_and_the_rest_keeps_place_order_and_normals(method):
 
 
 @pytest.mark.parametrize("method", OUTLIERS, ids=name)
-def test_repetitions_are_judged_as_one_point_and_kept_together(method):
+def test_duplicates_are_classified_as_one_point(method):
     cloud = PointCloud(np.repeat(np.vstack([even_cloud(500).points, [[3.0, 0, 0]]]), 3, axis=0))
     output = method.denoise(cloud, Run()).points
     assert np.array_equal(output[::3], output[2::3])
-    assert output[:, 0].max() < 2  # three times there, and an outlier all the same
+    assert output[:, 0].max() < 2  # three copies, still an outlier
 
 
-def test_a_second_pass_finds_what_a_far_outlier_hid():
+def test_a_second_pass_finds_outliers_hidden_by_a_far_one():
     points = np.vstack([even_cloud(500).points, [[100.0, 0, 0]], [[1.5, 0, 0]]])
     once = StatisticalOutlier(passes=1).denoise(PointCloud(points), Run()).points
     twice = StatisticalOutlier(passes=2).denoise(PointCloud(points), Run()).points
@@ -81,7 +81,7 @@ def test_a_cluster_of_outliers_is_found_by_its_size():
     assert len(output) == 500
 
 
-def test_nothing_left_is_said():
+def test_an_empty_result_is_refused():
     with pytest.raises(BadInput, match="raise radius"):
         RadiusOutlier(radius=0.1).denoise(even_cloud(100), Run())
 
@@ -108,19 +108,19 @@ def test_parameters_out_of_range_are_refused(wrong):
 def test_an_alpha_shape_is_the_outer_sheet(normals):
     mesh = AlphaShape().reconstruct(even_cloud(1000, normals), Run())
     assert mesh.is_watertight and mesh.is_winding_consistent
-    # A sphere's polyhedron through 1,000 points has 2,000 triangles, and its volume lacks a hundredth.
+    # A polyhedron through 1,000 points of a sphere has about 2,000 triangles and lacks 1 % of the volume.
     assert len(mesh.faces) == 1996
     assert 0.98 < mesh.volume / (4 / 3 * np.pi) < 1
     assert np.einsum("ni,ni->n", mesh.face_normals, mesh.triangles_center).min() > 0.9
 
 
-def test_an_alpha_shape_leaves_a_hole_that_the_ball_fits_through_and_still_faces_outward():
+def test_an_alpha_shape_keeps_a_hole_larger_than_the_ball_and_faces_outward():
     cloud = with_hole(even_cloud(1000), 0.5)
     small, large = AlphaShape(alpha=3).reconstruct(cloud, Run()), AlphaShape(alpha=20).reconstruct(cloud, Run())
     assert large.is_watertight and not small.is_watertight
-    # The cap within a chord of 0.5 has the area pi * 0.25 of 4 pi; triangles at its rim are missing too.
+    # The cap within a chord of 0.5 has the area pi * 0.25 of 4 pi; triangles at its rim are missing as well.
     assert small.area / (4 * np.pi) == pytest.approx(1 - 0.0625, abs=0.03)
-    # The ball that got in sees the other side of a few flat tetrahedra.
+    # From inside, the ball reaches the other side of a few flat tetrahedra.
     cosines = np.einsum("ni,ni->n", small.face_normals, small.triangles_center)
     assert np.average(cosines, weights=small.area_faces) > 0.9
 
@@ -139,15 +139,15 @@ def test_circumscribed_circles_and_balls():
     assert np.isinf(circumradii(flat)).all()
 
 
-def test_a_cut_opens_what_has_no_points_and_nothing_else():
+def test_a_cut_opens_only_regions_without_points():
     cloud = even_cloud(2000)
     assert Poisson(depth=6, cut=0.7).reconstruct(cloud, Run()).is_watertight
     opened = Poisson(depth=6, cut=0.7).reconstruct(with_hole(cloud, 0.6), Run())
     assert not opened.is_watertight
-    assert 0.85 < opened.area / (4 * np.pi) < 0.97  # the cap has 9 %, and its rim has points near it
+    assert 0.85 < opened.area / (4 * np.pi) < 0.97  # the cap has 9 %, and points are near its rim
 
 
-def test_pieces_are_turned_one_by_one():
+def test_components_are_oriented_one_by_one():
     ball = trimesh.creation.icosphere(2)
     vertices = np.vstack([ball.vertices, ball.vertices + [3.0, 0, 0]])
     normals = np.vstack([ball.vertices, ball.vertices])
@@ -174,12 +174,12 @@ if CGAL:
         cloud = with_hole(even_cloud(2000, normals=False), 0.3)
         mesh = AlphaWrap(alpha=12).reconstruct(cloud, Run())
         assert mesh.is_watertight
-        # A flat lid takes the volume pi h^2 (1 - h / 3) with h = 0.045 away: 0.15 %; the offset over it adds some.
+        # A flat lid removes the volume pi h^2 (1 - h / 3) with h = 0.045: 0.15 %; the offset above it adds some.
         assert mesh.volume == pytest.approx(4 / 3 * np.pi, rel=0.01)
         sphere = np.linalg.norm(mesh.vertices, axis=1)
         assert np.abs(sphere - 1).mean() < 0.005
 
-    def test_a_wrap_that_is_not_fitted_lies_outside():
+    def test_an_unfitted_wrap_lies_outside_the_points():
         cloud = even_cloud(1000)
         wrapped = AlphaWrap(fit=False).reconstruct(cloud, Run())
         assert wrapped.is_watertight
@@ -190,8 +190,8 @@ if CGAL:
             objects = [even_cloud(200).points + shift for shift in ([0, 0, 0], [1e6, 0, 0], [0, 1e6, 0])]
             AlphaWrap().reconstruct(PointCloud(np.vstack(objects)), Run())
 
-    def test_a_front_does_not_depend_on_what_the_process_did_before(tmp_path, monkeypatch):
-        # Two sheets closer than the spacing: many triangles are as plausible as others.
+    def test_a_front_does_not_depend_on_earlier_work_of_the_process(tmp_path, monkeypatch):
+        # Two sheets closer than the spacing: many triangles are equally plausible.
         rng = np.random.default_rng(3)
         cloud = PointCloud(rng.uniform(-1, 1, (2000, 3)) * [1, 1, 0.03])
         faces = []
@@ -203,16 +203,16 @@ if CGAL:
         assert np.array_equal(faces[0], faces[1])
         assert np.array_equal(faces[0], faces[2])
 
-    def test_a_front_that_dies_says_so(monkeypatch):
+    def test_a_crash_of_the_front_is_reported(monkeypatch):
         monkeypatch.setattr(sys, "executable", "false")
         with pytest.raises(RuntimeError, match="advancing front ended with exit status 1"):
             advancing_front(even_cloud(100).points, 5.0, 0.8)
 
-    def test_an_advancing_front_goes_through_the_points_and_closes_holes():
+    def test_an_advancing_front_interpolates_points_and_closes_holes():
         cloud = even_cloud(1000, normals=False)
         for given in (cloud, with_hole(cloud, 0.5)):
             mesh = AdvancingFront().reconstruct(given, Run())
             assert mesh.is_watertight
             assert {tuple(v) for v in mesh.vertices.tolist()} <= {tuple(p) for p in given.points.tolist()}
-            # A flat lid takes pi h^2 (1 - h / 3) away, with h = 0.125: 1.1 %; the polyhedron lacks another 1 %.
+            # A flat lid removes pi h^2 (1 - h / 3) with h = 0.125: 1.1 %; the polyhedron lacks another 1 %.
             assert 0.97 < mesh.volume / (4 / 3 * np.pi) < 1

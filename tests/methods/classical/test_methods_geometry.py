@@ -18,7 +18,7 @@ def cloud_of(mesh, count, sigma, seed=0):
     return points + sigma * rng.standard_normal(points.shape), face_normals(mesh)[faces]
 
 
-def test_spacing_of_a_grid_is_its_step_whatever_is_repeated():
+def test_spacing_of_a_grid_is_its_step_despite_duplicates():
     grid = np.stack(np.meshgrid(*[np.arange(20) * 0.25] * 2, [0.0]), axis=-1).reshape(-1, 3)
     assert mean_spacing(grid) == pytest.approx(0.25)
     assert mean_spacing(np.repeat(grid, 5, axis=0)) == pytest.approx(0.25)
@@ -26,7 +26,7 @@ def test_spacing_of_a_grid_is_its_step_whatever_is_repeated():
 
 def test_spacing_of_random_points_is_that_of_a_poisson_process():
     points = np.random.default_rng(0).random((20_000, 3)) * [1, 1, 0]
-    # 0.5 / sqrt(density); the farthest hundredth that is left out is worth 2.5 %, the standard error 0.4 %.
+    # 0.5 / sqrt(density); leaving out the farthest hundredth changes 2.5 %; the standard error is 0.4 %.
     assert mean_spacing(points) == pytest.approx(0.5 / np.sqrt(20_000), rel=0.05)
 
 
@@ -50,7 +50,7 @@ def test_normals_point_outward(shape):
         "sphere": ball,
         "torus": trimesh.creation.torus(0.7, 0.3),
         "box": trimesh.creation.box((2, 1.4, 1)),
-        # Pieces are turned one by one: neighbours on facing sides of a gap say nothing of each other.
+        # Components are oriented one by one: neighbours on opposite sides of a gap are unrelated.
         "two spheres": trimesh.util.concatenate([ball, ball.copy().apply_translation([2.4, 0, 0])]),
         "thin plate": trimesh.creation.box((2, 2, 0.2)),
     }[shape]
@@ -61,24 +61,24 @@ def test_normals_point_outward(shape):
         assert (np.einsum("ni,ni->n", normals, truth) < 0).mean() <= wrong
 
 
-def test_normals_of_a_sphere_are_accurate_and_do_not_depend_on_the_unit_or_place():
+def test_normals_of_a_sphere_are_accurate_at_any_scale_and_position():
     points, _ = cloud_of(trimesh.creation.icosphere(5), 3000, 0.0)
     normals = oriented_normals(points)
-    # A neighbourhood of 16 points has the radius sqrt(16 * 4 pi / 3000 / pi) = 0.15; its mean leans by a fraction.
+    # A neighbourhood of 16 points has the radius sqrt(16 * 4 pi / 3000 / pi) = 0.15; normals tilt by a fraction of it.
     cosines = np.einsum("ni,ni->n", normals, points / np.linalg.norm(points, axis=1, keepdims=True))
     assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean() < 2
     moved = oriented_normals(points * 250 + [4000.0, -9000, 100])
     assert np.abs(moved - normals).max() < 1e-6
 
 
-def test_points_that_coincide_share_a_normal():
+def test_coincident_points_share_a_normal():
     points, _ = cloud_of(trimesh.creation.icosphere(3), 300, 0.0)
     assert np.array_equal(oriented_normals(np.vstack([points, points])), np.tile(oriented_normals(points), (2, 1)))
 
 
 def test_given_normals_are_kept_and_completed():
     points, normals = cloud_of(trimesh.creation.icosphere(3), 300, 0.0)
-    given = -3 * normals  # inward on purpose: whoever gives normals knows
+    given = -3 * normals  # deliberately inward: given normals are trusted
     given[7] = 0
     given[8] = np.nan
     result = with_normals(PointCloud(points, given)).normals
@@ -98,8 +98,8 @@ def test_two_points_have_no_normals():
         oriented_normals(np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0]]))
 
 
-def test_reach_is_counted_in_the_side_of_the_square_that_a_point_has():
-    """Above a square lattice of step 0.1 the local spacing is 0.1, within what 16 neighbours tell."""
+def test_reach_is_in_units_of_the_local_spacing():
+    """On a square lattice of step 0.1 the local spacing is 0.1, as estimated from 16 neighbours."""
     from bench.methods.classical.mls import within_reach
 
     lattice = np.stack(np.meshgrid(*[np.arange(20) * 0.1] * 2, [0.0]), axis=-1).reshape(-1, 3)
@@ -109,8 +109,8 @@ def test_reach_is_counted_in_the_side_of_the_square_that_a_point_has():
 
 
 @pytest.mark.parametrize("name", ["apss", "rimls"])
-def test_nothing_is_far_from_all_points(name):
-    """Two balls whose gap is narrower than the support: with no reach, sheets lie between them."""
+def test_reach_limits_the_distance_of_the_surface_to_the_points(name):
+    """Two balls whose gap is narrower than the support: without a reach, sheets appear between them."""
     ball = trimesh.creation.icosphere(3)
     one, normals = np.asarray(ball.vertices), np.asarray(ball.vertices)
     cloud = PointCloud(np.concatenate([one, one + [2.3, 0, 0]]), np.concatenate([normals, normals]))

@@ -1,4 +1,4 @@
-"""The GPF-like filter: shares, normals and pushes in closed form, planes that stay exact, edges that stay sharp."""
+"""The GPF-like filter: shares, normals and repulsion in closed form, exact planes, and sharp edges."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_the_noise_of_a_plane_is_less_than_half():
 
 
 def test_points_of_a_sphere_stay_at_its_radius():
-    """The mean of the heights over both planes does not shrink it."""
+    """Averaging the heights over both planes does not shrink the sphere."""
     points = np.random.default_rng(2).normal(size=(600, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     _, heights = expectation(points, points, points, around(points, points, points, 20, 25.0))
@@ -53,10 +53,10 @@ def test_edges_of_a_cube_are_kept_better_than_by_plain_projection():
     rng = np.random.default_rng(3)
     exact, _ = cube(1800, rng)
     noisy = exact + rng.normal(0, 0.02, exact.shape)
-    near = np.sort(np.abs(exact), axis=1)[:, 1] > 0.9  # less than a tenth of the cube's half width from an edge
+    near = np.sort(np.abs(exact), axis=1)[:, 1] > 0.9  # less than a tenth of the half width of the cube from an edge
     output = Gpf(k=32).denoise(PointCloud(noisy), Run()).points
     mean, index = noisy.copy(), around(noisy, noisy, exact, 32, 90.0).indices
-    for row, of in enumerate(index):  # the plain projection: onto the plane through as many neighbours
+    for row, of in enumerate(index):  # plain projection: onto the plane through as many neighbours
         centre = noisy[of].mean(axis=0)
         normal = np.linalg.svd(noisy[of] - centre)[2][2]
         mean[row] -= (noisy[row] - centre) @ normal * normal
@@ -65,7 +65,7 @@ def test_edges_of_a_cube_are_kept_better_than_by_plain_projection():
 
 
 def test_shares_are_those_of_a_mixture():
-    """Two centres over one datum: it belongs to them by their likelihoods."""
+    """Two centres near one point share it in proportion to their likelihoods."""
     points, normals = np.array([[0.0, 0, 0], [0, 0, 1.0]]), np.tile([0.0, 0, 1], (2, 1))
     nearby = Nearby(np.array([[0, 1], [0, 1]]), np.ones((2, 2)))
     shares, heights = expectation(points, points, normals, nearby)
@@ -74,7 +74,7 @@ def test_shares_are_those_of_a_mixture():
     np.testing.assert_allclose(shares, [[own, 1 - own], [1 - own, own]])
 
 
-def test_filtered_normals_are_alike_on_a_side_and_differ_across_an_edge():
+def test_filtered_normals_are_smooth_on_a_side_and_sharp_across_an_edge():
     rng = np.random.default_rng(4)
     points, normals = cube(1500, rng)
     noisy = normals + rng.normal(0, 0.1, normals.shape)

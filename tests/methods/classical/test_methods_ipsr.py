@@ -1,4 +1,4 @@
-"""Reconstruction without normals: what is found is outward, also where a tree of neighbours is wrong."""
+"""Reconstruction without normals: estimated normals are outward, even where a spanning tree fails."""
 
 import functools
 
@@ -19,7 +19,7 @@ BOX = trimesh.creation.box((1.0, 0.8, 0.6))
 
 
 def comb():
-    """Blades on a bar: walls of 0.1, of two to three spacings, with gaps of 0.35."""
+    """Blades on a bar: walls of 0.1, or two to three spacings, with gaps of 0.35."""
     bar = trimesh.creation.box((2.0, 0.2, 0.6))
     blades = [
         trimesh.creation.box((0.1, 0.9, 0.6), trimesh.transformations.translation_matrix((x, 0.54, 0)))
@@ -48,7 +48,7 @@ SHAPES = {
 
 @functools.cache
 def cloud_of(shape, sigma, count=2500):
-    """Noisy points, and the outward normals of the shape where they came from."""
+    """Noisy points, and the outward normals of the shape at their exact positions."""
     mesh = SHAPES[shape]()
     rng = np.random.default_rng(3)
     points, normals = eliminate(*MeshSurface(mesh).sample(5 * count, rng), mesh, count)
@@ -56,7 +56,7 @@ def cloud_of(shape, sigma, count=2500):
 
 
 def reconstructed(points, **parameters):
-    """The mesh, and the normals that were found, in the order of the points; and how many rounds it took."""
+    """The mesh, the estimated normals in the order of the points, and the number of rounds."""
     kept, rounds = {}, []
     run = Run(on_keep=kept.__setitem__, on_progress=lambda done, total: rounds.append(done))
     mesh = Ipsr(**{"depth": 6, **parameters}).reconstruct(PointCloud(points), run)
@@ -78,12 +78,12 @@ def test_normals_are_outward_and_the_surface_is_near(shape, sigma):
     assert wrong_share(found, normals) < 0.01
     assert np.allclose(np.linalg.norm(found, axis=1), 1)
     samples = MeshSurface(mesh).sample(1500, np.random.default_rng(0))[0]
-    # Cells of depth 6 are 1/29 of the radius wide; edges are rounded by a part of one.
+    # Cells of depth 6 are 1/29 of the radius wide; edges are rounded by a fraction of a cell.
     assert np.linalg.norm(MeshSurface(truth).closest(samples)[0] - samples, axis=1).mean() < 0.01
     assert mesh.volume == pytest.approx(truth.volume, rel=0.05)
 
 
-def test_random_normals_settle_too_and_depend_on_the_seed_alone():
+def test_random_initial_normals_converge_and_depend_on_the_seed_alone():
     _, points, normals = cloud_of("torus", 0.0, 1500)
     _, found, _ = reconstructed(points, start="random", rounds=25, depth=5)
     assert wrong_share(found, normals) < 0.01
@@ -97,7 +97,7 @@ def test_given_normals_are_ignored():
     assert np.array_equal(without.vertices, wrong.vertices) and np.array_equal(without.faces, wrong.faces)
 
 
-def test_an_open_surface_has_normals_of_one_side():
+def test_an_open_surface_has_normals_on_one_side():
     points = np.random.default_rng(0).standard_normal((1200, 3))
     points = points / np.linalg.norm(points, axis=1, keepdims=True)
     points = points[points[:, 2] > 0.2]
@@ -105,14 +105,14 @@ def test_an_open_surface_has_normals_of_one_side():
     assert wrong_share(found, points) < 0.01
 
 
-def test_it_stops_before_its_time_is_gone_and_says_so():
+def test_it_stops_before_the_time_limit_and_reports_it():
     _, points, _ = cloud_of("box", 0.005, 1000)
     run = Run(seconds=1e-3)
     mesh = Ipsr(depth=5).reconstruct(PointCloud(points), run)
     assert len(mesh.faces) and "stopped after 1 of 12 rounds" in run.notes[0]
 
 
-def test_a_point_is_told_the_area_weighted_normals_of_the_faces_near_to_it():
+def test_a_point_gets_the_area_weighted_normals_of_nearby_faces():
     rng = np.random.default_rng(1)
     points, fallback = rng.standard_normal((40, 3)), np.tile([0.0, 0, 1], (40, 1))
     vertices, faces = rng.standard_normal((30, 3)), rng.permuted(np.tile(np.arange(30), (50, 1)), axis=1)[:, :3]
@@ -125,21 +125,21 @@ def test_a_point_is_told_the_area_weighted_normals_of_the_faces_near_to_it():
     assert np.allclose(told, expected)
 
 
-def test_the_volume_is_that_of_the_mesh_wherever_it_lies():
+def test_the_volume_of_a_mesh_does_not_depend_on_its_position():
     moved = BOX.copy().apply_translation((50, -20, 3))
     assert enclosed_volume(moved.vertices, moved.faces) == pytest.approx(BOX.volume)
     assert enclosed_volume(moved.vertices, moved.faces[:, ::-1]) == pytest.approx(-BOX.volume)
 
 
-def test_normals_settle_when_hardly_any_turns():
+def test_normals_have_converged_when_hardly_any_changes():
     normals = np.tile([0.0, 0, 1], (5000, 1))
     turned = normals.copy()
-    turned[:3] = [1, 0, 0]  # three of the five that turned most
+    turned[:3] = [1, 0, 0]  # three of the five that changed most
     assert settled(normals, normals) and not settled(normals, turned)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_what_is_visible_faces_outward(shape):
+def test_visible_points_face_outward(shape):
     _, points, truth = cloud_of(shape, 0.005)
     normals = estimate_normals(points, 16)[0]
     signs = facing(points, normals)

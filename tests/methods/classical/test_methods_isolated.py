@@ -1,4 +1,4 @@
-"""Stray points far from all others change nothing; sparse regions, scan lines and far objects are no strays."""
+"""Stray points far from all others change nothing; sparse regions, scan lines and far objects are not strays."""
 
 import functools
 import importlib.util
@@ -31,7 +31,7 @@ def strays(count, distance, seed=1):
 
 
 def rings(ratio):
-    """A sphere in 60 lines of latitude; points are denser along a line than across by ``ratio``."""
+    """A sphere in 60 lines of latitude, on which points are denser along a line than across by ``ratio``."""
     around = np.arange(0, 2 * np.pi, np.pi / 60 / ratio)
     return np.concatenate(
         [
@@ -42,7 +42,7 @@ def rings(ratio):
 
 
 def from_one_place(count, ratio):
-    """A floor around a scanner: the spacing grows with the distance, to ``ratio`` times that at its feet."""
+    """A floor around a scanner: the spacing grows with the distance, up to ``ratio`` times that below the scanner."""
     rng = np.random.default_rng(0)
     far, angle = np.exp(rng.random(count) * np.log(ratio)), rng.uniform(0, 2 * np.pi, count)
     return np.stack([far * np.cos(angle), far * np.sin(angle), 0 * far], axis=1)
@@ -73,19 +73,19 @@ LEGITIMATE = {
 
 
 @pytest.mark.parametrize("kind", LEGITIMATE)
-def test_what_is_only_sparse_is_not_isolated(kind):
+def test_sparse_regions_are_not_isolated(kind):
     assert isolated(LEGITIMATE[kind]).sum() == 0
 
 
 @pytest.mark.parametrize("distance", DISTANCES)
 @pytest.mark.parametrize("count", [1, 3, 30, 150])
-def test_strays_are_found_and_nothing_else(count, distance):
+def test_only_strays_are_found(count, distance):
     points = np.concatenate([on_sphere(3000), strays(count, distance)])
     order = np.random.default_rng(6).permutation(len(points))
     assert np.array_equal(isolated(points[order]), order >= 3000)
 
 
-def test_strays_beside_two_objects_and_repetitions_are_found():
+def test_strays_that_are_duplicates_beside_two_objects_are_found():
     points = np.concatenate([on_sphere(1500), on_sphere(1500, center=(20, 0, 0)), np.tile([[0.0, 50, 0]], (20, 1))])
     assert np.array_equal(np.flatnonzero(isolated(points)), np.arange(3000, 3020))
 
@@ -95,7 +95,7 @@ def built(name):
 
 
 def with_strays(points, count, distance, normals):
-    """A sphere, and the same with strays among its points; and where in the latter the former are."""
+    """The points mixed with strays, and the rows of the points in that cloud."""
     both = np.concatenate([points, strays(count, distance)])
     order = np.random.default_rng(7).permutation(len(both))
     truth = both / np.linalg.norm(both, axis=1, keepdims=True)
@@ -105,14 +105,14 @@ def with_strays(points, count, distance, normals):
 
 @functools.cache
 def without_strays(name):
-    """The surface of a sphere, which the tests compare with several."""
+    """The reconstructed sphere that several tests compare with."""
     points = on_sphere(1000)
     return built(name).reconstruct(PointCloud(points, points if name != "ipsr" else None), Run())
 
 
 @functools.cache
 def denoised_without_strays(name, normals):
-    """A noisy sphere, and the points that become of it."""
+    """A noisy sphere and its denoised points."""
     points = on_sphere(800) + 0.01 * np.random.default_rng(8).standard_normal((800, 3))
     truth = points / np.linalg.norm(points, axis=1, keepdims=True)
     return points, built(name).denoise(PointCloud(points, truth if normals else None), Run()).points
@@ -120,7 +120,7 @@ def denoised_without_strays(name, normals):
 
 @pytest.mark.parametrize("count, distance", [(1, 1e6), (30, 10.0)])
 @pytest.mark.parametrize("name", RECONSTRUCT)
-def test_surfaces_are_those_without_the_strays(name, count, distance):
+def test_strays_do_not_change_surfaces(name, count, distance):
     points = on_sphere(1000)
     cloud, place = with_strays(points, count, distance, normals=name != "ipsr")
     run = Run()
@@ -135,7 +135,7 @@ def test_surfaces_are_those_without_the_strays(name, count, distance):
 @pytest.mark.parametrize("distance", [10.0, 1e6])
 @pytest.mark.parametrize("normals", [True, False])
 @pytest.mark.parametrize("name", DENOISE)
-def test_denoised_points_are_those_without_the_strays_which_stay(name, normals, distance):
+def test_strays_do_not_change_denoised_points_and_stay(name, normals, distance):
     points, clean = denoised_without_strays(name, normals)
     cloud, place = with_strays(points, 15, distance, normals)
     output = built(name).denoise(cloud, Run())
@@ -148,7 +148,7 @@ def test_denoised_points_are_those_without_the_strays_which_stay(name, normals, 
 
 
 @pytest.mark.parametrize("name", ["apss", "rimls", "poisson", *(["ear"] if CGAL else [])])
-def test_the_count_of_upsampling_is_that_of_all_points(name):
+def test_the_number_of_upsampled_points_counts_strays(name):
     cloud, _ = with_strays(on_sphere(800), 8, 100.0, normals=True)
     output = built(name).upsample(cloud, 2, Run())
     assert len(output) == 2 * len(cloud)
@@ -157,7 +157,7 @@ def test_the_count_of_upsampling_is_that_of_all_points(name):
 
 if CGAL:
 
-    def test_wlop_keeps_the_strays_at_its_end():
+    def test_wlop_appends_the_strays():
         cloud, _ = with_strays(on_sphere(800), 3, 100.0, normals=False)
         output = built("wlop").denoise(cloud, Run()).points
         assert len(output) == len(cloud)
@@ -165,7 +165,7 @@ if CGAL:
         assert {tuple(p) for p in output[-3:]} == {tuple(p) for p in cloud.points[isolated(cloud.points)]}
 
 
-def test_nothing_is_noted_without_strays():
+def test_without_strays_there_is_no_note():
     run = Run()
     built("ball_pivoting").reconstruct(PointCloud(on_sphere(1000)), run)
     assert run.notes == []

@@ -1,4 +1,4 @@
-"""Neural Splines: surfaces that are known, and what its parameters do."""
+"""Neural Splines: known surfaces, and the effect of parameters."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def off(mesh, shape):
 
 
 @pytest.mark.parametrize("shape", ["torus", "box"])
-def test_the_surface_is_closed_near_and_outward(shape):
+def test_the_surface_is_closed_accurate_and_outward(shape):
     mesh = NeuralSplines(**SMALL).reconstruct(cloud_of(shape), Run())
     assert mesh.is_watertight and mesh.volume == pytest.approx(SHAPES[shape].volume, rel=0.03)
     assert off(mesh, shape) < 0.006
@@ -41,12 +41,12 @@ def test_a_larger_reach_smooths_noise_away():
     assert smooth < 0.6 * held
 
 
-def test_more_centres_keep_more():
+def test_more_centres_keep_more_detail():
     few, many = (NeuralSplines(centers=n, resolution=16).reconstruct(cloud_of("box"), Run()) for n in (60, 300))
     assert off(many, "box") < 0.7 * off(few, "box")
 
 
-def test_unit_and_place_do_not_matter_and_runs_are_equal():
+def test_scale_and_position_do_not_matter_and_runs_are_equal():
     cloud = cloud_of("box", count=500)
     mesh, again = (NeuralSplines(**SMALL).reconstruct(cloud, Run(seed=1)) for _ in range(2))
     assert np.array_equal(mesh.vertices, again.vertices)
@@ -55,7 +55,7 @@ def test_unit_and_place_do_not_matter_and_runs_are_equal():
     assert off(trimesh.Trimesh((away.vertices - [5, 6, 7]) / 100, away.faces, process=False), "box") < 0.01
 
 
-def test_a_flat_cloud_takes_no_finer_lattice():
+def test_a_flat_cloud_does_not_refine_the_lattice():
     """A sheet of sides 2, on a lattice of at least 16 cells across 0.8: edges of half a cell, not of an eighth."""
     x, y = np.random.default_rng(2).uniform(-1, 1, (2, 500))
     sheet = PointCloud(np.stack([x, y, 0 * x], axis=1), np.tile([[0.0, 0.0, 1.0]], (500, 1)))
@@ -64,12 +64,12 @@ def test_a_flat_cloud_takes_no_finer_lattice():
     assert np.abs(mesh.vertices[:, 2]).max() < 0.02
 
 
-def test_normals_are_estimated_where_there_are_none():
+def test_missing_normals_are_estimated():
     mesh = NeuralSplines(**SMALL).reconstruct(PointCloud(cloud_of("sphere").points), Run())
     assert off(mesh, "sphere") < 0.01 and mesh.volume > 0
 
 
-def test_a_short_time_is_kept_and_said():
+def test_a_short_time_limit_is_met_and_reported():
     run = Run(seconds=0.05)
     mesh = NeuralSplines(centers=250, resolution=64).reconstruct(cloud_of("sphere"), run)
     assert len(mesh.faces) and "were fitted in half of the time limit" in run.notes[0]

@@ -1,4 +1,4 @@
-"""The noise that the defaults of classical methods follow: against spheres, planes, tubes and sheets of known noise."""
+"""The noise estimate behind the defaults of classical methods, on spheres and plates of known noise."""
 
 import numpy as np
 import pytest
@@ -36,14 +36,14 @@ def test_a_sphere_and_a_plate_without_noise_have_none():
 
 
 @pytest.mark.parametrize("sigma", [0.001, 0.003, 0.006])
-def test_the_noise_is_that_which_was_added(sigma):
-    # On a lattice the four nearest neighbours of six are a step away, and two the diagonal of a cell.
+def test_the_estimate_matches_the_added_noise(sigma):
+    # On a lattice, four of the six nearest neighbours are a step away and two the diagonal of a cell.
     step = 1 / 63 * (4 + 2 * 2**0.5) / 6
     points, normals = sheet(0.4)
     assert noise_to_spacing(moved(points, normals, sigma), normals) == pytest.approx(sigma / step, rel=0.12)
 
 
-def test_it_does_not_depend_on_scale_place_order_or_the_other_side():
+def test_it_does_not_depend_on_scale_position_order_or_the_opposite_side():
     points, normals = sheet(0.02)
     noisy = moved(points, normals, 0.003)
     found = noise_to_spacing(noisy, normals)
@@ -54,7 +54,7 @@ def test_it_does_not_depend_on_scale_place_order_or_the_other_side():
     assert found == pytest.approx(noise_to_spacing(moved(apart, theirs, 0.003), theirs), rel=0.15)
 
 
-def test_a_cloud_without_normals_is_judged_by_estimated_ones():
+def test_a_cloud_without_normals_uses_estimated_ones():
     points, normals = ball()
     noisy = moved(points, normals, 0.01)
     known = noise_of(PointCloud(noisy, normals), "jet", at_least=10)
@@ -73,7 +73,7 @@ def test_defaults_grow_smoother_with_the_noise():
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.02, 0.05, 0.1])
-def test_without_normals_at_least_half_of_the_noise_is_found_where_it_is_no_less_than_the_spacing(sigma):
+def test_without_normals_at_least_half_of_noise_above_the_spacing_is_found(sigma):
     points, _ = ball()  # the spacing is 0.05
     noisy = points + np.random.default_rng(2).normal(0, sigma, points.shape)
     found = noise_without_normals(noisy)

@@ -1,4 +1,4 @@
-"""A plane is a surface: every method reconstructs it, and those that make closed surfaces say what that means."""
+"""Planes: every method reconstructs them, and methods for closed surfaces note that they have no volume."""
 
 import importlib.util
 
@@ -23,7 +23,7 @@ ROTATIONS = {
 
 
 def square(kind):
-    """The square from -1 to 1, as a grid, or 800 points at random, or these with noise."""
+    """The square from -1 to 1, as a grid or 800 random points, with or without noise."""
     rng = np.random.default_rng(1)
     if kind.startswith("grid"):
         return np.stack(np.meshgrid(*[np.linspace(-1, 1, 28)] * 2, [0.0]), axis=-1).reshape(-1, 3)
@@ -40,7 +40,7 @@ def missed(mesh, points):
     return np.linalg.norm(MeshSurface(mesh).closest(points)[0] - points, axis=1).max()
 
 
-# Ties of a grid, and boxes without a thickness, are of every rotation; of random points two are enough.
+# Ties on a grid and flat bounding boxes depend on the rotation; for random points two rotations are enough.
 @pytest.mark.parametrize(
     "kind, turn",
     [
@@ -53,17 +53,17 @@ def missed(mesh, points):
     ],
 )
 @pytest.mark.parametrize("name", OPEN)
-def test_a_square_is_a_square(name, kind, turn):
+def test_a_square_is_reconstructed(name, kind, turn):
     rotation = ROTATIONS[turn]
     points = square(kind) @ rotation.T
     if kind == "grid in single precision":
         points = points.astype(np.float32).astype(np.float64)
     mesh, _ = reconstructed(name, points, np.tile(rotation[:, 2], (len(points), 1)))
-    if (name, kind) == ("alpha_shape", "noisy"):  # of two sheets, where a ball finds its way through noise
+    if (name, kind) == ("alpha_shape", "noisy"):  # two sheets where the ball passes through the noise
         assert missed(mesh, points) < 0.05 and mesh.area > 3.2
         return
     assert np.abs(mesh.vertices @ rotation[:, 2]).max() < (0.01 if kind == "noisy" else 1e-6)
-    # Moving least squares go on over the border for as long as points are in reach.
+    # Moving least squares extend beyond the boundary as far as points are in reach.
     assert 3.2 < mesh.area < (6.5 if name in ("apss", "rimls") else 4.3)
     assert np.median(np.linalg.norm(MeshSurface(mesh).closest(points)[0] - points, axis=1)) < 1e-3
     up = mesh.face_normals @ rotation[:, 2]
@@ -80,14 +80,14 @@ def test_a_square_without_normals_is_one_sheet(name):
 
 @pytest.mark.parametrize("kind, turn", [("grid", "level"), ("grid", "tilted"), ("noisy", "tilted")])
 @pytest.mark.parametrize("name", CLOSED)
-def test_what_makes_closed_surfaces_says_that_a_plane_has_no_volume(name, kind, turn):
+def test_methods_for_closed_surfaces_note_that_a_plane_has_no_volume(name, kind, turn):
     points = square(kind) @ ROTATIONS[turn].T
     mesh, notes = reconstructed(name, points)
     assert missed(mesh, points) < 0.02
     assert any(f"{name}: the points lie in a plane, which has no volume" in note for note in notes)
 
 
-def test_a_ball_is_no_plane():
+def test_a_ball_is_not_a_plane():
     points = np.random.default_rng(2).standard_normal((1000, 3))
     _, notes = reconstructed("poisson", points / np.linalg.norm(points, axis=1, keepdims=True))
     assert notes == []

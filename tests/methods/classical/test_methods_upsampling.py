@@ -1,4 +1,4 @@
-"""Upsampling: the exact count, on the surface, evenly, with edges where the method keeps them."""
+"""Upsampling: exact counts, evenly on the surface, with edges where the method keeps them."""
 
 import functools
 import importlib.util
@@ -64,7 +64,7 @@ def one_by_one(points, count, taken):
 
 @pytest.mark.parametrize("taken", [0, 1, 100])
 @pytest.mark.parametrize("kind", ["sphere", "volume", "line", "clusters", "far away"])
-def test_farthest_points_are_those_of_the_greedy_order(kind, taken):
+def test_farthest_points_match_the_greedy_order(kind, taken):
     points = np.random.default_rng(0).standard_normal((800, 3))
     if kind == "clusters":
         points[:500] = points[:500] * 1e-4 + 0.3
@@ -75,7 +75,7 @@ def test_farthest_points_are_those_of_the_greedy_order(kind, taken):
 
 
 @pytest.mark.parametrize("count", [1, 32, 33, 125])
-def test_of_equally_far_points_the_first_one_is_taken(count):
+def test_among_equally_far_points_the_first_is_chosen(count):
     grid = np.stack(np.meshgrid(*[np.arange(5.0)] * 3), axis=-1).reshape(-1, 3)
     assert np.array_equal(farthest_points(grid, count), one_by_one(grid, count, 0))
 
@@ -85,18 +85,18 @@ def test_a_single_point_is_the_farthest():
 
 
 @pytest.mark.parametrize("taken", [0, 5])
-def test_farthest_points_of_repetitions_are_distinct_first_and_then_filled_up(taken):
+def test_farthest_points_of_duplicates_are_distinct_first(taken):
     points = np.repeat(np.random.default_rng(0).random((50, 3)), 4, axis=0)
     chosen = farthest_points(points, 150, taken)
     assert len(set(chosen.tolist())) == 150
-    # Of the five that are taken from the start, four are one point.
+    # Four of the five points chosen at the start coincide.
     assert len(np.unique(points[chosen[: 50 + (3 if taken else 0)]], axis=0)) == 50
 
 
 # -- quadrics and midpoints ------------------------------------------------------------------------------------------
 
 
-def test_a_quadric_is_met_exactly():
+def test_a_quadric_is_reproduced():
     rng = np.random.default_rng(0)
     u, v = rng.uniform(-0.1, 0.1, (2, 400))
     paraboloid = np.stack([u, v, 0.7 * u * u - 0.4 * u * v + 0.2 * v * v], axis=1)
@@ -137,7 +137,7 @@ def test_refinement_keeps_the_points_and_makes_any_count():
 
 
 @pytest.mark.parametrize("method", [*UPSAMPLE[:3], Poisson(depth=5), *UPSAMPLE[4:]], ids=name)
-def test_the_count_is_exact_whatever_is_repeated(method):
+def test_the_count_is_exact_despite_duplicates(method):
     cloud = even_cloud(BALL, 150, normals=False)
     twice = PointCloud(np.repeat(cloud.points, 2, axis=0))
     for given, ratio in ((cloud, 1), (cloud, 5), (cloud, 16), (twice, 2)):
@@ -149,13 +149,13 @@ def test_the_count_is_exact_whatever_is_repeated(method):
 def test_new_points_lie_on_the_surface_evenly(method):
     cloud = even_cloud(BALL, 1000, normals=False)
     points = method.upsample(cloud, 4, Run()).points
-    # Planes that are fitted within a radius of 2.5 spacings of 0.1 lie up to 0.25^2 / 2 off a unit sphere; quadrics,
-    # spheres and Poisson's smooth function lie nearer than the midpoint of a chord of 0.1.
+    # Planes fitted within a radius of 2.5 spacings of 0.1 are up to 0.25^2 / 2 off a unit sphere; quadrics,
+    # spheres and Poisson's smooth function are nearer than the midpoint of a chord of 0.1.
     assert distances(BALL, points).mean() < (0.03 if isinstance(method, PLANAR) else 0.00125)
-    # Points at random, of a Poisson process, have gaps with a variation of 0.52.
+    # The gaps of random points, a Poisson process, have a coefficient of variation of 0.52.
     assert gaps(points).std() / gaps(points).mean() < 0.15
     everywhere, _ = MeshSurface(BALL).sample(5000, np.random.default_rng(0))
-    # Four times the points at half the spacing; the largest gap of all closes a little less.
+    # Four times the points have half the spacing; the largest gap shrinks a little less.
     assert cKDTree(points).query(everywhere)[0].max() < 0.7 * cKDTree(cloud.points).query(everywhere)[0].max()
 
 
@@ -168,7 +168,7 @@ def test_noise_is_smoothed_away(method):
         assert distances(BOX, points).mean() < 0.7 * distances(BOX, given.points).mean()
 
 
-def test_points_that_are_to_stay_stay():
+def test_points_stay_where_requested():
     cloud = even_cloud(BALL, 500, sigma=0.01)
     output = MidpointJet(keep=True).upsample(cloud, 3, Run()).points
     assert np.array_equal(np.unique(output[:500], axis=0), np.unique(cloud.points, axis=0))
@@ -180,7 +180,7 @@ if CGAL:
         cloud = even_cloud(BOX, 3000, sigma=0.004)
 
         def error_at_edges(points):
-            # Within a spacing or so of an edge: two coordinates near 1/2.
+            # Within about a spacing of an edge: two coordinates near 1/2.
             near = np.sort(np.abs(points), axis=1)[:, 1] > 0.5 - 0.04
             return distances(BOX, points[near]).mean()
 
@@ -189,7 +189,7 @@ if CGAL:
         quadrics = error_at_edges(MidpointJet().upsample(cloud, 4, Run()).points)
         assert max(ear, rimls) < 0.7 * quadrics
 
-    def test_ear_does_not_cluster_unless_it_is_told_to():
+    def test_ear_clusters_only_with_edge_sensitivity():
         cloud = even_cloud(BOX, 300)
 
         def variation(sensitivity):
@@ -198,14 +198,14 @@ if CGAL:
 
         assert variation(0.0) < 0.3 < variation(1.0)
 
-    def test_ear_refuses_points_whose_extent_its_grid_cannot_hold():
+    def test_ear_refuses_points_too_far_apart_for_its_grid():
         cloud = even_cloud(BALL, 500)
-        far = PointCloud(np.vstack([cloud.points, cloud.points + [300.0, 400, 500]]))  # no stray points: an object
+        far = PointCloud(np.vstack([cloud.points, cloud.points + [300.0, 400, 500]]))  # not stray points but an object
         with pytest.raises(BadInput, match="remove far outliers"):
             Ear().upsample(far, 4, Run())
 
 
 @pytest.mark.parametrize("method", [m for m in UPSAMPLE if isinstance(m, (Poisson, Ear))], ids=name)
-def test_normals_that_come_out_belong_to_the_surface(method):
+def test_output_normals_belong_to_the_surface(method):
     output = method.upsample(even_cloud(BALL, 1000), 4, Run())
     assert np.einsum("ni,ni->n", output.normals, output.points).min() > 0.9

@@ -1,4 +1,4 @@
-"""Winding number normal consistency: normals without any to begin with are outward, and the surface is near."""
+"""Winding number normal consistency: estimated normals are outward, and the surface is near."""
 
 import numpy as np
 import pytest
@@ -37,14 +37,14 @@ SHAPES = {
 
 
 def cloud_of(shape, sigma, count=2500):
-    """Noisy points, and the outward normals of the shape where they came from."""
+    """Noisy points, and the outward normals of the shape at their exact positions."""
     mesh, rng = SHAPES[shape](), np.random.default_rng(3)
     points, normals = eliminate(*MeshSurface(mesh).sample(5 * count, rng), mesh, count)
     return mesh, points + sigma * rng.standard_normal(points.shape), normals
 
 
 def reconstructed(points, normals=None, **parameters):
-    """The mesh, and the normals that were found, in the order of the points."""
+    """The mesh, and the estimated normals in the order of the points."""
     kept = {}
     method = Wnnc(**{"depth": 6, **parameters})
     mesh = method.reconstruct(PointCloud(points, normals), Run(on_keep=kept.__setitem__))
@@ -70,7 +70,7 @@ def test_normals_are_outward_and_the_surface_is_near(shape):
     )  # a third of a spacing
 
 
-def test_noise_that_is_larger_than_the_spacing_is_seen_and_makes_widths_wider():
+def test_noise_above_the_spacing_is_detected_and_increases_widths():
     _, points, normals = cloud_of("sphere", 0.1, 4000)
     few = {"depth": 5, "rounds": 12}
     aware, unaware = (wrong_share(reconstructed(points, noise=noise, **few)[1], normals) for noise in (2.0, 0.0))
@@ -83,7 +83,7 @@ def test_given_normals_are_ignored_and_runs_are_equal():
     assert np.array_equal(without.vertices, wrong.vertices) and np.array_equal(without.faces, wrong.faces)
 
 
-def test_it_stops_before_its_time_is_gone_and_says_so():
+def test_it_stops_before_the_time_limit_and_reports_it():
     _, points, _ = cloud_of("torus", 0.0, 1000)
     run = Run(seconds=1e-3)
     mesh = Wnnc(depth=5).reconstruct(PointCloud(points), run)

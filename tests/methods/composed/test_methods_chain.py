@@ -1,4 +1,4 @@
-"""Chains of methods equal their steps, keep exact counts, pass on what steps report, and refuse mistakes early."""
+"""Chains of methods match their steps, keep exact counts, pass on reports of steps, and refuse mistakes early."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ def ball():
     return PointCloud(points, normals=points)
 
 
-# What a step sees of its run, and what it does: called before all else.
+# The runs and instances of the probes, in the order of their calls.
 SEEN: list[Run] = []
 
 
 @dataclass(frozen=True)
 class Probe:
-    """A method that does as it is told."""
+    """A method that follows its parameters."""
 
     keep_every: int = 1  # returns every n-th point
     offered: tuple[int, ...] | None = None
-    extra: int = 0  # points too many
+    extra: int = 0  # number of excess points
     parameters: int | None = None
     active: int | None = None
     file: Path | None = None
@@ -77,7 +77,7 @@ class Probe:
 
 @dataclass(frozen=True)
 class Learner(Probe):
-    """One that has weights."""
+    """A probe with weights."""
 
     def fit(self, examples, run):
         return {}
@@ -102,7 +102,7 @@ def solvable(chain):
     return [task for task in TASKS if hasattr(chain, task)]
 
 
-# -- what it solves ----------------------------------------------------------------------------------------------------
+# -- tasks of a chain --------------------------------------------------------------------------------------------------
 
 
 def test_a_chain_solves_what_its_last_step_solves():
@@ -115,7 +115,7 @@ def test_a_chain_solves_what_its_last_step_solves():
         _ = Chain(steps=("jet", "ear")).reconstruct
 
 
-def test_a_chain_equals_its_steps(ball):
+def test_a_chain_matches_its_steps(ball):
     chain, run = Chain(steps=(OUTLIERS, "identity")), Run(seed=3)
     clean = StatisticalOutlier(k=4, threshold=1.0).denoise(ball, Run())
     assert len(clean) < len(ball)
@@ -126,8 +126,8 @@ def test_a_chain_equals_its_steps(ball):
         task.validate(output, task.input(ball))
 
 
-def test_each_step_draws_from_a_generator_of_its_own(ball):
-    """As far as the last step's randomness goes, it does not matter what the first one draws; the seed does."""
+def test_each_step_has_its_own_generator(ball):
+    """The draws of the last step depend on the seed and not on the draws of the first."""
     same = [Chain(steps=(first, "noise")).denoise(ball, Run(seed=1)).points for first in ("identity", "noise")]
     assert np.array_equal(*same)
     assert not np.array_equal(same[0], Chain(steps=("identity", "noise")).denoise(ball, Run(seed=2)).points)
@@ -142,26 +142,26 @@ def test_each_step_draws_from_a_generator_of_its_own(ball):
 
 @pytest.mark.parametrize("every", [1, 2, 3, 7])
 @pytest.mark.parametrize("ratio", [1, 4])
-def test_upsampling_returns_exactly_as_many_points_as_promised(ball, every, ratio):
+def test_upsampling_returns_the_exact_number_of_points(ball, every, ratio):
     chain = Chain(steps=({"probe": {"keep_every": every}}, "probe"))
     output = chain.upsample(ball, ratio, Run())
     Upsample(ratio=ratio).validate(output, Upsample(ratio=ratio).input(ball))
 
 
-def test_what_belongs_to_the_points_is_thinned_with_them(ball):
+def test_attributes_are_thinned_with_their_points(ball):
     chain = Chain(steps=(OUTLIERS, "identity"))
     output = chain.upsample(ball, 2, Run())
     assert len(output) == 800 and np.array_equal(output.points, output.normals)
 
 
-def test_a_last_step_is_asked_for_a_ratio_that_it_has(ball):
+def test_the_last_step_gets_a_ratio_that_it_supports(ball):
     chain = Chain(steps=({"probe": {"keep_every": 2}}, {"probe": {"offered": [2, 4, 16]}}))
     assert len(chain.upsample(ball, 3, Run())) == 1200  # 6 would do, 16 it has
     with pytest.raises(InvalidOutput, match=re.escape("got 200 of 400 points, and must return 9 x 400: this needs a")):
         chain.upsample(ball, 9, Run())
 
 
-def test_too_few_points_are_the_last_steps_own_mistake(ball):
+def test_too_few_points_are_an_error_of_the_last_step(ball):
     broken = Chain(steps=({"probe": {"keep_every": 500}}, "empty"))
     with pytest.raises(InvalidOutput, match="step 2 of the chain, empty; got no points"):
         broken.upsample(ball, 4, Run())
@@ -169,7 +169,7 @@ def test_too_few_points_are_the_last_steps_own_mistake(ball):
         Chain(steps=("empty", "identity")).upsample(ball, 4, Run())
 
 
-# -- what goes through the run -----------------------------------------------------------------------------------------
+# -- reports through the run -------------------------------------------------------------------------------------------
 
 
 def test_notes_progress_traces_artefacts_and_parameters_pass_through(ball):
@@ -185,16 +185,16 @@ def test_notes_progress_traces_artefacts_and_parameters_pass_through(ball):
     assert run.notes == ["probe: all is well"] * 2
     assert list(kept) == ["1-cage", "1-probe", "2-cage"] and len(kept["1-probe"]) == 134
     assert shown == [0.25, 0.5, 0.75, 1.0]
-    assert [len(trace) for trace in traces] == [800]  # of the last step alone, in the promised number
+    assert [len(trace) for trace in traces] == [800]  # of the last step only, with the exact number
 
 
-def test_only_a_learned_step_has_weights(ball):
+def test_only_a_learned_step_gets_weights(ball):
     weights = {"a": np.zeros(3)}
     Chain(steps=("probe", {"chain": {"steps": ["learner"]}})).upsample(ball, 2, Run(weights=weights))
     assert [run.weights for run in SEEN] == [None, weights]
 
 
-def test_the_truth_and_the_paused_clock_are_those_of_the_chain(ball):
+def test_steps_share_the_truth_and_the_paused_clock_of_the_chain(ball):
     run = Run(on_distances=lambda points: np.zeros(len(points)))
     with Chain(steps=("probe",))._step(1, run) as own:
         assert own.has_truth and len(own.true_distances(np.zeros((5, 3)))) == 5
@@ -207,10 +207,10 @@ def test_an_error_names_its_step(ball):
     assert raised.value.__notes__ == ["in step 1 of the chain, identity"]
 
 
-# -- what the engine asks ----------------------------------------------------------------------------------------------
+# -- calls by the engine -----------------------------------------------------------------------------------------------
 
 
-def test_steps_are_prepared_and_their_libraries_required_before_the_clock():
+def test_steps_are_prepared_and_libraries_checked_before_the_clock_starts():
     Chain(steps=("probe", {"chain": {"steps": ["probe"]}})).prepare()
     assert len(SEEN) == 2
     with pytest.raises(MissingLibrary, match="no_such_library"):
@@ -260,7 +260,7 @@ def test_a_step_may_be_a_chain(ball):
 # -- a mesh of fewer faces ---------------------------------------------------------------------------------------------
 
 
-def test_a_mesh_is_reduced_and_a_note_says_what_that_costs(ball):
+def test_a_mesh_is_simplified_and_a_note_reports_the_error(ball):
     whole = Chain(steps=(OUTLIERS, "identity")).reconstruct(ball, Run())
     traces = []
     run = Run(on_trace=lambda output, seconds, **more: traces.append(output))
@@ -285,6 +285,6 @@ def test_a_mesh_is_reduced_and_a_note_says_what_that_costs(ball):
         (("jet",), 100, "the last step, jet, gives no mesh to reduce"),
     ],
 )
-def test_faces_that_cannot_be_are_refused(steps, faces, message):
+def test_invalid_numbers_of_faces_are_refused(steps, faces, message):
     with pytest.raises(ValueError, match=message):
         Chain(steps=steps, faces=faces)

@@ -9,7 +9,7 @@ from bench.methods.classical.kernels.nystrom import KernelField, fitted
 
 
 def some(seed=0):
-    """Points, centres, some of them the same or close, and directions."""
+    """Points, centres, some of them equal to points or close, and directions."""
     rng = np.random.default_rng(seed)
     x, z = rng.uniform(-0.8, 0.8, (6, 3)), rng.uniform(-0.8, 0.8, (5, 3))
     z[0], z[1] = x[0], x[1] + 1e-5
@@ -30,7 +30,7 @@ def kernel(x, z):
     return sizes * (np.sin(angle) + (np.pi - angle) * np.cos(angle)) / (2 * np.pi)
 
 
-def test_values_are_those_of_the_definition_also_far_away():
+def test_values_match_the_definition_also_far_away():
     x, z, n = some()
     assert np.abs(rows(x, z, n)[0, :, :5] - kernel(x, z)).max() < 1e-14
     far = 50 * x
@@ -49,7 +49,7 @@ def test_rows_are_means_over_random_relu_units():
         assert np.abs(((at_x > 0) * w[:, axis : axis + 1]).T @ functions - found[1 + axis]).max() < 0.02
 
 
-def test_derivatives_are_differences():
+def test_derivatives_match_finite_differences():
     x, z, n = some()
     step, found = 1e-6, rows(x, z, n)
     directional = (kernel(x, z + step * n) - kernel(x, z - step * n)) / (2 * step)
@@ -57,7 +57,7 @@ def test_derivatives_are_differences():
     for axis in range(3):
         move = step * np.eye(3)[axis]
         difference = (rows(x + move, z, n)[0] - rows(x - move, z, n)[0]) / (2 * step)
-        # Where a point is a centre the second derivative has a kink.
+        # The second derivative has a kink where a point is a centre.
         np.testing.assert_allclose(found[1 + axis], difference, atol=2e-6)
 
 

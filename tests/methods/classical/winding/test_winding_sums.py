@@ -1,4 +1,4 @@
-"""The winding number field: its fast sums against loops over all pairs, closed forms, and a library's."""
+"""The winding number field: fast sums against loops over all pairs, closed forms, and a library."""
 
 import functools
 
@@ -53,7 +53,7 @@ def errors(found, exact):
 
 @functools.cache
 def exact_sums(oriented):
-    """Points wherever they lie, and in whichever unit; their moments and values, and the sums in a unit of 40."""
+    """Points far from the origin in a unit of 1/40; their moments and values; and the exact sums in unit 1."""
     points, normals, area = torus(2000)
     rng = np.random.default_rng(1)
     moments = normals * area if oriented else rng.standard_normal(points.shape) * area
@@ -64,7 +64,7 @@ def exact_sums(oriented):
 
 @pytest.mark.parametrize("opening, tolerance", [(0.0, 1e-5), (0.15, 0.007), (0.3, 0.02), (0.5, 0.06)])
 @pytest.mark.parametrize("oriented", [True, False])
-def test_the_fast_sums_are_those_over_all_pairs_as_closely_as_asked(opening, tolerance, oriented):
+def test_the_fast_sums_match_those_over_all_pairs_to_the_tolerance(opening, tolerance, oriented):
     points, moments, values, exact = exact_sums(oriented)
     scaled = WindingField(points, opening)
     found = (
@@ -85,7 +85,7 @@ def test_the_error_falls_with_the_opening_and_the_work_grows():
     assert work == sorted(work) and work[0] < 0.5 * work[2]
 
 
-def test_products_with_the_adjoint_are_those_with_the_number():
+def test_the_adjoint_is_the_transpose_of_the_number():
     points, _, _ = torus(1500)
     rng = np.random.default_rng(2)
     moments, values = rng.standard_normal(points.shape), rng.standard_normal(len(points))
@@ -94,14 +94,14 @@ def test_products_with_the_adjoint_are_those_with_the_number():
     assert one == pytest.approx(other, rel=1e-4)
 
 
-def test_threads_and_runs_do_not_change_a_bit():
+def test_threads_and_repeated_runs_give_the_same_bits():
     points, normals, area = torus(2000)
     arguments = points, normals * area, np.ones(len(points)), 0.4
     for a, b in zip(fast(*arguments), fast(*arguments, threads=3), strict=True):
         assert np.array_equal(a, b)
 
 
-def test_a_sphere_has_winding_number_one_half_on_itself_and_falls_outward():
+def test_on_a_sphere_the_winding_number_is_one_half_and_falls_outward():
     points = ball(4000)
     field = WindingField(points, 0.3)
     moments = points * (4 * np.pi / len(points))
@@ -110,8 +110,8 @@ def test_a_sphere_has_winding_number_one_half_on_itself_and_falls_outward():
     assert (np.einsum("ni,ni->n", slopes, points) > 0.99 * np.linalg.norm(slopes, axis=1)).all()
 
 
-def test_the_number_is_that_of_a_library_beside_the_points():
-    """Points without a moment feel the field of the others; libigl sums over all pairs of a mesh's faces."""
+def test_the_number_matches_a_library_away_from_the_points():
+    """Points with zero moment evaluate the field of the others; libigl sums over all faces of a mesh."""
     mesh = trimesh.creation.icosphere(4)
     queries = np.random.default_rng(3).uniform(-1.5, 1.5, (400, 3))
     queries = queries[np.abs(np.linalg.norm(queries, axis=1) - 1) > 0.15]
@@ -123,7 +123,7 @@ def test_the_number_is_that_of_a_library_beside_the_points():
 
 
 @pytest.mark.parametrize("count", [3, 24, 25, 1000])
-def test_leaves_and_nodes_hold_each_point_once(count):
+def test_leaves_and_nodes_contain_each_point_once(count):
     points = np.random.default_rng(count).standard_normal((count, 3))
     tree = Tree.over(points)
     assert sorted(tree.order) == list(range(count)) and np.array_equal(tree.points, points[tree.order])
@@ -150,15 +150,15 @@ def test_a_descent_is_the_best_step_along_the_gradient():
 
     assert loss(step) < loss(moments)
     assert loss(step) <= min(loss(0.9 * step), loss(1.1 * step))
-    # Its direction is the loss's: differences along random directions.
+    # Its direction is the gradient of the loss: differences along random directions.
     along = field.adjoint(INSIDE - field.number(moments, WIDTH), WIDTH)
     other = np.random.default_rng(0).standard_normal(points.shape)
     slope = (loss(1e-2 * other) - loss(-1e-2 * other)) / 2e-2
     assert slope == pytest.approx(-2 * np.sum(along * other), rel=1e-3)
-    assert not descent(field, moments, 100.0).any()  # nobody sees anybody
+    assert not descent(field, moments, 100.0).any()  # all points are within the width of each other
 
 
-def test_no_round_begins_after_the_share_of_the_time():
+def test_no_round_begins_after_its_share_of_the_time_limit():
     points, _, _ = torus(500)
     assert consistent_normals(WindingField(points), np.full(10, 0.1), Run(seconds=0.0))[1] == 1
     normals, done = consistent_normals(WindingField(points), np.full(10, 0.1), Run(seconds=1e6), 0.5)
