@@ -1,4 +1,4 @@
-"""What the tests of the learned deformers share: boxes and balls, examples of them, and trainings that are killed."""
+"""Shared by the tests of learned deformers: boxes and balls, examples of them, and interrupted trainings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def points(shape, seed: int = 0) -> torch.Tensor:
 
 
 def stool(width: float, height: float) -> Trimesh:
-    """A board on two legs, all of it separate closed boxes that overlap."""
+    """A board on two legs: separate closed boxes that overlap."""
     parts = [box((width, width, 0.2)).apply_translation((0, 0, height))]
     parts += [box((0.2, 0.2, height)).apply_translation((x * width / 3, 0, height / 2)) for x in (-1, 1)]
     mesh = concatenate(parts)
@@ -42,7 +42,7 @@ def stool(width: float, height: float) -> Trimesh:
 
 @cache
 def examples(pairs: int = 4) -> dict[str, np.ndarray]:
-    """What the methods learn from: stools of random measures, each in its box."""
+    """The training examples: stools of random sizes, each normalised by its box."""
     rng, stored, extents = np.random.default_rng(0), [], []
     for _ in range(2 * pairs):
         mesh = stool(*rng.uniform(0.6, 1.6, 2))
@@ -55,7 +55,7 @@ def examples(pairs: int = 4) -> dict[str, np.ndarray]:
 
 
 def assert_resumes(method, data, at: int = 1) -> None:
-    """A training that is killed ends with the weights of one that is not, to the bit."""
+    """An interrupted training ends with the same weights as an uninterrupted one, bit for bit."""
     resumed = killed_and_resumed(method, data, at)
     whole = method.fit(data, Run(seed=3))
     assert whole.keys() == resumed.keys()
@@ -63,7 +63,7 @@ def assert_resumes(method, data, at: int = 1) -> None:
 
 
 def assert_learns(training, steps: int, share: float) -> None:
-    """Some steps on one batch leave at most so much of its loss."""
+    """Steps on one batch reduce its loss below a share of the initial one."""
     losses = []
     for _ in range(steps):
         training.optimizer.zero_grad()
@@ -75,7 +75,7 @@ def assert_learns(training, steps: int, share: float) -> None:
 
 
 def assert_deforms(method, weights) -> None:
-    """Faces stay, no frame matters, vertices that no face uses and those that coincide do no harm."""
+    """Faces stay, the frame does not matter, and unused and duplicate vertices are accepted."""
     source, cloud = stool(1.0, 1.0), MeshSurface(stool(1.4, 0.8)).sample(3000, np.random.default_rng(1))[0]
     vertices = np.concatenate([source.vertices, [[9.0, 0, 0]], source.vertices[:3]])
     faces = np.where(source.faces < 3, source.faces + len(source.vertices) + 1, source.faces)
@@ -84,7 +84,7 @@ def assert_deforms(method, weights) -> None:
     first = method.deform(source, PointCloud(cloud), Run(seed=1, weights=weights))
     assert np.array_equal(first.faces, source.faces) and np.isfinite(first.vertices).all()
     assert len(first.vertices) == len(source.vertices)
-    np.testing.assert_allclose(first.vertices[-3:], first.vertices[:3])  # where they were together they stay
+    np.testing.assert_allclose(first.vertices[-3:], first.vertices[:3])  # duplicates stay together
     moved = source.copy()
     moved.vertices = 3 * source.vertices - 5
     second = method.deform(moved, PointCloud(2 * cloud + 1), Run(seed=1, weights=weights))
@@ -94,7 +94,7 @@ def assert_deforms(method, weights) -> None:
 
 
 def assert_refuses(cls, cases: dict) -> None:
-    """Parameters that make no sense, each with an error that names it."""
+    """Invalid parameters are refused, each with an error that names it."""
     for name, value in cases.items():
         try:
             cls(**{name: value})

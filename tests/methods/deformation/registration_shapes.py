@@ -1,4 +1,4 @@
-"""Small sources of several parts, and accidents, for the tests of registration."""
+"""Small sources with several parts or with defects, for the tests of registration."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from bench.geometry.subdivision import divided
 
 
 def bar(low, high, rounds=3):
-    """The vertices and faces of a closed box between two corners, each of its faces divided."""
+    """The vertices and faces of a closed box between two corners, with subdivided faces."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     cube = box(extents=high - low)
     return divided(cube.vertices + (low + high) / 2, cube.faces, rounds)
 
 
 def joined(*meshes):
-    """One mesh of several, nothing welded."""
+    """Several meshes as one, not welded."""
     firsts = np.cumsum([0] + [len(vertices) for vertices, _ in meshes])
     faces = np.concatenate([faces + first for (_, faces), first in zip(meshes, firsts[:-1], strict=True)])
     return Trimesh(np.concatenate([vertices for vertices, _ in meshes]), faces, process=False)
@@ -35,7 +35,7 @@ def stool(rounds=3):
 
 
 def with_accidents():
-    """A ball whose upper half has own copies of vertices, a sliver, a face without area, two unused vertices."""
+    """A ball whose upper half has its own vertices, with a sliver, a face of zero area and two unused vertices."""
     ball = icosphere(subdivisions=2)
     V, F = np.array(ball.vertices), np.array(ball.faces)
     up = ball.triangles_center[:, 2] > 0
@@ -66,7 +66,7 @@ def moved(mesh, linear, shift=(0.0, 0, 0)):
 
 
 def far_from(mesh, target, count=3000):
-    """How far a mesh is from another: the mean distance of points of each to the other, the larger of the two."""
+    """The larger of the two mean distances of points of one mesh to the other."""
     pairs = ((mesh, target), (target, mesh))
     return max(np.linalg.norm(p - MeshSurface(b).closest(p)[0], axis=1).mean() for a, b in pairs
                for p in [cloud_of(a, count).points])  # fmt: skip

@@ -43,8 +43,8 @@ def test_an_untrained_network_is_the_identity():
     assert 2 * number_of_parameters(Alignnet()._network()) < 1.5e6
 
 
-def test_monotone_grids_never_turn_back():
-    """Whatever the increments are: neighbours keep their order, and so do points on any line along an axis."""
+def test_monotone_grids_preserve_order():
+    """For any increments, neighbours keep their order, and so do points on a line along an axis."""
     grid = monotone(torch.randn(4, 3, 5, 5, 5, generator=generator()))
     for axis in range(3):
         assert (grid[:, axis].diff(dim=1 + axis) >= 0).all()
@@ -53,8 +53,8 @@ def test_monotone_grids_never_turn_back():
         assert (warp(grid, line)[:, :, axis].diff(dim=1) >= -1e-6).all()
 
 
-def test_a_grid_of_one_cell_an_axis_never_folds_where_its_increments_are_alike_across():
-    """Without shears the map is one monotone function for each axis: its derivative has no negative determinant."""
+def test_a_grid_without_shears_never_folds():
+    """Without shears the map is a monotone function per axis: its Jacobian has a positive determinant."""
     steps = torch.rand(3, 6, generator=generator()) + 0.01
     increments = torch.stack(
         [steps[axis].reshape([6 if k == axis else 1 for k in range(3)]).expand(6, 6, 6) for axis in range(3)]
@@ -80,7 +80,7 @@ def test_a_warp_is_trilinear():
     np.testing.assert_allclose(warp(grid, x)[0].numpy(), expected, atol=1e-5)
 
 
-def test_beyond_the_box_a_point_moves_like_the_nearest_one_within():
+def test_a_point_outside_the_box_moves_like_the_nearest_one_inside():
     grid = monotone(torch.randn(1, 3, 4, 4, 4, generator=generator()))
     edge = torch.tensor([[[1.0, 0.3, -1.0]]])
     away = torch.tensor([[[0.5, 0.0, -2.0]]])
@@ -98,8 +98,8 @@ def test_the_loss_is_zero_for_equal_shapes_and_an_even_grid():
     assert training.terms(shapes, np.random.default_rng(0), 0.0).item() == pytest.approx(0, abs=1e-6)
 
 
-def test_uneven_increments_cost_their_mean_deviation():
-    """Beside shapes that a shift along x brings together: the first increments are larger, and all points move."""
+def test_uneven_increments_add_their_mean_deviation_to_the_loss():
+    """The first increments along x are larger: all points move along x, and the loss gains the deviation."""
     method = Alignnet(cells=4, voxels=8, channels=4, points=64, even=0.5)
     training = GridTraining(method._network(generator()), examples(), method, Run())
     with torch.no_grad():
@@ -110,7 +110,7 @@ def test_uneven_increments_cost_their_mean_deviation():
     assert first.item() == pytest.approx(moved.item() + 0.09 + 0.5 * 0.3 / 12, rel=1e-4)
 
 
-def test_a_training_goes_on_where_it_was_killed():
+def test_an_interrupted_training_resumes_exactly():
     assert_resumes(TOY, examples())
 
 
@@ -123,6 +123,6 @@ def test_a_source_keeps_its_faces_in_any_frame():
     assert_deforms(TOY, TOY.fit(examples(), Run()))
 
 
-def test_parameters_that_make_no_sense_are_refused():
+def test_invalid_parameters_are_refused():
     own = {"cells": 1, "voxels": 10, "channels": 0, "narrow": 0, "even": -1.0}
     assert_refuses(Alignnet, SHARED_MISTAKES | own)

@@ -1,4 +1,4 @@
-"""As rigid as possible."""
+"""As-rigid-as-possible deformation."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def rigidity_of(source):
 
 
 def neighbours(welded, i):
-    """The weights and other ends of all links at a vertex."""
+    """The weights and other vertices of all links at a vertex."""
     for (a, b), weight in zip(*welded.links, strict=True):
         if i in (a, b):
             yield weight, b if i == a else a
 
 
-def test_a_rigid_motion_costs_nothing_parts_and_springs_included():
+def test_a_rigid_motion_has_no_energy_even_with_parts_and_springs():
     welded, rigidity = rigidity_of(stool())
     assert len(welded.springs) > 10
     R = turn(130)
@@ -37,11 +37,11 @@ def test_a_rigid_motion_costs_nothing_parts_and_springs_included():
     rotations = rigidity.rotations(there)
     np.testing.assert_allclose(rotations, np.broadcast_to(R, rotations.shape), atol=1e-9)
     assert rigidity.energy(there, rotations) < 1e-20
-    # Vertices are at rest there: the linear system has them as its solution.
+    # Vertices are in equilibrium: they solve the linear system.
     np.testing.assert_allclose(rigidity.right_side(rotations), welded.stiffness @ there, atol=1e-10)
 
 
-def test_rotations_and_energy_are_those_of_a_plain_loop():
+def test_rotations_and_energy_match_a_plain_loop():
     welded, rigidity = rigidity_of(icosphere(subdivisions=1))
     rng = np.random.default_rng(0)
     there = welded.vertices @ turn(40).T + 0.3 * rng.normal(size=welded.vertices.shape)
@@ -76,7 +76,7 @@ def test_the_right_side_is_half_the_derivative_of_the_energy():
     assert (gradient * along).sum() == pytest.approx(slope, rel=1e-7)
 
 
-def test_the_rigid_motion_is_that_of_the_procrustes_problem():
+def test_the_rigid_motion_solves_the_procrustes_problem():
     source, rng = icosphere(subdivisions=1), np.random.default_rng(0)
     V = np.array(source.vertices)
     samples = Samples(V, np.array(source.faces), 100, rng)
@@ -120,7 +120,7 @@ def test_a_rigid_motion_of_parts_is_reached_without_strain():
     assert np.abs(ratio - 1).max() < 0.05
 
 
-def test_a_stretched_target_is_reached_as_the_stiffness_falls():
+def test_a_stretched_target_is_reached_with_decreasing_stiffness():
     source = icosphere(subdivisions=3)
     wanted = moved(source, np.diag([1.2, 0.85, 1.0]))
     cloud = cloud_of(wanted, 3000)
@@ -130,11 +130,11 @@ def test_a_stretched_target_is_reached_as_the_stiffness_falls():
     assert far_from(soft, wanted) < 0.01 < far_from(stiff, wanted) < far_from(source, wanted)
 
 
-def test_parts_do_not_fly_apart():
+def test_parts_stay_together():
     source = stool(rounds=2)
     wanted = moved(source, np.diag([1.25, 1.0, 0.85]))
     output = Arap(samples=2000, rounds=8).deform(source, cloud_of(wanted), Run(seed=0))
-    # The ends of the legs stay in the board: between its lower and its upper side.
+    # The tops of the legs stay within the board, between its lower and its upper side.
     count = len(source.vertices) // 3
     board, legs = output.vertices[:count], output.vertices[count:]
     tops = legs[source.vertices[count:, 2] > 0.3 - 1e-9]
@@ -142,7 +142,7 @@ def test_parts_do_not_fly_apart():
     assert far_from(output, wanted) < 0.5 * far_from(source, wanted)
 
 
-def test_the_same_seed_gives_the_same_and_the_clock_is_kept():
+def test_runs_are_repeatable_and_stop_at_the_time_limit():
     source, cloud = icosphere(subdivisions=2), cloud_of(moved(icosphere(2), np.diag([1.2, 1, 0.9])), 500)
     method = Arap(rounds=3, samples=300)
     first, again = (method.deform(source, cloud, Run(seed=1)).vertices for _ in range(2))

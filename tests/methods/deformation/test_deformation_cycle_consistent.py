@@ -1,4 +1,4 @@
-"""Cycle-consistent deformation: the network, the cycles, the training set that the learned deformers share."""
+"""Cycle-consistent deformation: the network, the cycles, and the training set shared by learned deformers."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_an_untrained_network_is_the_identity():
 
 
 def test_layers_are_the_predicted_matrices_added_to_the_identity():
-    """Written out for one pair, point by point; a normalisation that saw nothing yet changes nothing."""
+    """Written out for one pair, point by point; an untrained normalisation changes nothing."""
     network = AdaptiveNetwork(0.125, generator=generator()).eval()
     x = points((1, 9, 3))
     code = network.encode(x, points((1, 30, 3), 1))
@@ -64,7 +64,7 @@ def test_layers_are_the_predicted_matrices_added_to_the_identity():
     torch.testing.assert_close(network(x, code)[0], 2 * torch.tanh(h), atol=1e-4, rtol=1e-3)
 
 
-def test_the_order_of_the_points_does_not_matter_to_the_code():
+def test_the_order_of_points_does_not_change_the_code():
     network = AdaptiveNetwork(0.125, generator=generator()).eval()
     source, target = points((2, 50, 3)), points((2, 40, 3), 1)
     torch.testing.assert_close(network.encode(source.flip(1), target), network.encode(source, target.flip(1)))
@@ -73,8 +73,8 @@ def test_the_order_of_the_points_does_not_matter_to_the_code():
 # --- the cycles -------------------------------------------------------------------------------------------------------
 
 
-def test_cycles_of_deformations_that_are_exact_cost_nothing():
-    """Three permutations of one set of points: each deformation gives the very points of the other shape."""
+def test_cycles_of_exact_deformations_have_no_loss():
+    """Three permutations of one set of points: each deformation gives exactly the points of the other shape."""
     x = points((2, 1, 30, 3))
     order = [torch.randperm(30, generator=generator(k)) for k in range(3)]
     shapes = torch.cat([x[:, :, index] for index in order], dim=1)
@@ -84,13 +84,13 @@ def test_cycles_of_deformations_that_are_exact_cost_nothing():
     assert cycles.of_two() == 0 and cycles.of_three() == 0
 
 
-def test_cycles_are_those_of_loops_over_points():
+def test_cycles_match_loops_over_points():
     shapes, moved = points((1, 3, 12, 3)), points((1, 6, 12, 3), 1)
     nearest = torch.cdist(moved, shapes[:, [j for _, j in WAYS]]).argmin(3)
     cycles = Cycles(shapes, moved, nearest)
 
     def step(i, j, at):
-        """Where point ``at`` of shape i comes to, and the nearest point of shape j there."""
+        """The position of point ``at`` of shape i after its deformation to shape j, and the nearest point of j."""
         place = moved[0, WAYS.index((i, j)), at]
         return place, int((shapes[0, j] - place).norm(dim=1).argmin())
 
@@ -108,8 +108,8 @@ def test_cycles_are_those_of_loops_over_points():
     assert float(cycles.of_three()) == pytest.approx(np.mean(three), rel=1e-5)
 
 
-def test_the_loss_is_the_way_from_the_target_alone():
-    """Without cycles, of a network that does nothing: the mean distance from each shape to each other."""
+def test_without_cycles_the_loss_is_the_distance_to_the_target():
+    """For an identity network: the mean distance from each shape to each other."""
     method = CycleConsistent(width=0.0625, points=64, two_cycle=0, three_cycle=0, early=0)
     training = CycleTraining(method._network(generator()), examples(), method, Run())
     shapes = points((2, 3, 128, 3))
@@ -119,20 +119,20 @@ def test_the_loss_is_the_way_from_the_target_alone():
     assert found == pytest.approx(expected, abs=2e-5)
 
 
-def test_known_deformations_are_learned_in_the_beginning_alone():
+def test_known_deformations_are_learned_only_at_the_beginning():
     method = CycleConsistent(width=0.0625, points=64, scale=0.5)
     training = CycleTraining(method._network(generator()), examples(), method, Run())
     shapes = points((2, 3, 128, 3))
     early, late = (training.terms(shapes, np.random.default_rng(0), done).item() for done in (0.0, 0.5))
     factors = np.random.default_rng(0).uniform(0.5, 1.5, (2, 1, 3))
-    wrong = ((1 - factors) * shapes[:, 2, :64].numpy()) ** 2  # of a network that does nothing, both ways
+    wrong = ((1 - factors) * shapes[:, 2, :64].numpy()) ** 2  # of an identity network, both ways
     assert early - late == pytest.approx(wrong.sum(2).mean(), rel=1e-3)
 
 
 # --- the training -----------------------------------------------------------------------------------------------------
 
 
-def test_examples_are_points_of_both_shapes_in_their_boxes():
+def test_examples_are_points_of_both_shapes_normalised_by_their_boxes():
     task = Deform()
     cases = [task.toy() for _ in range(2)]
     data = TrainingData(lambda: iter(()), sensor=None, count=2)
@@ -163,7 +163,7 @@ def test_drawn_shapes_are_scaled_and_fill_their_boxes_again():
         )
 
 
-def test_a_training_goes_on_where_it_was_killed():
+def test_an_interrupted_training_resumes_exactly():
     assert_resumes(TOY, examples())
 
 
@@ -175,5 +175,5 @@ def test_a_source_keeps_its_faces_in_any_frame():
     assert_deforms(TOY, TOY.fit(examples(), Run()))
 
 
-def test_parameters_that_make_no_sense_are_refused():
+def test_invalid_parameters_are_refused():
     assert_refuses(CycleConsistent, {**SHARED_MISTAKES, "width": 0.0, "two_cycle": -1.0, "early": -1})

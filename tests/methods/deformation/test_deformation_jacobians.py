@@ -1,4 +1,4 @@
-"""Matrices of faces, and the surface that the Poisson equation makes of them."""
+"""Matrices of faces, and the surface that solves the Poisson equation for them."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ def centred(welded, vertices):
 
 
 @pytest.mark.parametrize("name", SOURCES)
-def test_identities_give_the_source_and_one_matrix_its_linear_map(name):
+def test_identities_give_the_source_and_a_constant_matrix_its_linear_map(name):
     welded, poisson = solver_of(SOURCES[name]())
     for A in (np.eye(3), turn(70), np.random.default_rng(0).normal(size=(3, 3))):
         found = poisson.solve(np.broadcast_to(A, (len(welded.faces), 3, 3)))
         np.testing.assert_allclose(found, centred(welded, welded.vertices @ A.T), atol=1e-8)
 
 
-def test_the_gradients_of_any_deformation_give_it_back():
+def test_the_gradients_of_any_deformation_reproduce_it():
     welded, poisson = solver_of(icosphere(subdivisions=2))
     there = welded.vertices + 0.2 * np.sin(3 * welded.vertices[:, [1, 2, 0]])
     before, after = (V[welded.faces[:, 1:]] - V[welded.faces[:, :1]] for V in (welded.vertices, there))
-    # The matrix that takes two edges of the source to where they are, and its normal to zero.
+    # The matrix that maps two edges of the source to the deformed edges, and its normal to zero.
     normal = np.cross(before[:, 0], before[:, 1])[:, None]
     matrices = np.linalg.solve(np.concatenate([before, normal], axis=1), np.concatenate([after, 0 * normal], axis=1))
     np.testing.assert_allclose(poisson.solve(np.swapaxes(matrices, 1, 2)), centred(welded, there), atol=1e-10)
 
 
-def test_the_solution_is_that_of_a_dense_least_squares_problem():
+def test_the_solution_matches_a_dense_least_squares_problem():
     welded, poisson = solver_of(stool(rounds=1))
     assert len(welded.springs) >= 10
     V, F, rng = welded.vertices, welded.faces, np.random.default_rng(0)
@@ -81,7 +81,7 @@ def test_the_pull_back_is_the_adjoint(name):
     assert (poisson.solve(J) * g).sum() == pytest.approx((J * poisson.pull_back(g)).sum(), rel=1e-8)
 
 
-def test_the_derivative_is_that_of_finite_differences():
+def test_the_derivative_matches_finite_differences():
     welded, poisson = solver_of(icosphere(subdivisions=0))
     J = torch.eye(3, dtype=torch.float64).repeat(len(welded.faces), 1, 1)
     J = (
@@ -109,7 +109,7 @@ def test_an_affine_motion_is_reached(kind):
     assert far_from(source, wanted) > 0.08 and far_from(output, wanted) < 0.008
 
 
-def test_parts_do_not_fly_apart():
+def test_parts_stay_together():
     source = stool()
     wanted = moved(source, np.diag([1.25, 1.0, 0.85]), (0, 0.05, 0))
     output = Jacobians(samples=1000, steps=40).deform(source, cloud_of(wanted, 1000), Run(seed=0))
@@ -120,18 +120,18 @@ def test_parts_do_not_fly_apart():
     assert far_from(output, wanted) < 0.3 * far_from(source, wanted)
 
 
-def test_matrices_are_kept_near_identity_by_their_weight():
+def test_the_weight_keeps_matrices_near_identity():
     source = icosphere(subdivisions=2)
     cloud = cloud_of(moved(source, np.diag([1.3, 0.8, 1.0]), (0.1, 0, 0)), 1000)
     strong, weak = (
         Jacobians(samples=500, steps=50, identity=identity).deform(source, cloud, Run(seed=0)) for identity in (100, 0)
     )
     shift = strong.vertices - source.vertices
-    assert np.ptp(shift, axis=0).max() < 0.02 and 0.05 < shift[:, 0].mean() < 0.15  # moved only
+    assert np.ptp(shift, axis=0).max() < 0.02 and 0.05 < shift[:, 0].mean() < 0.15  # only translated
     assert np.ptp((weak.vertices - source.vertices)[:, 0]) > 0.4
 
 
-def test_the_same_seed_gives_the_same_and_the_clock_is_kept():
+def test_runs_are_repeatable_and_stop_at_the_time_limit():
     source, cloud = with_accidents(), cloud_of(moved(icosphere(2), np.diag([1.2, 1, 0.9])), 500)
     method = Jacobians(steps=5, samples=300)
     first, again = (method.deform(source, cloud, Run(seed=1)).vertices for _ in range(2))

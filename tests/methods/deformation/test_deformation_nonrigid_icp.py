@@ -1,4 +1,4 @@
-"""Non-rigid ICP, and the blocks it shares: welded meshes, springs, samples, nearest points."""
+"""Non-rigid ICP and its shared parts: welded meshes, springs, samples, nearest points."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from bench.methods.deformation.registration.welded import LEAST, Welded
 # -- welded meshes and springs -----------------------------------------------------------------------------------------
 
 
-def test_welding_leaves_the_different_positions_of_faces():
+def test_welding_keeps_one_vertex_per_position_in_use():
     source = with_accidents()
     welded = Welded(source, 0.1, 0.1)
-    assert len(welded.vertices) == 162 + 1  # those of the ball, and the tip of the sliver
-    assert len(welded.faces) == len(source.faces) - 1  # without the one that is an edge
+    assert len(welded.vertices) == 162 + 1  # the vertices of the ball, and the tip of the sliver
+    assert len(welded.faces) == len(source.faces) - 1  # without the degenerate face
     assert welded.parts.max() == 0 and len(welded.springs) == 0
     assert welded.areas.sum() == pytest.approx(source.area)
     assert welded.masses.sum() == pytest.approx(source.area)
@@ -39,18 +39,18 @@ def test_all_vertices_follow_the_welded_ones():
     output = welded.mesh(source, welded.vertices @ A.T + shift)
     np.testing.assert_array_equal(output.faces, source.faces)
     np.testing.assert_allclose(output.vertices[:-2], source.vertices[:-2] @ A.T + shift, atol=1e-12)
-    # The two that no face uses go along with the nearest.
+    # The two unused vertices move with the nearest one.
     x, z = (source.vertices[np.argmin(np.linalg.norm(source.vertices[:-2] - v, axis=1))] for v in source.vertices[-2:])
     np.testing.assert_allclose(output.vertices[-2] - source.vertices[-2], A @ x + shift - x, atol=1e-12)
     np.testing.assert_allclose(output.vertices[-1] - source.vertices[-1], A @ z + shift - z, atol=1e-12)
 
 
 def test_the_stiffness_is_the_dirichlet_energy_and_constants_are_free():
-    ball = icosphere(subdivisions=2)  # all angles are acute: no weight is negative
+    ball = icosphere(subdivisions=2)  # all angles are acute, so no weight is negative
     welded = Welded(ball, 0.1, 0.1)
     A = np.random.default_rng(0).normal(size=(3, 3))
     values = welded.vertices @ A.T
-    # Of a linear map, the energy of each face is its area times |A P|^2, P the projection to its plane.
+    # For a linear map A, the energy of a face is its area times |A P|^2, P the projection to its plane.
     energy = 0.0
     for face in welded.faces:
         a, b, c = welded.vertices[face]
@@ -72,12 +72,12 @@ def test_weights_of_obtuse_angles_and_slivers_are_small_and_positive():
     assert ball.weights.min() >= LEAST and ball.weights.max() < 2
 
 
-def test_springs_join_parts_that_are_near_and_only_those():
+def test_springs_join_only_nearby_parts():
     source = stool()
     parts = parts_of(source.edges, len(source.vertices))
     springs = springs_between(source.vertices, parts, 0.15)
     joined_parts = {tuple(sorted(pair)) for pair in parts[springs].tolist()}
-    assert joined_parts == {(0, 1), (0, 2)}  # the legs are at the board, and not at each other
+    assert joined_parts == {(0, 1), (0, 2)}  # the legs are joined to the board, not to each other
     lengths = np.linalg.norm(source.vertices[springs[:, 0]] - source.vertices[springs[:, 1]], axis=1)
     assert lengths.max() <= 0.15
     assert len(np.unique(springs, axis=0)) == len(springs)
@@ -100,12 +100,12 @@ def test_parts_far_from_all_others_are_tied_to_the_largest():
     assert {tuple(sorted(pair)) for pair in parts[springs].tolist()} == {(0, 1), (0, 2)}
     assert np.bincount(parts[springs].max(axis=1)).tolist() == [0, 8, 8]
     near = source.vertices[springs[parts[springs].max(axis=1) == 1].max(axis=1)]
-    assert near[:, 0].mean() < 5.1  # the side that faces the largest
+    assert near[:, 0].mean() < 5.1  # the side facing the largest part
     welded = Welded(source, 0.1, 0.1)
     assert connected_components(welded.stiffness)[0] == 1
 
 
-def test_a_mesh_of_many_crumbs_is_connected():
+def test_a_mesh_of_many_small_parts_is_connected():
     rng = np.random.default_rng(0)
     crumbs = [bar(corner, corner + 0.02, 0) for corner in rng.random((200, 3))]
     welded = Welded(joined(*crumbs), 0.05, 0.1)
@@ -115,7 +115,7 @@ def test_a_mesh_of_many_crumbs_is_connected():
 # -- samples and nearest points ----------------------------------------------------------------------------------------
 
 
-def test_samples_lie_on_their_faces_evenly_and_move_along():
+def test_samples_lie_evenly_on_their_faces_and_move_with_them():
     source = stool()
     V, F = np.array(source.vertices), np.array(source.faces)
     samples = Samples(V, F, 4000, np.random.default_rng(0))
@@ -125,7 +125,7 @@ def test_samples_lie_on_their_faces_evenly_and_move_along():
     for i in range(3):  # inside the triangle
         a, b = corners[:, i], corners[:, (i + 1) % 3]
         assert (np.einsum("si,si->s", np.cross(b - a, points - a), samples.normals(V)) >= -1e-12).all()
-    # No part has a sample more or less than its area asks for; random ones would differ by some tens.
+    # The number of samples per part differs from its area share by at most one; random ones would differ by tens.
     shares = np.bincount(parts_of(source.edges, len(V))[F[samples.faces, 0]]) / 4000
     areas = np.bincount(parts_of(source.edges, len(V))[F[:, 0]], source.area_faces) / source.area
     np.testing.assert_allclose(shares, areas, atol=1.01 / 4000)
@@ -134,7 +134,7 @@ def test_samples_lie_on_their_faces_evenly_and_move_along():
     np.testing.assert_allclose(samples.normals(V @ A.T), samples.normals(V) @ A.T, atol=1e-10)
 
 
-def test_no_sample_falls_on_a_face_without_area():
+def test_no_sample_lies_on_a_face_of_zero_area():
     V = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]])
     samples = Samples(V, np.array([[0, 1, 3], [0, 1, 2], [1, 3, 0]]), 50, np.random.default_rng(0))
     assert (samples.faces == 1).all()
@@ -156,7 +156,7 @@ def test_the_points_of_a_target():
 
 
 @pytest.mark.parametrize(("scale", "sliding", "with_normals"), [(0.3, 0.7, True), (0.0, 0.7, True), (0.3, 0.7, False)])
-def test_goals_are_those_of_a_plain_loop(scale, sliding, with_normals):
+def test_goals_match_a_plain_loop(scale, sliding, with_normals):
     rng = np.random.default_rng(1)
     p, q = rng.normal(size=(30, 3)), rng.normal(size=(50, 3))
     n, m = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (rng.normal(size=p.shape), rng.normal(size=q.shape)))
@@ -185,7 +185,7 @@ def test_goals_are_those_of_a_plain_loop(scale, sliding, with_normals):
     np.testing.assert_array_equal(goals[~kept], p[~kept])
 
 
-def test_a_mesh_that_is_inside_out_is_noticed():
+def test_an_inside_out_mesh_is_detected():
     source = stool()
     cloud = cloud_of(moved(source, np.diag([1.1, 0.9, 1])))
     for faces, sign in ((source.faces, 1), (source.faces[:, ::-1], -1)):
@@ -195,7 +195,7 @@ def test_a_mesh_that_is_inside_out_is_noticed():
         assert Matching(0.1, 4, 0.5).sign(points, normals, PointCloud(cloud.points)) == 1
 
 
-def test_a_round_pulls_to_the_goals_and_holds_the_rest():
+def test_a_round_pulls_to_the_goals_and_keeps_the_shape():
     source = stool()
     welded = Welded(source, 0.1, 0.1)
     samples = Samples(welded.vertices, welded.faces, 500, np.random.default_rng(0))
@@ -234,7 +234,7 @@ def test_parts_move_together_and_duplicates_stay_together():
                                   mended.vertices[162:324][np.unique(torn.faces[torn.faces < 162])])  # fmt: skip
 
 
-def test_a_part_without_partner_is_carried_along():
+def test_a_part_without_a_counterpart_moves_along():
     source = joined(bar((-0.5, -0.5, 0), (0.5, 0.5, 0.2), 4), bar((-0.1, -0.1, 0.2), (0.1, 0.1, 0.7), 2))
     board = joined(bar((-0.5, -0.5, 0.15), (0.5, 0.5, 0.35), 4))
     output = NonrigidIcp(**QUICK).deform(source, cloud_of(board), Run(seed=0))
@@ -244,7 +244,7 @@ def test_a_part_without_partner_is_carried_along():
     assert shift[post, 2].mean() > 0.09 and np.ptp(output.vertices[post, 2]) > 0.35  # neither left behind nor collapsed
 
 
-def test_very_smooth_offsets_are_one_translation():
+def test_very_smooth_offsets_are_a_translation():
     source = icosphere(subdivisions=2)
     output = NonrigidIcp(rounds=2, samples=1000, smooth=1e3, smooth_end=1e3, smooth_last=0).deform(
         source, cloud_of(moved(source, np.diag([1.2, 1, 1]), (0.1, 0, 0))), Run(seed=0)
@@ -261,7 +261,7 @@ def test_an_inside_out_source_gives_the_same_surface():
     assert far_from(output, moved(source, np.diag([1.15, 1.0, 0.9]))) < 0.02
 
 
-def test_the_same_seed_gives_the_same_and_the_clock_is_kept():
+def test_runs_are_repeatable_and_stop_at_the_time_limit():
     source, cloud = icosphere(subdivisions=2), cloud_of(moved(icosphere(2), np.diag([1.2, 1, 0.9])), 500)
     method = NonrigidIcp(rounds=3, samples=300)
     first, again, other = (method.deform(source, cloud, Run(seed=seed)).vertices for seed in (1, 1, 2))

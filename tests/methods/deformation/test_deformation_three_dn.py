@@ -49,7 +49,7 @@ def test_an_untrained_network_is_the_identity():
     assert torch.equal(network(source, network.encode(source, target)), source)
 
 
-def test_a_fold_is_its_layers_on_the_point_and_the_code_together():
+def test_a_fold_applies_its_layers_to_point_and_code():
     fold = OffsetNetwork(0.125, generator()).folds[0]
     x, code = points((2, 7, 3)), points((2, fold.first.in_features - 3), 1)
     together = torch.cat([x, code[:, None].expand(-1, 7, -1)], dim=2)
@@ -60,7 +60,7 @@ def test_a_fold_is_its_layers_on_the_point_and_the_code_together():
 # --- the terms --------------------------------------------------------------------------------------------------------
 
 
-def test_matches_are_those_of_a_tree():
+def test_matches_are_those_of_a_kd_tree():
     a, b = points((3, 40, 3)), points((3, 60, 3), 1)
     to_b, to_a = matches(a, b)
     for k in range(3):
@@ -77,12 +77,12 @@ def test_chamfer_is_the_mean_over_both_sets():
     assert float(chamfer(a, b)) == pytest.approx(expected, rel=1e-4)
 
 
-def test_chamfer_has_the_derivative_of_finite_differences():
+def test_the_derivative_of_chamfer_matches_finite_differences():
     a, b = points((1, 6, 3)).double().requires_grad_(), points((1, 9, 3), 1).double()
     assert torch.autograd.gradcheck(lambda x: chamfer(x, b), (a,))
 
 
-def test_terms_are_zero_for_what_is_perfect():
+def test_terms_are_zero_for_perfect_output():
     a = points((2, 40, 3))
     other = a[:, torch.randperm(40, generator=generator())]
     assert chamfer(a, other) == 0 and squared(a, a) == 0 and earth_mover(a, other) == pytest.approx(0, abs=1e-4)
@@ -92,7 +92,7 @@ def test_terms_are_zero_for_what_is_perfect():
     assert (grad == 0).all()
 
 
-def test_the_earth_movers_distance_is_about_that_of_an_exact_matching():
+def test_the_earth_movers_distance_approximates_an_exact_matching():
     a, b = points((2, 50, 3)), points((2, 50, 3), 1) * 0.7 + 0.2
     exact = []
     for x, y in zip(a.numpy(), b.numpy(), strict=True):
@@ -104,7 +104,7 @@ def test_the_earth_movers_distance_is_about_that_of_an_exact_matching():
     assert float(earth_mover(a, a + shift)) == pytest.approx(0.01, rel=0.01)
 
 
-def test_the_change_of_the_laplacian_is_that_of_a_loop():
+def test_the_change_of_the_laplacian_matches_a_loop():
     before, after = points((2, 30, 3)), points((2, 30, 3), 1)
     errors = []
     for x, y in zip(before.numpy(), after.numpy(), strict=True):
@@ -113,13 +113,13 @@ def test_the_change_of_the_laplacian_is_that_of_a_loop():
     assert float(laplacian_change(before, after, 10, 4)) == pytest.approx(np.mean(errors), rel=1e-4)
 
 
-def test_a_mirror_image_has_one_other_sign():
+def test_a_mirror_image_changes_one_sign():
     assert mirrored(torch.ones(1, 1, 3), "y").tolist() == [[[1, -1, 1]]]
 
 
 @pytest.mark.parametrize("turned, expected", [(1.0, 0.0), (-1.0, 6 * 0.005 / 3)])
-def test_order_counts_steps_that_go_back(turned, expected):
-    """Of a network that mirrors z, or does nothing: a third of the steps go back by their whole length."""
+def test_the_order_term_counts_reversed_steps(turned, expected):
+    """For a network that mirrors z, a third of the steps are reversed; for the identity, none."""
     training = OffsetTraining(TOY._network(generator()), examples(), TOY, Run())
     training.network = lambda x, code: x * torch.tensor([1.0, 1.0, turned])
     x = points((4, 500, 3))
@@ -130,8 +130,8 @@ def test_order_counts_steps_that_go_back(turned, expected):
 # --- the training -----------------------------------------------------------------------------------------------------
 
 
-def test_all_terms_are_zero_where_the_shapes_are_one_that_is_symmetric():
-    """And the network does nothing; the matching's points are then the same, too."""
+def test_all_terms_are_zero_for_equal_symmetric_shapes():
+    """With an identity network; the points of the matching are then equal, too."""
     training = OffsetTraining(TOY._network(generator()), examples(), TOY, Run())
     half = points((2, 1, 32, 3))
     shape = torch.cat([half, half * torch.tensor([-1.0, 1, 1])], dim=2)
@@ -139,7 +139,7 @@ def test_all_terms_are_zero_where_the_shapes_are_one_that_is_symmetric():
     assert training.terms(shapes, np.random.default_rng(0), 0.0).item() == pytest.approx(0, abs=1e-6)
 
 
-def test_a_training_goes_on_where_it_was_killed():
+def test_an_interrupted_training_resumes_exactly():
     assert_resumes(TOY, examples())
 
 
@@ -152,6 +152,6 @@ def test_a_source_keeps_its_faces_in_any_frame():
     assert_deforms(TOY, TOY.fit(examples(), Run()))
 
 
-def test_parameters_that_make_no_sense_are_refused():
+def test_invalid_parameters_are_refused():
     own = {"width": 2.0, "plane": "w", "matched": 0, "neighbours": 0, "order": -1.0, "earth_mover": -1.0}
     assert_refuses(ThreeDn, SHARED_MISTAKES | own)

@@ -1,4 +1,4 @@
-"""Deformation transfer: gradients of triangles, correspondence by landmarks, and parts that hold together."""
+"""Deformation transfer: gradients of triangles, correspondence by landmarks, and parts that stay together."""
 
 import numpy as np
 import pytest
@@ -23,13 +23,13 @@ def landmarks_of(mesh, here=None, count=40):
     return {str(k): np.stack([mesh.vertices[k], other[k]]) for k in rows}
 
 
-def test_gradients_are_the_linear_map_where_it_turns_and_scales_evenly():
+def test_gradients_of_a_similarity_are_its_linear_map():
     ball = icosphere(subdivisions=2)
     gradients = deformation_gradients(ball.vertices, 1.7 * ball.vertices @ TURN.T + 3, ball.faces)
     np.testing.assert_allclose(gradients, np.broadcast_to(1.7 * TURN, gradients.shape), atol=1e-9)
 
 
-def test_gradients_take_edges_along_and_faces_without_area_nowhere():
+def test_gradients_map_edges_and_are_the_identity_on_faces_of_zero_area():
     rng = np.random.default_rng(0)
     ball = icosphere(subdivisions=1)
     moved = ball.vertices + 0.1 * rng.normal(size=ball.vertices.shape)
@@ -43,13 +43,13 @@ def test_gradients_take_edges_along_and_faces_without_area_nowhere():
 
 def test_faces_correspond_through_the_landmarks():
     ball = icosphere(subdivisions=2)
-    moved = ball.vertices @ TURN.T * (1.0, 1.0, 1.0) + (5, 0, 0)  # far away and turned: only landmarks tell
+    moved = ball.vertices @ TURN.T * (1.0, 1.0, 1.0) + (5, 0, 0)  # far away and rotated: only landmarks relate them
     places = np.array(list(landmarks_of(ball, moved).values()))
     found = corresponding_faces(ball, places[:, 0], places[:, 1], moved, ball.faces, 1)
     assert np.array_equal(found[:, 0], np.arange(len(ball.faces)))
 
 
-def test_the_other_side_of_a_thin_sheet_is_no_partner():
+def test_the_opposite_side_of_a_thin_sheet_does_not_correspond():
     ball = icosphere(subdivisions=3)
     sheet = Trimesh(ball.vertices * (1, 1, 0.01), ball.faces, process=False)
     places = np.array(list(landmarks_of(sheet, count=60).values()))
@@ -59,8 +59,8 @@ def test_the_other_side_of_a_thin_sheet_is_no_partner():
 
 
 @pytest.mark.parametrize("character", [icosphere(subdivisions=3), stool()], ids=["ball", "three parts"])
-def test_a_similarity_of_the_template_is_that_of_the_character(character):
-    """All triangles turn and grow alike, so parts that hang together by springs alone stay together."""
+def test_a_similarity_of_the_template_is_transferred_to_the_character(character):
+    """All triangles rotate and scale equally, so parts connected only by springs stay together."""
     template = icosphere(subdivisions=2)
     posed = Trimesh(1.3 * template.vertices @ TURN.T, template.faces, process=False)
     output = DeformationTransfer().pose_transfer(character, template, landmarks_of(template), posed, Run())
@@ -70,7 +70,7 @@ def test_a_similarity_of_the_template_is_that_of_the_character(character):
     assert np.array_equal(output.faces, character.faces)
 
 
-def test_the_toy_is_solved_from_the_posed_template_and_registered_otherwise():
+def test_the_toy_is_solved_with_and_without_the_posed_template():
     score = PoseDistanceMean().score
     known = PoseTransfer(target="corresponding").toy()
     at_rest = score(known.input["source"], known)["pose_distance_mean"]
@@ -84,7 +84,7 @@ def test_the_toy_is_solved_from_the_posed_template_and_registered_otherwise():
     assert score(output, seen)["pose_distance_mean"] < 0.7 * at_rest and "it is registered" in notes[0]
 
 
-def test_what_does_not_fit_is_refused():
+def test_invalid_landmarks_and_parameters_are_refused():
     toy = PoseTransfer(target="corresponding").toy()
     flat = {name: places * (1, 1, 0) for name, places in toy.input["landmarks"].items()}
     for marks in (flat, dict(list(flat.items())[:3])):

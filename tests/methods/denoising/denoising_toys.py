@@ -1,4 +1,4 @@
-"""What the tests of the learned denoisers share: surfaces that are known exactly, examples of them, and runs."""
+"""Shared by the tests of learned denoisers: surfaces known exactly, and training examples of them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def square(count: int = 3000, seed: int = 0) -> np.ndarray:
 
 
 def examples(counts: tuple[int, ...] = (200, 600), shapes: int = 3) -> dict[str, np.ndarray]:
-    """What the methods learn from, of balls alone."""
+    """Training examples of balls only."""
     clouds = [ball(count) for _ in range(shapes) for count in counts]
     return {
         "points": np.concatenate([np.round(cloud * 32767).astype(np.int16) for cloud in clouds]),

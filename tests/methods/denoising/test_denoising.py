@@ -1,4 +1,4 @@
-"""The learned denoisers: networks, patches, targets, trainings, and that the weights that come with them denoise."""
+"""The learned denoisers: networks, patches, targets, training, and denoising by the shipped weights."""
 
 from pathlib import Path
 
@@ -55,8 +55,8 @@ def test_the_networks_have_the_published_numbers_of_parameters():
 
 
 @pytest.mark.parametrize("relative", [True, False])
-def test_an_edge_convolution_is_its_layers_on_each_edge(relative):
-    """The published form: both ends and their difference on each edge, layer after layer, the maximum at last."""
+def test_an_edge_convolution_applies_its_layers_to_each_edge(relative):
+    """The published form: both ends and their difference on each edge, layer by layer, then the maximum."""
     convolution = DenseEdgeConvolution(5, relative)
     x = torch.randn(2, 20, 24, generator=generator())
     index = nearest(x, x, 6)
@@ -69,22 +69,22 @@ def test_an_edge_convolution_is_its_layers_on_each_edge(relative):
     torch.testing.assert_close(convolution(x), y, atol=1e-5, rtol=1e-5)
 
 
-def test_the_nearest_are_those_of_a_tree():
+def test_the_nearest_points_match_a_kd_tree():
     points, queries = torch.randn(2, 50, 3, generator=generator()), torch.randn(2, 9, 3, generator=generator())
     for b in range(2):
         exact = cKDTree(points[b]).query(queries[b], 4)[1]
         assert (np.sort(nearest(queries, points, 4)[b], axis=1) == np.sort(exact, axis=1)).all()
 
 
-def test_turns_of_a_transform_are_rotations():
+def test_matrices_of_a_transform_are_rotations():
     turn = rotations(torch.randn(50, 4, generator=generator(), dtype=torch.float64))
     torch.testing.assert_close(turn @ turn.transpose(1, 2), torch.eye(3, dtype=torch.float64).expand(50, 3, 3))
     torch.testing.assert_close(torch.linalg.det(turn), torch.ones(50, dtype=torch.float64))
     torch.testing.assert_close(rotations(torch.zeros(1, 4))[0], torch.eye(3))
 
 
-def test_a_cleaning_network_begins_with_the_move_onto_a_plane():
-    """And no order of the points matters, nor how often the centre comes again."""
+def test_an_untrained_cleaning_network_moves_points_onto_a_plane():
+    """The order of points and repetitions of the centre do not matter."""
     network = CleaningNetwork(0.0625, generator())
     flat = torch.rand(3, 20, 3, generator=generator()) * torch.tensor([1.0, 1.0, 0.0]) + torch.tensor([0, 0, 0.2])
     padded = F.pad(flat, (0, 0, 0, 5))
@@ -96,7 +96,7 @@ def test_a_cleaning_network_begins_with_the_move_onto_a_plane():
     assert network(padded)[:, :2].abs().max() > 1e-3
 
 
-def test_a_score_begins_with_the_offset_to_a_plane():
+def test_an_untrained_score_is_the_offset_to_a_plane():
     patches = torch.randn(2, 100, 3, generator=generator()) * torch.tensor([1.0, 1.0, 0.0])
     network = SCORE._network(generator())
     known = torch.cat([network.encode(patches), planes_of(patches)], dim=2).flatten(0, 1)
@@ -108,7 +108,7 @@ def test_a_score_begins_with_the_offset_to_a_plane():
 # --- patches ----------------------------------------------------------------------------------------------------------
 
 
-def test_patches_cover_all_and_the_most_central_place_is_the_least_column():
+def test_patches_cover_all_points_and_the_most_central_place_is_the_least_column():
     points = np.concatenate([ball(300), np.repeat(ball(3), 40, axis=0)])
     patches = covering(points, 32)
     place = most_central(patches, len(points))
@@ -121,7 +121,7 @@ def test_frames_are_rotations_whose_last_axis_is_the_normal_of_a_plane():
     rng = np.random.default_rng(0)
     turn = np.linalg.qr(rng.normal(size=(4, 3, 3)))[0]
     flat = rng.normal(size=(4, 30, 3)) * [3, 2, 0.1] + 0.3
-    flat[:, 25:] = 0  # fills up
+    flat[:, 25:] = 0  # padding
     frames = principal_frames(flat @ turn.transpose(0, 2, 1))
     np.testing.assert_allclose(frames @ frames.transpose(0, 2, 1), np.tile(np.eye(3), (4, 1, 1)), atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(frames), 1)
@@ -131,24 +131,24 @@ def test_frames_are_rotations_whose_last_axis_is_the_normal_of_a_plane():
     np.testing.assert_allclose(np.abs(turns[:, 2, 2]), 1)
 
 
-def test_discs_are_flat_and_end():
+def test_discs_are_flat_and_bounded():
     points, normals = torch.zeros(1, 1, 3), torch.tensor([[[0.0, 0.0, 1.0]]])
     places = torch.tensor([[[0.1, 0.0, 2.0], [3.0, 4.0, -1.0], [0.0, 0.0, 1.0]]])
     expected = torch.tensor([[[0.1, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, 0.0, 0.0]]])
     torch.testing.assert_close(on_discs(places, points, normals, 0.5), expected)
 
 
-def test_without_shrinking_common_moves_are_gone():
+def test_without_shrinking_removes_common_translations():
     points, common = ball(500), np.tile([0.1, 0.2, 0.3], (500, 1))
     assert np.abs(without_shrinking(points, common, 20)).max() < 1e-12
     assert without_shrinking(points, common, 0) is common
 
 
-# --- what is learned --------------------------------------------------------------------------------------------------
+# --- training ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_patch_says_where_the_ball_is():
-    """The surface of a patch is the ball's, in the frame of the patch: all is at radius 1 around one centre."""
+def test_a_patch_contains_the_surface_of_the_ball():
+    """The surface of a patch is that of the ball in the frame of the patch: at radius 1 around one centre."""
     clouds = Clouds(examples())
     patch = clouds.patch(64, (0.02, 0.02), np.random.default_rng(0), level=0)
     assert patch.noisy.shape == (64, 3) and patch.noisy[0].abs().max() == 0
@@ -159,7 +159,7 @@ def test_a_patch_says_where_the_ball_is():
     assert 0.01 < off.square().mean().sqrt() < 0.03
 
 
-def test_a_ball_of_points_is_filled_up_by_its_centre():
+def test_a_ball_of_points_is_padded_with_its_centre():
     rng = np.random.default_rng(0)
     points = torch.tensor([[0.0, 0, 0], [0.5, 0, 0], [3, 0, 0]])
     found = in_ball(points, points[0], 1.0, 4, rng)
@@ -173,7 +173,7 @@ def test_the_cleaning_loss_in_closed_form():
     assert cleaning_loss(torch.zeros(1, 3), clean).item() == pytest.approx(100 * (0.99 * 1 + 0.01 * 9), rel=1e-5)
 
 
-def test_the_exact_score_has_no_loss_and_none_has_less_than_one():
+def test_the_exact_score_has_zero_loss_and_errors_are_at_most_one():
     plan = Plan(**{name: getattr(SCORE, name) for name in Plan.__dataclass_fields__})
     training = Training(SCORE._network(generator()), examples(), plan, Run(seed=0))
     batch = training.batch(training.clouds, 2, np.random.default_rng(0))
@@ -200,12 +200,12 @@ def test_points_stay_where_the_score_is_zero_and_go_where_it_points():
     network.forward = lambda places, features, planes: 0 * places
     score = Score(network, points, 64, 3.0, "cpu")
     assert (ascend(score, 4, 3, 0.2, 0.95, Run(seed=0), 0, 3) == points).all()
-    network.forward = lambda places, features, planes: -places  # to the point whose features these are
+    network.forward = lambda places, features, planes: -places  # towards the point of the features
     score = Score(network, points, 64, 3.0, "cpu")
     np.testing.assert_allclose(score.at(points + 0.001, 1), -0.001, atol=1e-6)
 
 
-def test_a_plane_stays_and_a_noisy_one_gets_flat_without_any_training():
+def test_without_training_a_plane_stays_and_a_noisy_one_is_flattened():
     points = np.random.default_rng(0).uniform(-1, 1, (400, 3)) * [1, 1, 0]
     score = Score(SCORE._network(generator()).eval(), points, 128, 3.0, "cpu")
     assert np.abs(ascend(score, 4, 5, 0.2, 0.95, Run(seed=0), 0, 5) - points).max() < 1e-5
@@ -235,7 +235,7 @@ def weights_of(name):
 
 @pytest.mark.parametrize("name", LEARNED)
 @pytest.mark.parametrize("truth", [ball, square], ids=["sphere", "plane"])
-def test_the_weights_that_come_with_it_halve_the_noise(name, truth):
+def test_the_shipped_weights_halve_the_noise(name, truth):
     exact = truth(1500 if truth is ball else 1200)
     noisy = exact + np.random.default_rng(1).normal(scale=0.04, size=exact.shape)
     run = Run(weights=weights_of(name), threads=1, seed=0)

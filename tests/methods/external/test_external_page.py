@@ -24,11 +24,11 @@ def parameters(preset):
     return {key: value for key, value in preset.items() if key != "defaults"}
 
 
-def test_the_script_does_what_it_says(tmp_path):
+def test_the_script_works_as_described(tmp_path):
     (tmp_path / "smooth.py").write_text(SCRIPT)
     (preset,) = (p for p in PRESETS if p["name"] == "my_smooth")
     values = parameters(preset) | {"cwd": str(tmp_path)}
-    values["command"] = values["command"].replace("python3", sys.executable)  # which has numpy
+    values["command"] = values["command"].replace("python3", sys.executable)  # this one has numpy
     points = np.random.default_rng(0).uniform(size=(200, 3))
     output = External(**values).denoise(PointCloud(points), Run())
     nearest = cKDTree(points).query(points, k=16)[1]
@@ -36,8 +36,8 @@ def test_the_script_does_what_it_says(tmp_path):
 
 
 @pytest.mark.parametrize("preset", PRESETS, ids=lambda preset: preset["name"])
-def test_presets_have_parameters_that_there_are(preset, monkeypatch):
-    monkeypatch.setattr(External, "_find", lambda self, program, parameter: program)  # of packages that are not here
+def test_presets_have_valid_parameters(preset, monkeypatch):
+    monkeypatch.setattr(External, "_find", lambda self, program, parameter: program)  # not installed here
     External(**parameters(preset))
 
 
@@ -49,7 +49,7 @@ def test_the_commands_of_containers_can_be_split_and_filled_in():
         assert "{input}" not in " ".join(filled)
 
 
-def test_every_parameter_and_place_is_on_the_page():
+def test_every_parameter_and_placeholder_is_on_the_page():
     code = set(re.findall(r"\w+", " ".join(re.findall(r"`[^`\n]+`", re.sub(r"```.*?```", "", TEXT, flags=re.DOTALL)))))
     assert {*External.__dataclass_fields__, *PLACES} <= code
 

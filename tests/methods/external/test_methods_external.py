@@ -1,4 +1,4 @@
-"""A program as a method: what it is given, what comes back, what its row says, and every way in which it can fail."""
+"""A program as a method: its input, its output, its row, and every way in which it can fail."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def ball():
 
 @pytest.fixture
 def program(tmp_path):
-    """Makes programs: the source of a Python script -> the beginning of a command."""
+    """Makes programs: the source of a Python script -> the start of a command."""
 
     def make(source: str, name: str = "program.py") -> str:
         path = tmp_path / name
@@ -53,11 +53,11 @@ def solve(cloud, **parameters):
     return External(**parameters).denoise(cloud, run=Run(seed=7, threads=2))
 
 
-# --- what it is given and what comes back -----------------------------------------------------------------------------
+# --- input and output -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("format", ["ply", "xyz", "pcd", "csv"])
-def test_a_copy_is_the_input_to_the_bit(ball, format):
+def test_a_copy_equals_the_input_bit_for_bit(ball, format):
     output = solve(ball, input_format=format, output_format=format)
     np.testing.assert_array_equal(output.points, ball.points)
     np.testing.assert_allclose(output.normals, ball.normals, atol=1e-15)
@@ -67,7 +67,7 @@ def test_a_copy_is_the_input_to_the_bit(ball, format):
 @pytest.mark.parametrize("format", ["off", "obj"])
 @pytest.mark.parametrize("normals", [True, False])
 def test_clouds_in_formats_of_meshes(ball, tmp_path, format, normals):
-    # The program keeps what it was given; our readers, and nothing else, tell what is in it.
+    # The program stores its input, which is then read by our readers alone.
     kept = tmp_path / f"kept.{format}"
     command = f"sh -c 'cp {{input}} {kept}; cp {kept} {{output}}'"
     solve(ball, command=command, input_format=format, output_format=format, normals=normals)
@@ -75,20 +75,20 @@ def test_clouds_in_formats_of_meshes(ball, tmp_path, format, normals):
     assert ("vn " in kept.read_text() or kept.read_text().startswith("NOFF")) == normals
 
 
-def test_places_environment_and_folder(ball, program, tmp_path):
+def test_placeholders_environment_and_folder(ball, program, tmp_path):
     source = "import os, sys; open('said.txt', 'w').write(' '.join([*sys.argv[3:], os.environ['WORD'], os.getcwd()]))"
     command = f"{program(COPY + chr(10) + source)} {{input}} {{output}} {{seed}} {{threads}} {{points}} {{{{x}}}}"
     solve(ball, command=command, env={"WORD": "a b"}, cwd=str(tmp_path))
     assert (tmp_path / "said.txt").read_text() == f"7 2 300 {{x}} a b {tmp_path}"
 
 
-def test_no_shell_takes_part(ball, tmp_path):
+def test_no_shell_is_used(ball, tmp_path):
     with pytest.raises(BadInput, match="cp ended with exit code 1"):
         solve(ball, command=f"cp {{input}} {{output}} ; touch {tmp_path}/no")
     assert not (tmp_path / "no").exists()
 
 
-def test_the_frame_unit_is_moved_back(ball, program):
+def test_the_output_in_the_frame_unit_is_moved_back(ball, program):
     moved = PointCloud(ball.points * 0.01 + [5.0, 6.0, 7.0])
     source = """
 import sys
@@ -105,7 +105,7 @@ np.savetxt(sys.argv[2], p / np.linalg.norm(p, axis=1).max(), fmt="%.17g")
         solve(moved, command=command, **formats)
 
 
-def test_it_solves_the_task_that_is_named(ball):
+def test_it_solves_the_named_task(ball):
     made = build(METHOD, {"task": "upsample"})
     assert not hasattr(made, "denoise") and callable(made.upsample)
     usual = defaults(METHOD)
@@ -115,14 +115,14 @@ def test_it_solves_the_task_that_is_named(ball):
 
 def test_nothing_is_left_in_the_temporary_folder(ball, program, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    left = tmp_path / f"{PREFIX}gone"  # of a process that was killed
+    left = tmp_path / f"{PREFIX}gone"  # left by a killed process
     left.mkdir()
     (left / ".lock").touch()
     solve(ball)
     assert not list(tmp_path.glob(f"{PREFIX}*"))
 
 
-# --- mistakes that are refused before anything is run -----------------------------------------------------------------
+# --- mistakes refused before the program is run -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_mistakes_are_refused_early(values, words):
     assert words in str(caught.value)
 
 
-# --- what it fails with -----------------------------------------------------------------------------------------------
+# --- failures ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -168,7 +168,7 @@ def test_mistakes_are_refused_early(values, words):
         ),
     ],
 )
-def test_failures_are_said(ball, program, source, error, words):
+def test_failures_are_reported(ball, program, source, error, words):
     with pytest.raises(error) as caught:
         solve(ball, command=f"{program(source)} {{input}} {{output}}")
     assert words in str(caught.value) and PREFIX not in str(caught.value)
@@ -181,14 +181,14 @@ def test_only_the_last_lines_of_the_errors_are_shown(ball, program):
     assert "line 99998" in str(caught.value) and "line 99990" not in str(caught.value)
 
 
-def test_who_holds_the_standard_error_does_not_hold_us(ball, program):
+def test_a_child_that_keeps_standard_error_open_does_not_block(ball, program):
     source = COPY + "\nimport subprocess; subprocess.Popen(['sleep', '60'], start_new_session=True)"
     begin = time.monotonic()
     solve(ball, command=f"{program(source)} {{input}} {{output}}")
     assert time.monotonic() - begin < 20
 
 
-# --- what a result depends on -----------------------------------------------------------------------------------------
+# --- dependencies of a result -----------------------------------------------------------------------------------------
 
 
 def test_another_program_or_script_makes_results_stale(program, tmp_path):
@@ -210,8 +210,8 @@ def test_another_version_makes_results_stale():
     assert (key("1.2"), key("1.3")) == ("1.2", "1.3")
 
 
-def test_another_program_of_the_same_process_lives_on(ball, program, tmp_path):
-    """Two at once, of which the one that began first ends first."""
+def test_programs_of_one_process_do_not_end_each_other(ball, program, tmp_path):
+    """Two at once, one of which ends while the other is running."""
     long = program(f"import time; open({str(tmp_path / 'begun')!r}, 'w'); time.sleep(1)\n{COPY}", "long.py")
     wait = f"import os, time\nwhile not os.path.exists({str(tmp_path / 'begun')!r}): time.sleep(0.01)\n{COPY}"
     commands = [f"{path} {{input}} {{output}}" for path in (program(wait, "short.py"), long)]
@@ -220,8 +220,8 @@ def test_another_program_of_the_same_process_lives_on(ball, program, tmp_path):
     assert [len(output) for output in outputs] == [300, 300]
 
 
-def test_a_record_starts_nothing(program, tmp_path):
-    """Neither to see whether it is current, nor to say what differs, nor to reproduce it without a word."""
+def test_a_record_starts_no_program(program, tmp_path):
+    """Neither to check whether it is current, nor to list differences, nor to reproduce it without permission."""
     touched = tmp_path / "touched"
     command = f"{program(f'open({str(touched)!r}, chr(119))')} {{input}} {{output}}"
     values = {"_name_": "external", "command": command, "version_command": program(f"open({str(touched)!r}, chr(119))")}
