@@ -25,7 +25,7 @@ from bench.methods.learned.training.batches import Batch
 from bench.methods.learned.training.settings import Training
 
 SUPERVISED = (DirectResidual, DSdf, Nglod)
-CENTER, RADIUS = np.array([3.0, -1.0, 0.5]), 2.5  # of the sphere that is fitted: the frame is not that of the input
+CENTER, RADIUS = np.array([3.0, -1.0, 0.5]), 2.5  # of the fitted sphere: the frame differs from that of the input
 
 
 def draw(seed: int = 0) -> torch.Generator:
@@ -39,13 +39,13 @@ def points(count: int, seed: int = 0) -> torch.Tensor:
 
 
 def loss_of(f: torch.Tensor, g: torch.Tensor) -> torch.Tensor:
-    """Something that depends on every value and every gradient."""
+    """A number that depends on every value and every gradient."""
     weights = torch.arange(1, len(f) + 1, dtype=f.dtype)
     return (f.sin() * weights).mean() + ((g.norm(dim=1) - 1).square() * weights).mean()
 
 
 def assert_same_derivatives(mine, theirs, wanted) -> None:
-    """Value, gradient, and the derivatives of a loss over both by ``wanted``."""
+    """Compares value, gradient, and the derivatives of a loss over both by ``wanted``."""
     for ours, auto in zip(mine, theirs, strict=True):
         torch.testing.assert_close(ours, auto)
     grads = {"allow_unused": True, "retain_graph": True}
@@ -76,11 +76,11 @@ def sphere_distances(x: np.ndarray) -> np.ndarray:
 
 
 def with_truth(seed: int = 0) -> Run:
-    """A run that knows the sphere."""
+    """A run that knows the true distances to the sphere."""
     return Run(seed=seed, on_distances=sphere_distances)
 
 
-TINY = {  # a form of each method that fits a sphere in a second
+TINY = {  # settings of each method that fit a sphere in a second
     Fourier: {"bands": 2, "progressive": 0.4, "hidden_layers": 3, "width": 48, "learning_rate": 2e-3, "steps": 120},
     DirectResidual: {"hidden_layers": 1, "width": 32, "omega_detail": 20.0, "sphere": 0, "steps": 200},
     DSdf: {"bands": 3, "layers": 4, "width": 48, "learning_rate": 3e-3, "steps": 150},
@@ -90,16 +90,16 @@ TINY[DirectResidual]["learning_rate"] = 1e-3
 
 
 def tiny(method, **changes):
-    """The method in that form."""
+    """The method with these settings."""
     samples = {} if method is Fourier else {"samples": 4000}
     return method(**{"batch": 128, "resolution": 16, **samples, **TINY[method], **changes})
 
 
-# -- how many parameters -----------------------------------------------------------------------------------------------
+# -- numbers of parameters ---------------------------------------------------------------------------------------------
 
 
 def test_parameter_counts_are_those_of_the_references():
-    """Counted in the released code, for D-SDF by the formula of its layers."""
+    """Counted in the released code; for D-SDF, by the formula of its layers."""
     assert Fourier().field(draw()).count() == 461_006
     assert DirectResidual(sphere=0).field(draw()).count() == 397_314
     assert DSdf().field(draw()).count() == 493_313 + 493_827 == 987_140
@@ -108,7 +108,7 @@ def test_parameter_counts_are_those_of_the_references():
 
 @pytest.mark.parametrize(("bands", "width", "outputs"), [(10, 256, 1), (10, 256, 3), (2, 8, 3)])
 def test_d_sdf_has_the_layers_of_d_nerf(bands, width, outputs):
-    """Eight layers, the encoding read again by the sixth, and a linear one: the formula of the docstring."""
+    """Eight layers, of which the sixth reads the encoding again, and a linear one: the formula of the docstring."""
     network = ReluNetwork(outputs, bands=bands, width=width, generator=draw())
     e = 3 + 6 * bands
     expected = (e + 1) * width + 7 * (width + 1) * width + e * width + (width + 1) * outputs
@@ -121,14 +121,14 @@ def test_d_sdf_has_the_layers_of_d_nerf(bands, width, outputs):
     [(2, 4, 32, 1_353_476), (2, 5, 64, 10_146_213), (2, 6, 128, 78_844_998), (3, 4, 64, 10_137_476)],
 )
 def test_nglod_counts(base, levels, finest, dense):
-    """Dense: 32 features a vertex and 4,737 a decoder."""
+    """Dense: 32 features per vertex and 4,737 parameters per decoder."""
     grid = FeatureGrid(levels, base, width=1, generator=draw())
     assert 32 * grid.table.numel() + 4737 * levels == dense
     assert int(grid.sides[-1]) == finest
 
 
 def test_active_parameters_of_a_sphere():
-    """As the method's help says; fewer points miss a few cells of the finest grid."""
+    """As documented for the method; fewer points miss a few cells of the finest grid."""
     field = Nglod().field(draw())
     on_sphere = F.normalize(torch.randn(100_000, 3, generator=draw()), dim=1)
     assert 0.95 * 420_036 < field.count_active(on_sphere) <= 420_036
@@ -136,7 +136,7 @@ def test_active_parameters_of_a_sphere():
 
 
 def test_active_vertices_by_a_loop():
-    """Corners of the cells that hold a point; a point on the far border belongs to the last cell."""
+    """Corners of the cells that contain a point; a point on the upper boundary belongs to the last cell."""
     field = Nglod(levels=2, base=1).field(draw())
     x = torch.cat([points(6).float(), torch.ones(1, 3)])
     found = set()
@@ -152,8 +152,8 @@ def test_active_vertices_by_a_loop():
 
 
 @pytest.mark.parametrize("hidden_layers", [1, 2, 5])
-def test_fourier_network_is_its_formula_and_so_are_all_derivatives(hidden_layers):
-    """Against layers, skip and Softplus written with torch's own functions, differentiated twice."""
+def test_fourier_network_and_its_derivatives_match_the_formula(hidden_layers):
+    """Against layers, skip and Softplus from torch's own functions, differentiated twice."""
     network = FourierNetwork(3, hidden_layers=hidden_layers, width=27, generator=draw(), mixed=False).double()
     with torch.no_grad():
         network.window.copy_(torch.tensor([1.0, 0.7, 0.2]))
@@ -185,7 +185,7 @@ def test_bands_open_from_coarse_to_fine():
 
 
 def test_fourier_network_begins_as_a_sphere():
-    """One zero in each direction, negative inside; of the radius, up to the luck of the draw (a tenth per layer)."""
+    """One zero in each direction, negative inside, at the radius up to random variation (a tenth per layer)."""
     directions = F.normalize(points(20).float(), dim=1)
     steps = torch.linspace(0.1, 1.7, 41)
     radii = []
@@ -202,8 +202,8 @@ def test_fourier_network_begins_as_a_sphere():
     assert torch.cosine_similarity(gradient, directions).mean() > 0.95
 
 
-def test_bands_that_have_never_been_open_say_nothing():
-    """The beginning is the same function through any window."""
+def test_bands_that_were_never_open_have_no_effect():
+    """The initial function is the same for any window."""
     network, x = FourierNetwork(generator=draw()), points(20).float()
     before = network(x)
     network.window.zero_()
@@ -211,7 +211,7 @@ def test_bands_that_have_never_been_open_say_nothing():
 
 
 def test_window_follows_the_training():
-    """In training it follows the progress; validation, and whoever evaluates the field, leave it."""
+    """In training it follows the progress; validation and evaluation of the field do not change it."""
     field = tiny(Fourier, progressive=0.4).field(draw())
     x = points(8).float()
     batch = Batch(x, 4, F.normalize(x[:4], dim=1), None, 8)
@@ -226,14 +226,14 @@ def test_window_follows_the_training():
     assert at_once.network.window.tolist() == [1, 1]
     loaded = tiny(Fourier, progressive=0.4, load="field.safetensors").field(draw())
     loaded.loss(batch, 0.0)
-    assert loaded.network.window.tolist() == [1, 1]  # what has been learned behind it is not shut out again
+    assert loaded.network.window.tolist() == [1, 1]  # learned bands stay open
 
 
 # -- the grid and its decoders -----------------------------------------------------------------------------------------
 
 
 def test_grid_interpolates_linear_functions_exactly():
-    """Features that are linear in the place of their vertex are linear everywhere, and their slopes constant."""
+    """Features that are linear in the position of their vertex are linear everywhere, with constant slopes."""
     grid = FeatureGrid(3, 1, width=2, generator=draw()).double()
     A = torch.tensor([[1.0, -2.0], [0.5, 3.0], [-1.5, 0.25]], dtype=torch.double)
     start = 0
@@ -268,8 +268,8 @@ def test_grid_samples_like_torch():
     torch.testing.assert_close(grid(x), expected.sum(1))
 
 
-def test_nglod_outside_of_its_box():
-    """The value at the nearest point of the box, and how far that is: a surface that touches the box is closed."""
+def test_nglod_outside_its_box():
+    """The value at the nearest point of the box plus its distance: a surface that touches the box is closed."""
     field = Nglod(levels=2, base=1).field(draw())
     corner, face = torch.tensor([[1.0, -1.0, 1.0]]), torch.tensor([[0.3, 1.0, 0.2]])
     out = torch.tensor([[0.03, -0.04, 0.0]])
@@ -282,7 +282,7 @@ def test_nglod_outside_of_its_box():
 
 @pytest.mark.parametrize("sparse", [False, True])
 def test_levels_of_detail_and_their_gradients(sparse):
-    """Values of each level are those of the field at that level; gradients, and their derivatives, by autograd."""
+    """Values of each level match the field at that level; gradients and their derivatives match autograd."""
     field = NglodField(OrientedLoss(), 3, 1, lod=3, features=4, hidden=16, generator=draw(), sparse=sparse).double()
     field.grid.table.data *= 30
     x = 1.1 * points(40)
@@ -291,7 +291,7 @@ def test_levels_of_detail_and_their_gradients(sparse):
 
     def at(lod):
         def value(x):
-            # Weights by ordinary operations: the sum of a bag cannot be differentiated twice.
+            # Weights by ordinary operations: an embedding bag cannot be differentiated twice.
             rows, u = field.grid._cells(x, lod)
             found = (field.grid.table[rows] * field.grid._weights(u)[..., None]).sum((1, 2))
             inside = x.clamp(-1, 1)
@@ -308,8 +308,8 @@ def test_levels_of_detail_and_their_gradients(sparse):
         assert_same_derivatives(by_hand[lod - 1], by_autograd(at(lod), x), wanted)
 
 
-def test_sparse_adam_moves_the_rows_of_the_batch_alone():
-    """The first step is Adam's for the rows around the points, none for the others; the decoders have plain Adam."""
+def test_sparse_adam_moves_only_the_rows_of_the_batch():
+    """The first step equals Adam for the rows around the points and is zero for others; decoders use plain Adam."""
     x = 0.2 * points(30).float()
     batch = Batch(x, 0, torch.zeros(0, 3), x.norm(dim=1) - 0.5, len(x))
     fields = [Nglod(levels=2, optimizer=kind).field(draw()) for kind in ("dense", "sparse")]
@@ -336,7 +336,7 @@ def test_sparse_adam_moves_the_rows_of_the_batch_alone():
 
 @pytest.mark.parametrize("settings", [{}, {"alpha": 0.3, "bounded": True}, {"attenuate": True, "nu": 0.2}])
 def test_direct_residual_is_a_sum(settings):
-    """The formula of the docstring, and its gradient with chi held, by automatic differentiation."""
+    """The formula of the docstring, and its gradient with constant chi, by automatic differentiation."""
     method = DirectResidual(hidden_layers=1, width=16, sphere=0, **settings)
     field = method.field(draw()).double()
     field.base.mixed = field.residual.mixed = False
@@ -353,7 +353,7 @@ def test_direct_residual_is_a_sum(settings):
     assert_same_derivatives(field.value_and_gradient(x), by_autograd(frozen, x), list(field.parameters()))
 
 
-def test_d_sdf_reads_the_base_at_displaced_points():
+def test_d_sdf_evaluates_the_base_at_displaced_points():
     """The formula, and the gradient against central differences; without gradients everything is detached."""
     form = {"bands": 2, "layers": 2, "width": 16}
     base, warp = ReluNetwork(1, generator=draw(), **form), ReluNetwork(3, generator=draw(1), **form)
@@ -372,8 +372,8 @@ def test_d_sdf_reads_the_base_at_displaced_points():
     assert not quiet[0].requires_grad and not quiet[1].requires_grad
 
 
-def test_relu_network_is_that_of_nerf():
-    """Layer by layer: the encoding again behind the fifth of eight."""
+def test_relu_network_matches_that_of_nerf():
+    """Layer by layer: the encoding is appended again after the fifth of eight."""
     network = ReluNetwork(2, bands=2, width=8, generator=draw()).double()
     x = points(5)
     e = h = torch.cat([x, x.sin(), (2 * x).sin(), x.cos(), (2 * x).cos()], 1)
@@ -398,8 +398,8 @@ def near_sphere() -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", TINY, ids=lambda m: m.__name__)
-def test_each_fits_a_sphere_twice_the_same(method, tmp_path):
-    """To a stated accuracy, in the unit of the frame; again to the bit; and a file gives the same field."""
+def test_each_method_fits_a_sphere_repeatably(method, tmp_path):
+    """To a stated accuracy, in the unit of the frame; repeated bit for bit; and a file gives the same field."""
     path = tmp_path / "field.safetensors"
     run = with_truth()
     field, frame = tiny(method, save=str(path)).fit_to(sphere(), run)
@@ -418,8 +418,8 @@ def test_each_fits_a_sphere_twice_the_same(method, tmp_path):
 
 
 @pytest.mark.parametrize("changes", [{"optimizer": "sparse"}, {"lod": 1}], ids=["sparse", "coarse"])
-def test_nglod_fits_a_sphere_in_other_ways(changes):
-    """With the sparse optimizer; and the coarsest level of detail is a field of its own."""
+def test_nglod_fits_a_sphere_with_other_settings(changes):
+    """With the sparse optimizer; and with the coarsest level of detail, a field of its own."""
     field, frame = tiny(Nglod, **changes).fit_to(sphere(), with_truth())
     x = near_sphere()
     error = np.abs(field.values(x) - sphere_distances(frame.invert(x)) / frame.radius).mean()
@@ -429,7 +429,7 @@ def test_nglod_fits_a_sphere_in_other_ways(changes):
 
 @pytest.mark.parametrize("method", SUPERVISED, ids=lambda m: m.__name__)
 def test_without_truth_the_parameter_to_change_is_named(method):
-    """And with it the method fits oriented points."""
+    """With that parameter the method fits oriented points."""
     with pytest.raises(UsageError, match=r"true distances.*method\.supervision=oriented"):
         tiny(method).fit_to(sphere(), Run())
     field, _ = tiny(method, supervision="oriented", steps=15).fit_to(sphere(), Run())

@@ -33,7 +33,7 @@ def draw(seed: int = 0) -> torch.Generator:
 
 
 def small_network(omega: float = 5.0, seed: int = 0, width: int = 24) -> SineNetwork:
-    """A sine network in double precision: what is tested is the formula, not rounding."""
+    """A sine network in double precision, to test the formula and not rounding."""
     return SineNetwork(omega, hidden_layers=2, width=width, generator=draw(seed), mixed=False).double()
 
 
@@ -52,13 +52,13 @@ def points(count: int, seed: int = 0) -> torch.Tensor:
 
 
 def test_parameter_counts_are_those_of_the_thesis():
-    """Three layers behind the first: 198,657; seven: 461,825; two networks: 397,314."""
+    """Three layers after the first: 198,657; seven: 461,825; two networks: 397,314."""
     assert Siren(sphere=0).field(draw()).count() == 198_657
     assert Siren(sphere=0, hidden_layers=7).field(draw()).count() == 461_825
     assert Idf(sphere=0).field(draw()).count() == 397_314
 
 
-def test_sine_network_is_its_formula():
+def test_sine_network_matches_its_formula():
     """Value by a loop over the layers of the formula."""
     network, x = small_network(), points(7)
     h = x
@@ -70,7 +70,7 @@ def test_sine_network_is_its_formula():
 
 
 def test_gradient_and_its_derivatives_are_those_of_automatic_differentiation():
-    """Gradient by x, and of a loss over value and gradient by x and by every weight, against double backward."""
+    """Gradient by x, and gradients of a loss over both by x and by every weight, against double backward."""
     network, x = small_network(), points(40).requires_grad_()
     f, g = network.value_and_gradient(x)
     f_auto = network(x)
@@ -88,7 +88,7 @@ def test_gradient_and_its_derivatives_are_those_of_automatic_differentiation():
 
 
 def test_frozen_weights_get_no_gradient_but_points_do():
-    """A frozen base hands the gradient on to where it was evaluated."""
+    """A frozen base passes the gradient on to the points of evaluation."""
     network, x = small_network().requires_grad_(False), points(5).requires_grad_()
     f, g = network.value_and_gradient(x)
     (f.sum() + g.square().sum()).backward()
@@ -96,8 +96,8 @@ def test_frozen_weights_get_no_gradient_but_points_do():
     assert all(p.grad is None for p in network.parameters())
 
 
-def test_reduced_precision_reaches_the_backward_pass_alone():
-    """Values and gradients are those of full precision to the bit; what the weights get differs by rounding at most."""
+def test_reduced_precision_affects_only_the_backward_pass():
+    """Values and spatial gradients have full precision bit for bit; gradients of weights differ by rounding at most."""
     full, mixed = (SineNetwork(15, generator=draw(), mixed=m) for m in (False, True))
     x = points(512).float()
     results = []
@@ -113,7 +113,7 @@ def test_reduced_precision_reaches_the_backward_pass_alone():
 
 @pytest.mark.parametrize("omega", [15.0, 60.0])
 def test_initial_weights_have_the_published_ranges(omega):
-    """First layer U(+-1/3), others U(+-sqrt(6/256)/omega), biases U(+-1/sqrt(fan in)): range and variance."""
+    """Range and variance: first layer U(+-1/3), others U(+-sqrt(6/256)/omega), biases U(+-1/sqrt(fan in))."""
     network = SineNetwork(omega, generator=draw())
     bounds = [1 / 3, *[math.sqrt(6 / 256) / omega] * 4]
     for weight, bound in zip(network.weights, bounds, strict=True):
@@ -132,7 +132,7 @@ def test_initial_weights_have_the_published_ranges(omega):
 
 
 def test_displaced_gradient_is_that_of_the_frozen_normal_form():
-    """Central differences of f^ with n and chi held as they are at x; and f^ itself by its formula."""
+    """Central differences of f^ with n and chi fixed at their values at x; and f^ itself by its formula."""
     field, x = small_field(negligible=0.0), points(20)
     with torch.no_grad():
         f_hat, gradient = field.value_and_gradient(x)
@@ -158,7 +158,7 @@ def test_displacement_is_bounded_and_attenuated():
     """|d| < alpha chi everywhere; chi is 1 at the base, 1/2 at nu, and falls with the fourth power."""
     field = small_field(negligible=0.0)
     with torch.no_grad():
-        field.displacement.weights[-1] *= 1e3  # as large as it may get
+        field.displacement.weights[-1] *= 1e3  # as large as possible
         f, d = field.parts(points(2000))
     chi = attenuation(f, 0.3)
     assert (d.abs() <= 0.1 * chi).all() and d.abs().max() > 0.09
@@ -168,7 +168,7 @@ def test_displacement_is_bounded_and_attenuated():
 
 @pytest.mark.parametrize(("bounded", "nu"), [(False, 0.3), (True, 0.0), (False, 0.0)])
 def test_components_can_be_switched_off(bounded, nu):
-    """Without tanh, d is linear in the network's output; without nu nothing is attenuated."""
+    """Without tanh, d is linear in the output of the network; without nu nothing is attenuated."""
     field, x = small_field(bounded=bounded, nu=nu), points(50)
     with torch.no_grad():
         f, d = field.parts(x)
@@ -179,7 +179,7 @@ def test_components_can_be_switched_off(bounded, nu):
 
 @pytest.mark.parametrize("t", [0.0, 0.35, 0.9])
 def test_skipping_points_changes_gradients_only_where_chi_is_negligible(t):
-    """The loss's gradients with and without the skip differ by no more than what the skipped points could move."""
+    """Gradients of the loss with and without the skip differ by at most the effect of the skipped points."""
     gradients = []
     x = points(400)
     for negligible in (1e-3, 0.0):
@@ -195,8 +195,8 @@ def test_skipping_points_changes_gradients_only_where_chi_is_negligible(t):
         assert (skipped - whole).norm() <= 0.02 * whole.norm() + 1e-9
 
 
-def test_a_frozen_base_is_not_moved():
-    """In the released schedule's second half the base keeps its weights to the bit, the displacement learns."""
+def test_a_frozen_base_does_not_change():
+    """In the second half of the released schedule the base keeps its weights exactly; the displacement learns."""
     field = small_field()
     before = {name: p.detach().clone() for name, p in field.named_parameters()}
     sampler = SimpleNamespace(draw=lambda: Batch(points(40), 20, points(20, 1), None, 40))
@@ -216,7 +216,7 @@ def test_loss_is_the_sum_of_its_terms_over_all_points():
     """Eq. 4.4 by a loop over the points."""
     loss = OrientedLoss(surface=7, space=5, eikonal=3, normal=2)
     f, g, normals = points(6)[:, 0], points(6, 1), torch.nn.functional.normalize(points(4, 2), dim=1)
-    batch = Batch(points(6), 4, normals, None, 12)  # half of a step of 12
+    batch = Batch(points(6), 4, normals, None, 12)  # half of a step of 12 points
     total = 0.0
     for i in range(6):
         total += 3 * abs(g[i].norm() - 1)
@@ -239,7 +239,7 @@ def test_loss_is_the_sum_of_its_terms_over_all_points():
     ],
 )
 def test_released_schedule(t, base_loss, loss, base_rate, rate):
-    """Base alone, half and half amid the blend, base frozen, and the displacement's rate down to a tenth."""
+    """Base alone, half and half in mid-blend, base frozen, and the rate of the displacement down to a tenth."""
     now = stage(t, "released")
     assert (now.base_loss, now.loss, now.base_rate) == pytest.approx((base_loss, loss, base_rate))
     assert now.rate == pytest.approx(rate)
@@ -256,8 +256,8 @@ def test_thesis_schedule():
     assert stage(0.1, "thesis").rate == 0
 
 
-def test_chunks_are_the_batch():
-    """Parts cover a batch once, surface points first, and their losses add up to the whole's."""
+def test_chunks_make_up_the_batch():
+    """Chunks cover a batch once, surface points first, and their losses add up to that of the batch."""
     sampler = Sampler(np.eye(3), np.eye(3), 50, draw())
     batch = sampler.draw()
     parts = list(batch.chunks(24))
@@ -269,8 +269,8 @@ def test_chunks_are_the_batch():
     torch.testing.assert_close(sum(loss(*network.value_and_gradient(p.x), p) for p in parts), whole)
 
 
-def test_batches_are_half_surface_half_space():
-    """Surface points come from the cloud with their normals, the others fill the box evenly."""
+def test_batches_are_half_surface_and_half_space():
+    """Surface points come from the cloud with their normals; the others fill the box uniformly."""
     rng = np.random.default_rng(0)
     cloud, normals = rng.normal(size=(2, 500, 3)).astype(np.float32)
     batch = Sampler(cloud, normals, 4000, draw()).draw()
@@ -284,7 +284,7 @@ def test_batches_are_half_surface_half_space():
 
 
 def test_distances_belong_to_their_points():
-    """Every point of a batch comes with the distance that the function gave it; two fifths lie on the surface."""
+    """Every point of a batch has the distance given by the function; two fifths lie on the surface."""
     rng = np.random.default_rng(0)
     cloud = rng.normal(size=(300, 3))
     cloud /= np.linalg.norm(cloud, axis=1, keepdims=True)
@@ -295,7 +295,7 @@ def test_distances_belong_to_their_points():
     np.testing.assert_allclose(batch.normals, batch.x[:800], atol=1e-6)
 
 
-def test_points_with_distances_are_drawn_anew_when_asked():
+def test_points_with_distances_are_redrawn_on_request():
     asked = []
 
     def distances(x):
@@ -304,7 +304,7 @@ def test_points_with_distances_are_drawn_anew_when_asked():
 
     cloud = np.eye(3)
     sampler = DistanceSampler(cloud, cloud, 10, draw(), distances, count=50, redraw=2)
-    batches = [sampler.draw() for _ in range(5)]  # from three draws: two batches each, and the fifth
+    batches = [sampler.draw() for _ in range(5)]  # from three draws: two batches each, and one
     assert len(asked) == 3 and all(len(x) == 50 for x in asked)
     for i, batch in enumerate(batches):
         near, known = batch.x[batch.on :].double().numpy(), asked[i // 2]
@@ -319,7 +319,7 @@ def test_points_with_distances_are_drawn_anew_when_asked():
 
 
 class Parabola(Field):
-    """One number that is drawn to 3; its loss can be spoilt."""
+    """One number whose optimum is 3; its loss can become NaN."""
 
     def __init__(self, spoilt_from: float = 2.0):
         super().__init__()
@@ -327,15 +327,15 @@ class Parabola(Field):
         self.spoilt_from = spoilt_from
 
     def loss(self, batch: Batch, t: float) -> torch.Tensor:
-        """Not a number from some t on."""
+        """The loss, NaN from a given t on."""
         return ((self.number - 3) ** 2).sum() * (math.nan if t >= self.spoilt_from and torch.is_grad_enabled() else 1)
 
 
 NOTHING = SimpleNamespace(draw=lambda: Batch(torch.zeros(2, 3), 1, torch.zeros(1, 3), None, 2))
 
 
-def test_training_goes_to_its_minimum_and_says_how_far_it_is():
-    """The steps are counted, and progress grows to its end."""
+def test_training_reaches_its_minimum_and_reports_progress():
+    """The steps are counted, and progress grows to 1."""
     said = []
     run = Run(on_progress=lambda done, total: said.append(done / total))
     field = Parabola()
@@ -345,7 +345,7 @@ def test_training_goes_to_its_minimum_and_says_how_far_it_is():
 
 
 def test_the_best_state_is_kept():
-    """A training that leaves its optimum returns to it."""
+    """A training that leaves its optimum returns the best state."""
 
     class Worse(Parabola):
         def rates(self, t):
@@ -362,8 +362,8 @@ def test_the_best_state_is_kept():
     assert field.number.item() == pytest.approx(3, abs=0.2)
 
 
-def test_the_mean_of_the_last_states_is_kept_and_offered():
-    """The mean of a number that jumps to and fro, in closed form; the training goes on from the number itself."""
+def test_the_mean_of_the_last_states_is_returned_and_traced():
+    """The mean of a number that alternates, in closed form; the training continues from the number itself."""
 
     class Jumping(Parabola):
         def loss(self, batch, t):
@@ -383,21 +383,21 @@ def test_the_mean_of_the_last_states_is_kept_and_offered():
     states, offered, field = [], [], Jumping()
     training = Training(steps=300, learning_rate=0.5, traces=3, keep="mean")
     fit(field, NOTHING, Run(), training, lambda: offered.append((len(states), field.number.item())))
-    after = [*states[1:], 0.0]  # each step's end is the next one's begin
+    after = [*states[1:], 0.0]  # the end of a step is the start of the next one
     assert set(states) == {0.0, -0.5} and len(offered) == 2
     for count, value in (*offered, (300, field.number.item())):
         assert value == pytest.approx(mean_of(after[:count]), abs=1e-6)
         assert value == pytest.approx(-0.25, abs=0.03)
 
 
-def test_a_loss_that_is_not_finite_is_a_clear_error():
-    """It says after how many steps, and what to try."""
+def test_a_loss_that_is_not_finite_is_reported():
+    """The error gives the number of steps, and advice."""
     with pytest.raises(Diverged, match=r"diverged: the loss is nan after 50 of 100 steps.*learning_rate"):
         fit(Parabola(spoilt_from=0.5), NOTHING, Run(), Training(steps=100, learning_rate=1e-3))
 
 
 def test_progress_follows_steps_as_long_as_they_fit():
-    """With time to spare t is a function of the steps alone."""
+    """With time to spare, t depends on the steps alone."""
     clock = Clock()
     progress = Progress(10, clock, 1e6)
     for i in range(10):
@@ -408,7 +408,7 @@ def test_progress_follows_steps_as_long_as_they_fit():
 
 
 class Clock:
-    """Stands still until it is told."""
+    """A clock that only moves when it is set."""
 
     now = 100.0
 
@@ -417,8 +417,8 @@ class Clock:
 
 
 @pytest.mark.parametrize("steps_in_time", [3, 6, 20, 1000])
-def test_a_schedule_is_run_through_however_few_steps_there_is_time_for(steps_in_time):
-    """Without jumps: where time is very short even the first step tells the speed."""
+def test_a_schedule_is_completed_even_if_there_is_time_for_few_steps(steps_in_time):
+    """Without jumps: if time is very short, the first step gives the speed."""
     clock, seen = Clock(), [0.0]
     progress = Progress(10**6, clock, steps_in_time * 2.0)
     while progress.t < 1:
@@ -429,8 +429,8 @@ def test_a_schedule_is_run_through_however_few_steps_there_is_time_for(steps_in_
     assert np.diff(seen).max() < 2.5 / steps_in_time + 0.01 if steps_in_time > 6 else np.diff(seen).max() < 0.7
 
 
-def test_a_pause_of_the_clock_does_not_hurry_a_training():
-    """While true distances are drawn anew the run's clock stands still."""
+def test_a_pause_of_the_clock_does_not_shorten_a_training():
+    """The clock of the run is paused while true distances are redrawn."""
 
     class Pausing(Parabola):
         def loss(self, batch, t):
@@ -444,7 +444,7 @@ def test_a_pause_of_the_clock_does_not_hurry_a_training():
     assert fit(Pausing(), NOTHING, run, Training(steps=12, seconds=1.5, learning_rate=1e-3)).steps == 12
 
 
-def test_a_loaded_field_begins_where_its_schedule_does():
+def test_a_loaded_field_begins_at_its_place_in_the_schedule():
     seen = []
 
     class Listening(Parabola):
@@ -457,8 +457,8 @@ def test_a_loaded_field_begins_where_its_schedule_does():
     assert Idf().begin_on_load == 0.5 and stage(0.5, "released").base_rate == 0
 
 
-def test_a_schedule_runs_to_its_end_in_the_time_there_is():
-    """A million steps in a second: every part of the schedule is met, and it ends in time."""
+def test_a_schedule_is_completed_within_the_time_limit():
+    """A million steps in a second: every part of the schedule is reached, and it ends in time."""
     seen = []
 
     class Slow(Parabola):
@@ -473,8 +473,8 @@ def test_a_schedule_runs_to_its_end_in_the_time_there_is():
     assert np.diff(sorted(seen)).max() < 0.5 and max(seen) > 0.8
 
 
-def test_intermediate_results_are_offered():
-    """As often as was asked for, and before the end."""
+def test_intermediate_results_are_traced():
+    """As often as requested, and before the end."""
     offered = []
     fit(Parabola(), NOTHING, Run(), Training(steps=100, learning_rate=1e-3, traces=5), lambda: offered.append(1))
     assert len(offered) == 4
@@ -500,12 +500,12 @@ def torus(count: int = 8000) -> PointCloud:
     return PointCloud(0.7 * ring + 0.3 * n, n)
 
 
-# The smallest form whose sphere is shipped.
+# The smallest network whose initial sphere is shipped.
 SMALL = {"omega": 5.0, "width": 96, "batch": 256, "resolution": 24, "learning_rate": 1e-3}
 
 
 def test_a_torus_is_fitted_by_both():
-    """Every vertex within 0.05 of the torus, 0.01 on average, closed, with its one handle."""
+    """Every vertex is within 0.05 of the torus, 0.01 on average; the mesh is closed, of genus 1."""
     for method in (Siren(steps=150, **SMALL), Idf(steps=150, omega_detail=15, **SMALL)):
         run = Run(seed=1)
         mesh = method.reconstruct(torus(), run)
@@ -516,15 +516,15 @@ def test_a_torus_is_fitted_by_both():
         assert run.parameters == method.field(draw()).count()
 
 
-def test_a_sphere_anywhere_of_any_size():
+def test_a_sphere_at_any_position_of_any_size():
     """The result is in the coordinates of the input."""
     mesh = Siren(steps=80, **SMALL).reconstruct(ball(radius=20.0), Run(seed=1))
     distance = np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) - 20
     assert np.abs(distance).mean() < 0.5 and mesh.is_watertight
 
 
-def test_the_same_seed_gives_the_same_mesh_and_another_seed_another():
-    """To the bit."""
+def test_the_same_seed_gives_the_same_mesh_and_another_seed_does_not():
+    """Bit for bit."""
     method = Siren(steps=5, **SMALL)
     first, again, other = (method.reconstruct(ball(), Run(seed=s)) for s in (1, 1, 2))
     np.testing.assert_array_equal(first.vertices, again.vertices)
@@ -532,7 +532,7 @@ def test_the_same_seed_gives_the_same_mesh_and_another_seed_another():
 
 
 def test_a_saved_field_is_the_same_field(tmp_path):
-    """Through a safetensors file, to the bit."""
+    """Through a safetensors file, bit for bit."""
     form = SMALL | {"omega_detail": 15.0, "resolution": 16}
     method = Idf(steps=5, save=str(tmp_path / "ball.safetensors"), **form)
     mesh = method.reconstruct(ball(), Run(seed=1))
@@ -540,8 +540,8 @@ def test_a_saved_field_is_the_same_field(tmp_path):
     np.testing.assert_array_equal(mesh.vertices, again.vertices)
 
 
-def test_a_field_is_loaded_by_what_saved_it_alone(tmp_path):
-    """The same weights make another function with another omega, although nothing else would tell."""
+def test_a_field_is_loaded_only_by_the_method_and_settings_that_saved_it(tmp_path):
+    """The same weights with another omega are another function, although nothing else would show it."""
     method = Idf(steps=1, **SMALL)
     path = tmp_path / "ball.safetensors"
     files.save(method.field(draw()), path, method.name, method.form(), ball().points)
@@ -563,21 +563,21 @@ def test_a_field_is_loaded_by_what_saved_it_alone(tmp_path):
         files.saved_as(path)
 
 
-def test_the_time_for_a_surface_is_told_by_its_area_which_may_be_far_more_than_its_box():
+def test_the_time_for_a_surface_is_estimated_from_its_area():
     rng = np.random.default_rng(0)
     points = rng.normal(size=(50_000, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
-    assert area_about(points) == pytest.approx(24, rel=0.01)  # the box of the unit sphere, whose area is 12.6
+    assert area_about(points) == pytest.approx(24, rel=0.01)  # of the box; the area of the unit sphere is 12.6
     floors = rng.uniform(-1, 1, (300_000, 3))
     floors[:, 2] = np.round(5 * floors[:, 2]) / 5
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     for turned in (floors, floors @ turn.T):
         assert 44 * 0.9 < area_about(turned) < 44 * 1.8  # eleven floors of area 4
-    assert seconds_to_extract(None, points, 256, Run()) == 0  # nothing is measured where there is no limit
+    assert seconds_to_extract(None, points, 256, Run()) == 0  # nothing is measured without a time limit
 
 
-def test_a_surface_that_would_take_too_long_leaves_half_of_the_time_to_the_training():
-    """A machine that was busy for a moment must not cost the training nearly all of it."""
+def test_a_surface_that_takes_too_long_leaves_half_of_the_time_for_training():
+    """A machine that is busy for a moment must not take nearly all the time from the training."""
 
     class Slow:
         def values(self, points):
@@ -590,8 +590,8 @@ def test_a_surface_that_would_take_too_long_leaves_half_of_the_time_to_the_train
     assert 2 < reserve(Slow(), points, 64, Run(seconds=100.0)) < 20
 
 
-def test_the_time_is_told_where_a_field_does_most():
-    """Before its training IDF displaces what is near a sphere of half the radius, and nothing elsewhere."""
+def test_the_time_is_measured_where_a_field_is_slowest():
+    """Before its training IDF displaces points near a sphere of half the radius, and none elsewhere."""
 
     class Two:
         def values(self, points):
@@ -602,15 +602,15 @@ def test_the_time_is_told_where_a_field_does_most():
     assert seconds_to_extract(Two(), points, 512, Run(seconds=100.0)) > 100
 
 
-def test_a_file_that_cannot_be_written_is_told_before_the_training(tmp_path):
+def test_a_file_that_cannot_be_written_is_refused_before_the_training(tmp_path):
     for path in (tmp_path / "missing" / "field.safetensors", tmp_path):
         run = Run()
         with pytest.raises(BadInput, match=r"method.save=.*(no folder|cannot be written)"):
             Siren(steps=10**6, save=str(path), **SMALL).reconstruct(ball(), run)
 
 
-def test_a_training_never_leaves_a_loaded_field_worse_than_it_was(tmp_path):
-    """On the batch by which states are compared; with a rate that spoils everything it stays as it was."""
+def test_a_training_never_makes_a_loaded_field_worse(tmp_path):
+    """On the batch by which states are compared; with a far too large learning rate the field does not change."""
     path = str(tmp_path / "field.safetensors")
     fitted, _ = Siren(steps=100, save=path, **SMALL).fit_to(ball(), Run(seed=1))
     run = Run(seed=2)
@@ -620,7 +620,7 @@ def test_a_training_never_leaves_a_loaded_field_worse_than_it_was(tmp_path):
         assert torch.equal(tensor, spoilt.state_dict()[name])
 
 
-def test_a_loaded_field_is_trained_by_the_clock_too(tmp_path):
+def test_a_loaded_field_can_be_trained_for_a_time(tmp_path):
     path = str(tmp_path / "field.safetensors")
     Siren(steps=1, save=path, **SMALL).fit_to(ball(), Run(seed=1))
     said = []
@@ -629,8 +629,8 @@ def test_a_loaded_field_is_trained_by_the_clock_too(tmp_path):
     assert len(said) >= 2
 
 
-def test_a_field_among_other_points_than_its_own_says_so(tmp_path):
-    """It lives in their frame: of a cropped cloud the surface would be moved and scaled."""
+def test_a_field_loaded_for_other_points_is_reported(tmp_path):
+    """A field is in the frame of its points: for a cropped cloud the surface would be moved and scaled."""
     path = str(tmp_path / "field.safetensors")
     cloud = ball()
     method = Siren(steps=50, save=path, **SMALL)
@@ -645,8 +645,8 @@ def test_a_field_among_other_points_than_its_own_says_so(tmp_path):
     assert "was fitted to other points: their boxes differ by" in run.notes[0]
 
 
-def test_a_training_that_the_limit_cuts_short_says_so():
-    """Of steps, and of seconds; and where there was time for next to nothing."""
+def test_a_training_that_the_time_limit_cuts_short_is_reported():
+    """For a number of steps, for a number of seconds, and for hardly any time."""
     run = Run(seed=1, seconds=2.0)
     Siren(steps=10**6, **SMALL).reconstruct(ball(), run)
     assert re.fullmatch(r"trained for [\d,]+ of 1,000,000 steps: limit.seconds=2 is too short", run.notes[0])
@@ -661,7 +661,7 @@ def test_a_training_that_the_limit_cuts_short_says_so():
     assert not run.notes
 
 
-def test_of_very_many_points_without_normals_a_part_is_used(monkeypatch):
+def test_of_very_many_points_without_normals_a_subset_is_used(monkeypatch):
     monkeypatch.setattr("bench.methods.learned.fitting.fitted.MOST_ESTIMATED", 1000)
     run = Run(seed=1)
     mesh = Siren(steps=30, **SMALL).reconstruct(PointCloud(ball().points), run)
@@ -672,8 +672,8 @@ def test_of_very_many_points_without_normals_a_part_is_used(monkeypatch):
     assert not run.notes
 
 
-def test_a_sphere_is_made_off_the_clock_once(tmp_path, monkeypatch):
-    """By ``prepare``, which the engine calls before the call that it measures; kept on the disk and in the process."""
+def test_an_initial_sphere_is_fitted_once_outside_the_measured_time(tmp_path, monkeypatch):
+    """By ``prepare``, which the engine calls before the measured call; cached on disk and in the process."""
     from bench.methods.learned.networks import sphere
 
     made = []
@@ -698,8 +698,8 @@ def test_a_sphere_is_made_off_the_clock_once(tmp_path, monkeypatch):
     assert len(made) == 2
 
 
-def test_a_surface_for_which_there_is_no_time_is_coarser_and_says_so():
-    """At the limit already: the base level of 32 cells, and a note for the row."""
+def test_a_surface_without_enough_time_is_coarser_and_reported():
+    """With the time limit already reached: the base level of 32 cells, and a note for the row."""
     run = Run(seconds=0.0)
     mesh = Siren(steps=1, **SMALL | {"resolution": 129}).reconstruct(ball(), run)
     assert mesh.metadata["coarser"] == 4
@@ -710,16 +710,16 @@ def test_a_surface_for_which_there_is_no_time_is_coarser_and_says_so():
 
 
 def test_a_short_limit_still_gives_a_surface():
-    """A run of few seconds stops in time, with what it has."""
+    """A run of a few seconds stops in time with its current result."""
     run = Run(seed=1, seconds=10.0)
     mesh = Siren(steps=10**6, **SMALL).reconstruct(ball(), run)
     assert run.elapsed() < 10
     distance = np.linalg.norm(mesh.vertices - [5, 0, 0], axis=1) - 1
-    assert np.abs(distance).mean() < 0.3  # it began as a sphere of half the radius
+    assert np.abs(distance).mean() < 0.3  # initially a sphere of half the radius
 
 
-def test_intermediate_results_come_as_meshes_that_improve():
-    """Traces are scored in order; the mean distance falls."""
+def test_intermediate_results_are_meshes_that_improve():
+    """Traces come in order; the mean distance falls."""
     traced = []
     run = Run(seed=1, on_trace=lambda output, seconds: traced.append((seconds, output())))
     Siren(steps=60, traces=3, **SMALL | {"resolution": 16}).reconstruct(ball(), run)
@@ -732,12 +732,12 @@ def test_intermediate_results_come_as_meshes_that_improve():
     [({"steps": 0}, "steps"), ({"alpha": 0.0}, "alpha"), ({"resolution": 8}, "resolution"), ({"batch": 0}, "batch")],
 )
 def test_wrong_parameters_are_refused(change, message):
-    """By name."""
+    """By their names."""
     with pytest.raises(ValueError, match=message):
         Idf(**change)
 
 
 def test_too_few_points_are_refused():
-    """With the method's name."""
+    """With the name of the method."""
     with pytest.raises(BadInput, match="idf"):
         Idf().reconstruct(PointCloud(np.eye(3), np.eye(3)), Run())

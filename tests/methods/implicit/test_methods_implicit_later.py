@@ -57,7 +57,7 @@ def directions(count: int, seed: int = 0) -> np.ndarray:
 
 
 def ball(count: int = 2000, normals: bool = True) -> PointCloud:
-    """Points of a sphere that is neither at the origin nor of radius 1."""
+    """Points of a sphere that is not at the origin and not of radius 1."""
     n = directions(count)
     return PointCloud(CENTER + RADIUS * n, n if normals else None)
 
@@ -71,7 +71,7 @@ def deviation(mesh) -> float:
 
 
 def same(a, b) -> bool:
-    """The same bits."""
+    """Whether two meshes are equal bit for bit."""
     return np.array_equal(a.vertices, b.vertices) and np.array_equal(a.faces, b.faces)
 
 
@@ -101,7 +101,7 @@ def row_of(grid: HashGrid, level: int, node: tuple[int, int, int]) -> int:
 
 
 def test_levels_are_dense_where_they_fit():
-    """Geometric growth; no two nodes share a row in a dense level, all rows are in reach in a hashed one."""
+    """Geometric growth; in a dense level no two nodes share a row; in a hashed one every row is used."""
     grid = small_grid()
     assert grid.cells == [2, 4, 8, 16]
     assert grid.rows == [27, 125, 128, 128]
@@ -114,7 +114,7 @@ def test_levels_are_dense_where_they_fit():
     assert HashGrid(12, 2**15, 8, 256).cells[::11] == [8, 256]
 
 
-def test_interpolation_is_a_loop_over_the_corners():
+def test_interpolation_matches_a_loop_over_the_corners():
     """Value at points, against nested loops."""
     grid, x = small_grid(), inside(20)
     expected = torch.zeros(2, 4, len(x), dtype=torch.double)
@@ -126,11 +126,11 @@ def test_interpolation_is_a_loop_over_the_corners():
             expected[:, level, k] += weight * grid.table[:, row_of(grid, level, node)].detach()
     torch.testing.assert_close(grid(x), expected.flatten(0, 1))
     torch.testing.assert_close(grid.with_derivatives(x)[0], expected.flatten(0, 1))
-    torch.testing.assert_close(grid(x * 10), grid((x * 10).clamp(-1, 1)))  # outside: the nearest point's
+    torch.testing.assert_close(grid(x * 10), grid((x * 10).clamp(-1, 1)))  # outside: as at the nearest point
 
 
-def test_derivatives_are_those_of_the_interpolation():
-    """By x against differences; by the table against the linear map that interpolation is."""
+def test_derivatives_match_the_interpolation():
+    """By x against differences; by the table against the interpolation, which is linear in it."""
     grid, x = small_grid(), inside(50)
     values, slopes = grid.with_derivatives(x)
     for axis, step in enumerate(1e-6 * torch.eye(3, dtype=torch.double)):
@@ -191,7 +191,7 @@ def test_hash_parameters_are_counted():
 
 
 def test_hash_begins_as_a_sphere():
-    """Of the radius that was asked for, outside positive, with normals."""
+    """Of the requested radius, positive outside, with outward gradients."""
     field = HashSdf(sphere=0.4).field(draw())
     n = torch.as_tensor(directions(100), dtype=torch.float32)
     f, gradient = field.value_and_gradient(0.4 * n)
@@ -202,7 +202,7 @@ def test_hash_begins_as_a_sphere():
 
 
 def test_guesses_of_distances_have_the_right_sign():
-    """Of a sphere whose points are four times as dense on one side: distance to it, or unknown near it."""
+    """For a sphere whose points are four times as dense on one side: the distance, or unknown near the surface."""
     n = directions(8000)
     n = n[(n[:, 2] > 0) | (np.arange(len(n)) % 4 == 0)]
     guided = GuidedSampler(0.6 * n, n, 64, draw())
@@ -220,9 +220,9 @@ def test_guesses_of_distances_have_the_right_sign():
     assert (batch.distances[:64] == 0).all()
 
 
-def test_guidance_gives_space_its_sign_and_is_silent_where_it_knows_nothing():
-    """A wrong sign in space: Eq. 4.4 drives f farther from zero on the wrong side, guesses bring it back."""
-    f = torch.tensor([0.0, -0.01, -0.01, 0.01], requires_grad=True)  # one point of the surface, three of the space
+def test_guidance_corrects_the_sign_in_space_and_ignores_unknown_points():
+    """With a wrong sign in space, Eq. 4.4 drives f further from zero on the wrong side; guesses correct it."""
+    f = torch.tensor([0.0, -0.01, -0.01, 0.01], requires_grad=True)  # one point on the surface, three in space
     gradient, normals = torch.tensor([[0.0, 0.0, 1.0]]).expand(4, 3), torch.tensor([[0.0, 0.0, 1.0]])
     batch = Batch(torch.zeros(4, 3), 1, normals, torch.tensor([0.0, 0.5, torch.nan, -0.5]), 4)
     loss = OrientedLoss()
@@ -234,7 +234,7 @@ def test_guidance_gives_space_its_sign_and_is_silent_where_it_knows_nothing():
 
 
 @pytest.mark.parametrize("method", [Siren, Idf, Fourier, HashSdf])
-def test_guidance_ends_when_it_is_told_to(method):
+def test_guidance_ends_at_its_share_of_the_training(method):
     n = directions(400)
     field = method(guided=0.3).field(draw())
     batch = GuidedSampler(0.6 * n, n, 64, draw()).draw()
@@ -244,7 +244,7 @@ def test_guidance_ends_when_it_is_told_to(method):
         assert field.loss(batch, 0.3) == field.loss(plain, 0.3)
 
 
-def test_the_sphere_is_a_part_of_a_saved_hash_field(tmp_path):
+def test_a_saved_hash_field_stores_its_sphere(tmp_path):
     path = str(tmp_path / "ball.safetensors")
     saved = quick_hash(steps=1, sphere=0.4, resolution=16, save=path)
     saved.reconstruct(ball(), Run(seed=1))
@@ -253,7 +253,7 @@ def test_the_sphere_is_a_part_of_a_saved_hash_field(tmp_path):
 
 
 def quick_hash(**changes) -> HashSdf:
-    """Small, for tests."""
+    """A small field, for tests."""
     settings = {
         "steps": 120,
         "batch": 256,
@@ -266,8 +266,8 @@ def quick_hash(**changes) -> HashSdf:
     return HashSdf(**settings | changes)
 
 
-def test_hash_fits_a_sphere_the_same_each_time():
-    """To half a per cent of the radius, and to the bit."""
+def test_hash_fits_a_sphere_repeatably():
+    """To half a per cent of the radius, and bit for bit."""
     assert deviation(quick_hash().reconstruct(ball(), Run(seed=1))) < 0.005
     assert same(*(quick_hash(steps=10).reconstruct(ball(), Run(seed=1)) for _ in range(2)))
 
@@ -276,7 +276,7 @@ def test_hash_fits_a_sphere_the_same_each_time():
 
 
 def test_heat_is_the_energy_of_the_screened_poisson_equation():
-    """(|grad h|^2 + lambda^2 h^2) / (2 lambda^2) of h = exp(-lambda |f|), by automatic differentiation."""
+    """(|grad h|^2 + lambda^2 h^2) / (2 lambda^2) for h = exp(-lambda |f|), by automatic differentiation."""
     network = SineNetwork(5.0, hidden_layers=1, width=16, generator=draw(), mixed=False).double()
     x = inside(40).requires_grad_()
     h = torch.exp(-7 * network(x).abs())
@@ -285,7 +285,7 @@ def test_heat_is_the_energy_of_the_screened_poisson_equation():
     torch.testing.assert_close(heat(*network.value_and_gradient(x), 7.0), expected)
 
 
-def test_hotspot_loss_is_its_formula():
+def test_hotspot_loss_matches_its_formula():
     """Four terms over all points of the step; the absorption grows by equal factors; chunks add up."""
     network = SineNetwork(5.0, hidden_layers=1, width=16, generator=draw())
     field = HeatField(network, surface=3.0, eikonal=0.5, heat=2.0, absorption=(4.0, 36.0))
@@ -305,13 +305,13 @@ def test_hotspot_loss_is_its_formula():
 
 
 def quick_hotspot(**changes) -> Hotspot:
-    """Small, for tests, and of a form whose sphere is shipped."""
+    """A small field, for tests, whose initial sphere is shipped."""
     settings = {"steps": 120, "batch": 256, "width": 96, "omega": 5.0, "learning_rate": 5e-4, "resolution": 32}
     return Hotspot(**settings | changes)
 
 
 def test_hotspot_fits_a_sphere_without_normals():
-    """To one per cent of the radius; normals, also wrong ones, change nothing; outside is positive."""
+    """To one per cent of the radius; normals, even wrong ones, change nothing; outside is positive."""
     assert deviation(quick_hotspot().reconstruct(ball(normals=False), Run(seed=1))) < 0.01
     cloud, short = ball(), quick_hotspot(steps=10)
     wrong = PointCloud(cloud.points, -cloud.normals)
@@ -322,7 +322,7 @@ def test_hotspot_fits_a_sphere_without_normals():
 
 
 def test_poisson_of_a_known_function():
-    """The gradient of a sum of waves has that sum as its solution, where it is not smoothed."""
+    """The solution for the gradient of a sum of waves is that sum, or its smoothed form."""
     r = 16
     u = torch.arange(r, dtype=torch.double) / r * 2 * math.pi
     x, y, z = torch.meshgrid(u, u, u, indexing="ij")
@@ -338,7 +338,7 @@ def test_poisson_of_a_known_function():
 
 
 def test_spreading_is_the_transpose_of_interpolation():
-    """<spread(v), c> = <v, interpolate(c)>; linear functions are interpolated exactly; sums are kept."""
+    """<spread(v), c> = <v, interpolate(c)>; linear functions are interpolated exactly; sums are preserved."""
     places = torch.rand(50, 3, generator=draw(), dtype=torch.double) * 7
     values = torch.randn(50, 2, generator=draw(), dtype=torch.double)
     lattice = torch.randn(8, 8, 8, generator=draw(), dtype=torch.double)
@@ -353,7 +353,7 @@ def test_spreading_is_the_transpose_of_interpolation():
 
 @pytest.mark.parametrize("uneven", [False, True])
 def test_indicator_of_a_sphere(uneven):
-    """Half a unit outside, minus half inside; three cells from the surface, to a few hundredths."""
+    """1/2 outside and -1/2 inside, to a few hundredths, farther than three cells from the surface."""
     n = directions(30_000)
     if uneven:
         n = n[(n[:, 0] > 0) | (np.arange(len(n)) % 4 == 0)]
@@ -371,7 +371,7 @@ def test_indicator_of_a_sphere(uneven):
 
 
 def test_vertices_follow_the_surface():
-    """Of f = |x - c| - r: on the sphere; a change of chi moves them as the implicit function says."""
+    """For f = |x - c| - r: on the sphere; a change of chi moves them as the implicit function theorem states."""
     r = 24
     axis = torch.arange(r, dtype=torch.double)
     x = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1) - 11.3
@@ -381,7 +381,7 @@ def test_vertices_follow_the_surface():
     assert (p.norm(dim=1) - 7).abs().max() < 0.02
     assert torch.cosine_similarity(gradient, p).min() > 0.99
     assert values.abs().max() < 1e-9
-    # The mean of |p|^2 over the vertices falls by 2 |p| for each unit that chi is raised: the radius falls with it.
+    # The mean of |p|^2 over the vertices falls by 2 |p| per unit added to chi, because the radius falls.
     pull(values, gradient, 2 * p / len(p)).backward()
     assert float(chi.grad.sum()) == pytest.approx(-2 * 7, rel=0.01)
 
@@ -401,13 +401,13 @@ def test_chamfer_loss_and_its_derivative():
 
 @pytest.mark.parametrize("normals", [True, False])
 def test_one_poisson_reconstruction(normals):
-    """Without steps the surface of given or of estimated normals."""
+    """Without steps: the surface for given or estimated normals."""
     mesh = Sap(steps=0, resolution=48).reconstruct(ball(normals=normals), Run())
     assert deviation(mesh) < 0.01
 
 
-def test_sap_improves_what_it_begins_with():
-    """From the input with wrong normals, to the bit; and from a sphere of another size, coarse to fine."""
+def test_sap_improves_its_initial_surface():
+    """From the input with wrong normals, bit for bit; and from a sphere of another size, coarse to fine."""
     cloud = ball(3000)
     bent = cloud.normals + 0.7 * directions(3000, 1)
     bent = PointCloud(cloud.points, bent / np.linalg.norm(bent, axis=1, keepdims=True))
@@ -424,7 +424,7 @@ def test_sap_improves_what_it_begins_with():
 
 
 def test_sap_is_the_same_on_two_threads():
-    """Of so many points that the gradient of a look-up by ``[...]`` is summed in any order."""
+    """With so many points that the gradient of indexing by ``[...]`` would be summed in any order."""
     torch.set_num_threads(2)
     try:
         method = Sap(steps=3, resolution=96)
@@ -434,7 +434,7 @@ def test_sap_is_the_same_on_two_threads():
 
 
 def test_sap_keeps_the_best_when_the_surface_is_lost(monkeypatch):
-    """A rate that is far too large: the surface of before is returned, and the row says why."""
+    """With a far too large learning rate the previous surface is returned, and a note says why."""
     from bench.methods.implicit.spectral import lattice_surface
 
     def vertices(chi, real=lattice_surface.vertices, calls=[]):  # noqa: B006
@@ -451,7 +451,7 @@ def test_sap_keeps_the_best_when_the_surface_is_lost(monkeypatch):
     ]
 
 
-def test_sap_offers_traces_and_stops_in_time():
+def test_sap_traces_results_and_stops_in_time():
     """Traces in the coordinates of the input; a limit ends the optimisation."""
     seen = []
     run = Run(seed=1, on_trace=lambda mesh, seconds: seen.append(mesh()))
@@ -462,9 +462,9 @@ def test_sap_offers_traces_and_stops_in_time():
     assert deviation(mesh) < 0.05
 
 
-def test_sap_has_a_coarser_lattice_where_the_time_is_short_and_moves_so_many_points_at_most(monkeypatch):
+def test_sap_uses_a_coarser_lattice_where_time_is_short_and_limits_its_points(monkeypatch):
     run = Run(seed=1, seconds=60.0)
-    run._started = time.perf_counter() - 56.0  # four seconds are left
+    run._started = time.perf_counter() - 56.0  # four seconds remain
     assert deviation(Sap(steps=1).reconstruct(ball(), run)) < 0.05
     assert run.notes == ["the lattice has 128 nodes along an axis: limit.seconds=60 is too short"]
     monkeypatch.setattr("bench.methods.implicit.sap.MOST", 500)
@@ -473,8 +473,8 @@ def test_sap_has_a_coarser_lattice_where_the_time_is_short_and_moves_so_many_poi
     assert run.parameters == 6 * 500 and not run.notes
 
 
-def test_around_an_open_scan_there_are_no_walls():
-    """A periodic indicator changes its sign about a sheet, and once more where the lattice ends."""
+def test_an_open_scan_gets_no_additional_walls():
+    """A periodic indicator changes sign at a sheet, and again at the boundary of the lattice."""
     rng = np.random.default_rng(0)
     xy = rng.uniform(-1, 1, (5000, 2))
     sheet = PointCloud(np.column_stack([xy, 0.1 * np.sin(3 * xy[:, 0])]), np.tile([0.0, 0.0, 1.0], (5000, 1)))
@@ -484,7 +484,7 @@ def test_around_an_open_scan_there_are_no_walls():
     points, normals = (torch.tensor(part, dtype=torch.float32) for part in (sheet.points / 1.5, sheet.normals))
     assert (
         indicator(points, normals, 64, 2.0).abs().max() < 10
-    )  # it was hundreds of times as large by the unit of a corner, where it is nothing
+    )  # hundreds of times as large in units of the value at a corner, which is almost 0
 
 
 # -- errors ------------------------------------------------------------------------------------------------------------
@@ -517,15 +517,15 @@ def test_around_an_open_scan_there_are_no_walls():
         (lambda: Sap(begin="cube"), "begin: expected normals or sphere, got 'cube'"),
     ],
 )
-def test_wrong_parameters_are_told(make, message):
-    """By name, with what was expected."""
+def test_wrong_parameters_are_refused(make, message):
+    """By their names, with the expected values."""
     with pytest.raises(ValueError, match=message):
         make()
 
 
 @pytest.mark.parametrize("method", [HashSdf(), Hotspot(), Sap()], ids=lambda method: type(method).__name__)
-def test_poor_input_is_told(method):
-    """Too few points, and points that coincide."""
+def test_degenerate_input_is_refused(method):
+    """Too few points, coincident points, and NaN."""
     name = snake_case(type(method).__name__)
     for points in (np.zeros((3, 3)), np.repeat(directions(3), 20, axis=0), np.full((50, 3), np.nan)):
         with pytest.raises(BadInput, match=name):

@@ -97,9 +97,9 @@ def test_weights_are_drawn_from_the_generator_alone():
 
 
 def test_encoder_pools_within_cells():
-    """Against a loop over the cells: the largest features in between, the mean at the end."""
+    """Against a loop over the cells: maxima between the blocks, the mean at the end."""
     encoder = PointEncoder(4, draw()).double()
-    for block in encoder.blocks:  # begins as zero, which would hide it
+    for block in encoder.blocks:  # initialised to zero, which would hide errors
         torch.nn.init.normal_(block.second.weight, generator=draw(3))
     normals, cells = uniform(30), torch.randint(0, 6, (30,), generator=draw(1)) * 7
     occupied, features = encoder(normals, cells)
@@ -112,8 +112,8 @@ def test_encoder_pools_within_cells():
     torch.testing.assert_close(features, torch.stack([h[cells == cell].mean(dim=0) for cell in occupied]))
 
 
-def test_what_the_descriptor_does_not_depend_on():
-    """Order, place within the cell; and a shift of all by whole cells moves the encoder's features along."""
+def test_invariances_of_the_descriptor():
+    """Order and position within a cell; and a shift by whole cells moves the features of the encoder with it."""
     descriptor, side = Descriptor(8, 8, draw(), mixed=False).double(), 8
     cells = torch.randint(1, 6, (60, 3), generator=draw(1))
     place, other = (torch.rand(60, 3, generator=draw(s), dtype=torch.double) for s in (2, 3))
@@ -131,7 +131,7 @@ def test_what_the_descriptor_does_not_depend_on():
     assert (descriptor(Cloud(points, -normals)) - features).abs().max() > 1e-3
 
 
-def test_cells_hold_their_points():
+def test_points_are_in_their_cells():
     points = torch.tensor([[-1.0, -1, -1], [-1, -1, -0.74], [0.99, 0.99, 0.99], [3, -3, 0]])
     assert cell_numbers(points, 8).tolist() == [0, 1, 511, 7 * 64 + 4]
 
@@ -148,10 +148,10 @@ def naive_query(features: torch.Tensor, side: int, x: torch.Tensor) -> torch.Ten
     return torch.stack(values)
 
 
-def test_query_is_trilinear_and_its_gradient_is_that_of_differences():
+def test_query_is_trilinear_and_its_gradient_matches_finite_differences():
     side = 4
     features = torch.randn(side**3, 3, generator=draw(), dtype=torch.double)
-    x = torch.cat([uniform(12), uniform(4, 1, side=1.3)])  # some are beyond the outermost centres, or the box
+    x = torch.cat([uniform(12), uniform(4, 1, side=1.3)])  # some are beyond the outermost centres, or outside the box
     query = Query(features, side, x)
     torch.testing.assert_close(query.values, naive_query(features, side, x))
     by_values = torch.randn(len(x), 3, generator=draw(2), dtype=torch.double)
@@ -162,7 +162,7 @@ def test_query_is_trilinear_and_its_gradient_is_that_of_differences():
         torch.testing.assert_close(query.pull(by_values)[:, axis], (difference * by_values).sum(1), atol=1e-7, rtol=0)
 
 
-def test_a_linear_function_is_met_exactly_between_centres():
+def test_a_linear_function_is_interpolated_exactly_between_centres():
     side = 8
     centres = (torch.stack(torch.meshgrid(*[torch.arange(side)] * 3, indexing="ij"), dim=-1) + 0.5) * 2 / side - 1
     slope = torch.tensor([[0.3], [-2.0], [0.7]], dtype=torch.double)
@@ -171,7 +171,7 @@ def test_a_linear_function_is_met_exactly_between_centres():
     torch.testing.assert_close(Query(features, side, x).values, x @ slope)
 
 
-def test_film_is_its_formula():
+def test_film_matches_its_formula():
     film = FilmNetwork(5, width=8, layers=2, omega=30.0, generator=draw()).double()
     c, f = torch.randn(6, 5, generator=draw(1), dtype=torch.double), uniform(6, 2)[:, 0]
     m = c
@@ -191,7 +191,7 @@ def test_film_is_its_formula():
 
 @pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
 def test_gradient_is_that_of_the_frozen_normal_form(variant):
-    """Central differences of f^ with n and chi held as they are at x, phi and f-bar not."""
+    """Central differences of f^ with n and chi fixed at their values at x, but not phi and f-bar."""
     field, x = small_field(**variant), uniform(25, 3, side=0.9)
     with torch.no_grad():
         f_hat, gradient = field.value_and_gradient(x)
@@ -229,14 +229,14 @@ def test_loss_reaches_every_network_but_the_base():
         assert not field.loss(batch_of(20), 1.0).requires_grad
 
 
-def test_gradient_of_the_loss_is_that_of_differences():
-    """By one weight of each network. All points of the cloud are one, so it does not matter which are drawn."""
+def test_gradient_of_the_loss_matches_finite_differences():
+    """By one weight of each network. All points of the cloud are equal, so the drawn ones do not matter."""
     field = small_field()
     field._cloud = Cloud(field._cloud.points[:1].repeat(50, 1), field._cloud.normals[:1].repeat(50, 1))
     field.loss(batch_of(20), 0.5).backward()
     for network in (field.descriptor.encoder, field.descriptor.unet, field.displacement):
         parameter = max((p for p in network.parameters() if p.grad is not None), key=lambda p: p.grad.abs().max())
-        i, h = parameter.grad.abs().argmax(), 1e-7  # small: relus have corners
+        i, h = parameter.grad.abs().argmax(), 1e-7  # small, because a ReLU has a kink
         values = []
         for step in (h, -2 * h):
             parameter.data.view(-1)[i] += step
@@ -246,7 +246,7 @@ def test_gradient_of_the_loss_is_that_of_differences():
         assert (values[0] - values[1]) / (2 * h) == pytest.approx(float(parameter.grad.view(-1)[i]), rel=1e-3)
 
 
-def test_descriptor_learns_in_one_of_so_many_steps():
+def test_descriptor_learns_only_in_every_nth_step():
     field = small_field(every=3, noise=0.01)
     learned = []
     for _ in range(7):
@@ -257,7 +257,7 @@ def test_descriptor_learns_in_one_of_so_many_steps():
     assert learned == [True, False, False, True, False, False, True]
 
 
-def test_another_base_takes_the_place_of_the_first():
+def test_the_base_can_be_replaced():
     field, other, x = small_field(), small_field(seed=20), uniform(30, 4)
     moved = field.onto(other.base, ball_cloud(100, seed=7))
     assert moved.displacement is field.displacement and moved.descriptor is field.descriptor
@@ -285,11 +285,11 @@ def test_near_sampler_stays_near():
 # -- the method --------------------------------------------------------------------------------------------------------
 
 
-def test_frame_holds_the_details_on_either_base():
+def test_frame_contains_the_details_on_either_base():
     ball = trimesh.creation.icosphere(2)
     grown = trimesh.Trimesh(1.3 * ball.vertices, ball.faces, process=False)
     frame = frame_of(grown, ball, trimesh.Trimesh(2 * ball.vertices, ball.faces, process=False))
-    # 0.3 high over the source's radius of 1: the target's radius of 2 becomes 2.3.
+    # Details 0.3 high on the source of radius 1: the target of radius 2 grows to 2.3.
     assert frame.radius == pytest.approx(2.3 / 0.98, rel=0.02)
     assert frame_of(grown, None, ball).radius == pytest.approx(1.3 / 0.98, rel=0.02)
 
@@ -302,7 +302,7 @@ def test_a_cloud_moves_onto_the_base():
     cloud = ball_cloud(50)
     moved = on_base(base, Cloud(cloud.points.float(), -cloud.normals.float()))
     assert base(moved.points).abs().max() < 1e-3
-    assert (moved.normals * cloud.normals).sum(1).min() > 0.98  # the base's own, not those of the cloud
+    assert (moved.normals * cloud.normals).sum(1).min() > 0.98  # the normals of the base, not those of the cloud
 
 
 def test_stages_share_time_and_progress():
@@ -312,27 +312,27 @@ def test_stages_share_time_and_progress():
     assert stages.next() == pytest.approx(10, abs=0.5)
     stages.progress(1, 2)
     stages.progress(2, 2)
-    assert stages.next() == pytest.approx(12.5, abs=0.5)  # a quarter of what is left: the first took no time
+    assert stages.next() == pytest.approx(12.5, abs=0.5)  # a quarter of the remaining time: the first stage took none
     stages.progress(1, 1)
-    assert stages.next(reserve=70) == pytest.approx(30, abs=0.5)  # the run's limit is nearer
+    assert stages.next(reserve=70) == pytest.approx(30, abs=0.5)  # the limit of the run is nearer
     stages.progress(1, 1)
     assert seen == pytest.approx([0.1, 0.2, 0.4, 1.0])
 
 
-# A narrow nu: the displacement, which takes the most time, is asked for near the base alone.
+# A narrow nu: the displacement, the slowest part, is only evaluated near the base.
 TINY = {"steps": 2, "base_steps": 15, "batch": 64, "resolution": 16, "cells": 8, "points": 300, "nu": 0.02}
 
 
 @pytest.fixture
 def toy(monkeypatch) -> dict:
-    """Its input; of fewer samples than else, and with a coarser first look at the field of the result."""
+    """The toy input, with fewer samples than by default and a coarser initial search for the surface."""
     monkeypatch.setattr("bench.methods.implicit.fitting.oriented_samples.CLOUD", 2000)
     monkeypatch.setattr("bench.methods.learned.meshing.marching.COARSE", 32)
     return dict(DetailTransfer().toy().input)
 
 
-def test_method_gives_a_mesh_the_same_for_a_seed(toy):
-    """Whether or not somebody looks at an intermediate result."""
+def test_method_gives_the_same_mesh_for_a_seed(toy):
+    """With and without traces of intermediate results."""
     meshes = []
     for traces in (1, 0):
         seen, traced = [], []
@@ -359,21 +359,21 @@ def test_method_gives_a_mesh_the_same_for_a_seed(toy):
         ),
     ],
 )
-def test_switches_make_other_networks_and_a_base_is_not_needed(toy, changes, parameters):
+def test_switches_change_the_networks_and_the_base_is_optional(toy, changes, parameters):
     run = Run()
     mesh = IdfTransfer(**TINY, **changes).detail_transfer(**toy | {"source_base": None}, run=run)
     assert len(mesh.faces) and np.isfinite(mesh.vertices).all()
     assert run.parameters == parameters
 
 
-def test_alpha_next_to_nothing_gives_the_base(toy):
+def test_a_tiny_alpha_gives_the_base(toy):
     settings = TINY | {"alpha": 1e-6, "context": "normal", "base_steps": 80}
     mesh = IdfTransfer(**settings).detail_transfer(**toy, run=Run())
     sizes = np.ptp(mesh.vertices, axis=0) / np.ptp(toy["target_base"].vertices, axis=0)
     assert sizes == pytest.approx(np.ones(3), abs=0.1)  # a base of 100 steps
 
 
-def test_errors_say_which_mesh_and_which_parameter(toy):
+def test_errors_name_the_mesh_or_the_parameter(toy):
     base = toy["target_base"]
     broken = base.vertices.copy()
     broken[3] = np.nan

@@ -1,4 +1,4 @@
-"""What steps of a fit to images see, against closed forms and naive loops."""
+"""The samples of a fit to images, against closed forms and naive loops."""
 
 import math
 from functools import cache
@@ -30,7 +30,7 @@ def spiral(count):
 
 
 def two_balls(count=3000):
-    """A small ball beside a large one: each hides part of the other."""
+    """A small ball beside a large one: each occludes part of the other."""
     unit = spiral(count)
     points = torch.cat([0.25 * unit + torch.tensor([0.8, 0, 0]), 0.5 * unit])
     return points, torch.cat([unit, unit])
@@ -46,7 +46,7 @@ def in_front(camera, points, center, radius):
     return (closest < radius) & (middle > 0) & (middle < length)
 
 
-def test_points_are_seen_as_the_closed_form_says():
+def test_visibility_of_points_matches_the_closed_form():
     scene, (points, normals) = Scene(views_of_a_ball(8, 128), "cpu"), two_balls()
     seen = visible(scene, torch.arange(8), points, normals, radius=0.04)
     wrong = total = 0
@@ -67,7 +67,7 @@ def test_points_are_seen_as_the_closed_form_says():
     assert wrong < 0.01 * total
 
 
-def test_rays_are_searched_about_the_nearest_points():
+def test_rays_are_searched_near_the_nearest_points():
     points = 0.6 * spiral(2000)
     generator = torch.Generator().manual_seed(0)
     origins = 3 * torch.nn.functional.normalize(torch.randn(50, 3, generator=generator), dim=1)
@@ -76,7 +76,7 @@ def test_rays_are_searched_about_the_nearest_points():
     t = about(rays, points, 0.0, 9)
     middle = -(rays.origins * rays.directions).sum(1)
     half = (0.36 - rays.origins.square().sum(1) + middle**2).sqrt()
-    # from where the ray enters the ball to where it leaves it, as far as points stand apart
+    # from the entry into the ball to the exit, up to the spacing of points
     assert torch.allclose(t[:, 0], middle - half, atol=0.15) and torch.allclose(t[:, -1], middle + half, atol=0.15)
     assert torch.allclose(t.diff(dim=1), t.diff(dim=1)[:, :1].expand(-1, 8), atol=1e-5)
     found, entered = (least(lambda x: x.norm(dim=1) - 0.5, rays, t, first) for first in (False, True))
@@ -91,14 +91,14 @@ def test_rays_are_searched_about_the_nearest_points():
     assert entries > 10
 
 
-def test_a_missing_ray_is_searched_beside_the_nearest_part():
+def test_a_ray_that_misses_is_searched_near_the_nearest_part():
     points = 0.5 * spiral(2000)
     rays = Rays(torch.tensor([[0.0, 0.7, -3]]), torch.tensor([[0.0, 0, 1]]))
     t = about(rays, points, 0.05, 5)
     assert float(t.min()) > 2.7 and float(t.max()) < 3.3  # the ball is nearest at z = 0
 
 
-def test_curvature_is_the_laplacian_by_naive_loops():
+def test_curvature_matches_the_laplacian_by_naive_loops():
     points = torch.rand(60, 3, generator=torch.Generator().manual_seed(0))
     found = curvatures(points)
     for k in range(60):
@@ -111,20 +111,20 @@ def test_losses_are_averaged_over_the_views_that_see_a_point():
     assert mean.tolist() == [5, 0, 2, 0]
 
 
-def test_what_is_salient():
+def test_salient_points():
     metric = torch.ones(200)
     metric[[3, 50]] = 10
     assert salient(metric).tolist() == [3, 50]  # above min(2 median, max / 2)
-    assert len(salient(torch.linspace(0, 1, 400))) == 20  # a twentieth at most
-    assert len(salient(torch.ones(400))) == 20  # and where none stands out
+    assert len(salient(torch.linspace(0, 1, 400))) == 20  # at most a twentieth
+    assert len(salient(torch.ones(400))) == 20  # even if none stands out
 
 
-def test_children_stand_between_salient_points_and_their_neighbours():
+def test_children_lie_between_salient_points_and_their_neighbours():
     points = spiral(1000)
     metric = torch.zeros(1000)
     metric[500] = 1
     new = children(points, metric)
-    reach = 2 * math.sqrt(2 * math.sqrt(3) / 1000)  # D, the box's diagonal, is nearly that of the cube
+    reach = 2 * math.sqrt(2 * math.sqrt(3) / 1000)  # D, the diagonal of the box, is nearly that of the cube
     assert len(new) % 8 == 0 and len(new) > 0
     assert (new - points[500]).norm(dim=1).max() < 1.6 * reach
     fathers = int(((points - points[500]).norm(dim=1) < reach).sum())
@@ -157,7 +157,7 @@ def sampler_of(kind, scene, field):
 
 
 @pytest.mark.parametrize("kind", ["rays", "uniform", "curvature", "loss"])
-def test_samples_are_where_they_belong(kind):
+def test_samples_are_on_the_surface_and_in_the_right_space(kind):
     """A sphere of radius 0.5 against images of a ball of 0.6: its surface lies within all masks."""
     scene = Scene(views_of_a_ball(6, 48).in_frame(Frame(radius=1 / 0.6)), "cpu")
     field = toy_field(scene)
@@ -174,7 +174,7 @@ def test_samples_are_where_they_belong(kind):
     assert ((surface.directions * surface.gradients).sum(1) < 0).all()  # seen from outside
     masked = float(scene.masks.float().mean())
     outside = float(samples.free.weights.sum())
-    if kind == "rays":  # a ray that misses the ball counts too
+    if kind == "rays":  # rays that miss the ball count too
         assert outside == pytest.approx((1 - masked) * 300, rel=0.25)
     else:
         assert 0.2 * (1 - masked) * 300 < outside < 1.1 * (1 - masked) * 300
@@ -184,8 +184,8 @@ def test_samples_are_where_they_belong(kind):
         assert torch.isfinite(some.points).all()
 
 
-def test_iso_points_outside_of_a_mask_are_to_go():
-    """A sphere that is larger than the ball of the images: what is seen outside of the masks is free space."""
+def test_iso_points_outside_a_mask_are_free_space():
+    """A sphere larger than the ball of the images: its visible part outside the masks is free space."""
     views = views_of_a_ball(6, 48)
     scene = Scene(views, "cpu")
     scene.masks = scene.masks & (torch.arange(48) < 24)  # half of each mask is gone
@@ -194,15 +194,15 @@ def test_iso_points_outside_of_a_mask_are_to_go():
     with torch.no_grad():
         on = field(samples.free.points).abs() < 2e-4
     assert on.sum() > 20
-    # each of them counts as the pixels that it stands for: together about the sphere's part outside of the masks
-    # half of its disc, whose radius is 0.48 of that of the ball's disc, which the masks had
+    # each counts as the pixels that it represents: together about the part of the sphere outside the masks,
+    # half of its disc, whose radius is 0.48 of that of the ball in the masks
     covered = (math.tan(math.asin(0.5 / 3)) / math.tan(math.asin(1 / 3))) ** 2 / 2
     disc = float(torch.tensor(views.masks).float().mean())
     assert float(samples.free.weights[on].sum()) == pytest.approx(covered * disc * 300, rel=0.5)
 
 
-def test_sheets_that_no_view_sees_are_to_be_inside():
-    """A ball that the views see, with a void in it; beside them one ball outside of the masks, and one in no image."""
+def test_sheets_that_no_view_sees_are_marked_as_inside():
+    """A visible ball with a void in it; besides, a ball outside the masks, and one outside all images."""
     scene = Scene(views_of_a_ball(8, 128), "cpu")
     unit = spiral(2000)
     centers = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 1.3], [0.0, 0.0, 40.0]])
@@ -215,8 +215,8 @@ def test_sheets_that_no_view_sees_are_to_be_inside():
 
 
 @pytest.mark.parametrize("fill", [True, False])
-def test_a_void_is_to_be_inside(fill):
-    """A field with a void of radius 0.2 in a ball of 0.6, which is what the masks show."""
+def test_a_void_is_marked_as_inside(fill):
+    """A field with a void of radius 0.2 in a ball of radius 0.6, which the masks show."""
 
     class Hollow:
         def value_and_gradient(self, x):
@@ -235,7 +235,7 @@ def test_a_void_is_to_be_inside(fill):
     assert bool(on_void.any()) == fill and (occupied.weights[on_void] == 1).all()
 
 
-def test_a_step_in_parts_has_the_loss_of_the_whole():
+def test_a_step_in_chunks_has_the_loss_of_the_whole():
     scene = Scene(views_of_a_ball(6, 48).in_frame(Frame(radius=1 / 0.6)), "cpu")
     field = toy_field(scene)
     samples = point_sampler(scene, field).draw()
@@ -245,14 +245,14 @@ def test_a_step_in_parts_has_the_loss_of_the_whole():
     assert float(sum(field.loss(part, 0.5).detach() for part in parts)) == pytest.approx(float(whole), rel=1e-4)
 
 
-def test_iso_points_are_made_anew_and_become_more():
+def test_iso_points_are_recomputed_and_grow_in_number():
     scene = Scene(views_of_a_ball(6, 48), "cpu")
     sampler = point_sampler(scene, toy_field(scene))
     counts = []
     for _ in range(9):
         sampler.draw()
         counts.append(len(sampler.iso.points))
-    assert counts == [800] * 4 + [960] * 4 + [1152]  # SOON is more than `refresh`
+    assert counts == [800] * 4 + [960] * 4 + [1152]  # SOON is larger than `refresh`
 
 
 def test_without_a_surface_there_are_no_iso_points_and_rays_are_traced():
@@ -268,7 +268,7 @@ def test_without_a_surface_there_are_no_iso_points_and_rays_are_traced():
 # -- volume rendering --------------------------------------------------------------------------------------------------
 
 
-def test_opacities_are_the_formula():
+def test_opacities_match_the_formula():
     before, after = torch.tensor([0.3, -0.1, 0.2]), torch.tensor([0.1, -0.3, 0.4])
     s = torch.sigmoid
     wanted = (1 - s(20 * after) / s(20 * before)).clamp(min=0)
@@ -276,7 +276,7 @@ def test_opacities_are_the_formula():
 
 
 def test_weights_of_a_ray_that_enters_follow_the_logistic_density():
-    """Of a plane at 0.4: the weights of fine parts sum to 1, and their mean is at the plane (unbiased)."""
+    """For a plane at 0.4: the weights of fine intervals sum to 1, and their mean is at the plane (unbiased)."""
     t = torch.linspace(0, 1, 2001)[None]
     f = 0.4 - t
     weights = weights_of(opacities(f[:, :-1], f[:, 1:], 60.0))
@@ -287,7 +287,7 @@ def test_weights_of_a_ray_that_enters_follow_the_logistic_density():
     assert torch.allclose(weights * 2000, density, atol=0.05)
 
 
-def test_samples_of_a_ray_gather_at_the_surface():
+def test_samples_of_a_ray_concentrate_at_the_surface():
     scene = Scene(views_of_a_ball(6, 48), "cpu")
     sampler = VolumeSampler(
         lambda x: x.norm(dim=1) - 0.5, lambda: 20.0, scene, 3, 90, 16, 16, torch.Generator().manual_seed(0)
@@ -299,7 +299,7 @@ def test_samples_of_a_ray_gather_at_the_surface():
     hit = squared > 0.01
     enter = (middle - squared.clamp(min=0).sqrt())[hit]
     near = (batch.t[hit] - enter[:, None]).abs() < 0.08
-    assert near.float().mean() > 0.3  # of an even spread: 0.08
+    assert near.float().mean() > 0.3  # evenly spread: 0.08
     assert np.array_equal(batch.inside.numpy(), scene.inside(batch.views, _places(scene, batch)).numpy())
 
 

@@ -48,8 +48,8 @@ def test_points_arrive_in_ten_steps(function):
     assert torch.allclose(torch.linalg.vector_norm(result.gradients, dim=1), torch.ones(2000), atol=1e-5)
 
 
-def test_steps_are_no_longer_than_allowed():
-    """From the distance d a sphere takes ceil(d / longest) steps, and stays on the ray from the centre."""
+def test_steps_are_at_most_as_long_as_allowed():
+    """A point at distance d from a sphere takes ceil(d / longest) steps, along the ray from the centre."""
     start = torch.tensor([[1.15, 0.0, 0.0], [0.0, 0.84, 0.0]])
     for steps, left in ((1, 0.25), (3, 0.05), (4, 0.0)):
         result = project(ByAutograd(sphere), start, steps=steps)
@@ -60,7 +60,7 @@ def test_steps_are_no_longer_than_allowed():
     assert torch.equal(clipped(torch.zeros(1, 3), 0.3), torch.zeros(1, 3))
 
 
-def test_what_has_arrived_is_not_evaluated_again():
+def test_points_on_the_surface_are_not_evaluated_again():
     seen = []
 
     def counted(x):
@@ -69,19 +69,19 @@ def test_what_has_arrived_is_not_evaluated_again():
 
     on, off = torch.tensor([[0.8, 0.0, 0.0]]), torch.tensor([[0.0, 0.85, 0.0], [0.0, 0.0, 1.05]])
     result = project(ByAutograd(counted), torch.cat([on, off]))
-    assert seen == [3, 2, 1, 1]  # from 0.05 away one step, from 0.25 away three
+    assert seen == [3, 2, 1, 1]  # one step from a distance of 0.05, three from 0.25
     assert result.evaluations == sum(seen)
     assert torch.equal(result.points[:1], on)
 
 
-def test_a_field_without_a_gradient_moves_nothing_far():
+def test_a_field_without_a_gradient_gives_finite_points():
     result = project(ByAutograd(lambda x: 0 * x.sum(1) + 1), random_points(20))
     assert torch.isfinite(result.points).all() and (result.values == 1).all()
 
 
 def test_nearest_by_naive_loops():
     points = random_points(60)
-    points[7] = points[3]  # in the same place
+    points[7] = points[3]  # coincident points
     squared = (points[:, None] - points).square().sum(2).fill_diagonal_(math.inf)
     near = nearest(points, 5)
     assert torch.allclose(near.distances, squared.topk(5, largest=False).values.sqrt(), atol=1e-6)
@@ -95,14 +95,14 @@ def test_nearest_by_naive_loops():
 def test_three_rounds_space_points_evenly(function, count):
     starts = random_points(4 * count)
     on = project(ByAutograd(function), starts).points[:count]
-    assert variation(on) > 0.5  # of points at random: 0.52
+    assert variation(on) > 0.5  # random points: 0.52
     for rounds in (1, 3):
         iso = extract(ByAutograd(function), on, Extraction(count, rounds=rounds))
         assert len(iso.points) == count and function(iso.points).abs().max() <= 1e-5
         assert variation(iso.points) < 0.2
 
 
-def test_the_average_spreads_where_the_sum_does_not():
+def test_the_average_spreads_points_better_than_the_sum():
     """Eq. 4.7 with the constants of the thesis: see `resample`."""
     on = project(ByAutograd(sphere), random_points(4000)).at(slice(1000))
     before = variation(on.points)
@@ -112,7 +112,7 @@ def test_the_average_spreads_where_the_sum_does_not():
     assert variation(ours) < variation(thesis) < variation(released) < before
 
 
-def test_a_move_is_the_equation():
+def test_a_move_matches_the_equation():
     points = torch.nn.functional.normalize(random_points(40), dim=1) * 0.8
     how = Resampling(1, neighbours=6, bandwidth=7)
     unit = float(torch.linalg.vector_norm(points.amax(0) - points.amin(0))) / 40
@@ -155,8 +155,8 @@ def test_candidates_by_naive_loops(edges):
         assert torch.allclose(found.places[k], place, atol=1e-6)
 
 
-def test_points_are_inserted_where_there_are_few():
-    """One half of a sphere has a quarter of the other's density: most new points go there, and the old ones stay."""
+def test_points_are_inserted_in_sparse_regions():
+    """One half of a sphere has a quarter of the density of the other: most new points go there; old ones stay."""
     on = project(ByAutograd(sphere), random_points(9000)).points
     upper, lower = on[on[:, 2] > 0], on[on[:, 2] < 0]
     uneven = torch.cat([upper[thinned(upper, 100)], lower[thinned(lower, 400)]])
@@ -166,7 +166,7 @@ def test_points_are_inserted_where_there_are_few():
     assert (iso.points[500:, 2] > 0).float().mean() > 0.9
 
 
-def test_edges_grow_denser_with_their_parameter():
+def test_density_at_edges_grows_with_the_parameter():
     field, shares = ByAutograd(cube), []
     for edges in (None, 2.0, 8.0):
         iso = extract(field, random_points(2000), Extraction(1500, edges=edges))
@@ -176,7 +176,7 @@ def test_edges_grow_denser_with_their_parameter():
     assert shares[0] < shares[1] < shares[2], shares
 
 
-def test_thinning_leaves_an_even_part():
+def test_thinning_leaves_an_even_subset():
     on = project(ByAutograd(sphere), random_points(2000)).points
     rows = thinned(on, 500)
     assert len(rows) == 500 and torch.equal(rows, rows.unique())
@@ -193,7 +193,7 @@ def test_wlop_is_nearer_to_the_surface_than_its_cloud():
     assert variation(points) < 0.45 < variation(cloud[:500])
 
 
-def test_no_level_is_reported():
+def test_a_missing_zero_level_is_reported():
     with pytest.raises(NoLevel, match="0 of 50 points have found the zero level"):
         extract(ByAutograd(lambda x: x.square().sum(1) + 1), random_points(50), Extraction(50))
 

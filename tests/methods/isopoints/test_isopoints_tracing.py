@@ -33,13 +33,13 @@ def torus(x):
 
 
 def meets_sphere(origin, direction):
-    """The distance to the sphere along a ray, or infinity."""
+    """The distance along a ray to the sphere, or infinity."""
     b, c = origin @ direction, origin @ origin - 0.49
     return -b - math.sqrt(b * b - c) if b * b > c else math.inf
 
 
 def meets_torus(origin, direction):
-    """The least positive real root of the torus's quartic, or infinity."""
+    """The least positive real root of the quartic of the torus, or infinity."""
     whole = np.array([direction @ direction, 2 * origin @ direction, origin @ origin + 0.36 - 0.0625])
     flat = np.array([direction[:2] @ direction[:2], 2 * origin[:2] @ direction[:2], origin[:2] @ origin[:2]])
     roots = np.roots(np.polysub(np.polymul(whole, whole), 4 * 0.36 * flat))
@@ -48,7 +48,7 @@ def meets_torus(origin, direction):
 
 
 @pytest.mark.parametrize(("function", "closed"), [(sphere, meets_sphere), (torus, meets_torus)])
-def test_traced_rays_meet_the_surface_where_the_closed_form_says(function, closed):
+def test_traced_rays_hit_the_surface_at_the_closed_form(function, closed):
     rays = random_rays(2000)
     traced = trace(function, rays)
     origins, directions = (part.double().numpy() for part in rays)
@@ -60,7 +60,7 @@ def test_traced_rays_meet_the_surface_where_the_closed_form_says(function, close
     assert np.linalg.norm(points - traced.points[traced.hit].numpy(), axis=1).max() < 5e-5
 
 
-def test_a_field_that_is_no_distance_is_searched():
+def test_a_field_that_is_not_a_distance_is_searched():
     """Three times the distance: sphere tracing oversteps; samples and regula falsi find the hits."""
     rays = random_rays(1000)
     traced = trace(lambda x: 3 * torus(x), rays)
@@ -68,23 +68,23 @@ def test_a_field_that_is_no_distance_is_searched():
     assert (traced.hit == exact.hit).float().mean() > 0.99
     both = traced.hit & exact.hit
     error = (traced.points - exact.points)[both].norm(dim=1)
-    assert (error < 5e-5).float().mean() > 0.95  # others have met a thin part behind the first
+    assert (error < 5e-5).float().mean() > 0.95  # others hit a thin part behind the first
 
 
-def test_a_ray_without_a_hit_ends_where_the_field_is_least():
+def test_a_ray_without_a_hit_ends_at_the_minimum_of_the_field():
     rays = random_rays(500, spread=0.8)
     traced = trace(sphere, rays)
     missed = ~traced.hit & traced.reaches
     assert missed.sum() > 50
     closest = rays.origins - (rays.origins * rays.directions).sum(1, keepdim=True) * rays.directions
-    step = 2 / 99  # of a hundred samples of a part of the ray that is 2 long at most
+    step = 2 / 99  # a hundred samples on at most a length of 2
     assert (traced.points - closest)[missed].norm(dim=1).max() <= step
     beyond = ~traced.reaches
     assert beyond.any() and torch.allclose(traced.points[beyond], closest[beyond], atol=1e-5)
 
 
-def test_samples_outside_of_the_search_are_no_hits():
-    """Within the mask of a training only: others get the place of the least value, inside."""
+def test_rays_that_are_not_searched_have_no_hits_by_samples():
+    """Training searches only within the mask: other rays get the point of least value, inside."""
     rays = random_rays(500)
 
     def steep(x):
@@ -106,8 +106,8 @@ def test_the_span_in_the_ball():
 
 
 @pytest.mark.parametrize("motion", ["ray", "normal"])
-def test_points_move_as_finite_differences_say(motion):
-    """Of a sphere with a free centre and radius: its points move along rays, or along normals."""
+def test_the_motion_of_points_matches_finite_differences(motion):
+    """For a sphere with variable centre and radius, whose points move along rays or normals."""
     rays = random_rays(40, dtype=torch.float64)
 
     def field(free):
@@ -140,7 +140,7 @@ def test_points_move_as_finite_differences_say(motion):
         assert float(slope[k]) == pytest.approx(float(difference), rel=1e-5, abs=1e-6)
 
 
-def test_long_derivatives_are_shortened():
+def test_long_derivatives_are_clipped():
     points = torch.tensor([[0.0, 0, 1], [1, 0, 0]])
     values = torch.zeros(2, requires_grad=True)
     for most, wanted in ((0.0, [-5.0, -0.1]), (1.0, [-1.0, -0.1])):
@@ -149,8 +149,8 @@ def test_long_derivatives_are_shortened():
         assert slope.tolist() == pytest.approx(wanted)
 
 
-def test_the_loss_of_colours_has_the_derivative_of_traced_images():
-    """Pixels are traced anew for each change of a weight; the colours' loss follows as its derivative says."""
+def test_the_derivative_of_the_colour_loss_matches_traced_images():
+    """Pixels are traced again for each change of a weight; the loss changes by its derivative."""
     scene = Scene(views_of_a_ball(3, 24), "cpu", torch.float64)
     terms = Terms(color=1.0, mask=0.0, eikonal=0.0, steepness=50.0, motion="ray", most=0.0)
     generator = torch.Generator().manual_seed(2)
@@ -161,7 +161,7 @@ def test_the_loss_of_colours_has_the_derivative_of_traced_images():
     place = 9 + 6 * torch.rand(90, 2, generator=generator, dtype=torch.float64)
     rays, colors = scene.rays(view, place), torch.rand(90, 3, generator=generator, dtype=torch.float64)
     bump = field.network.forward
-    # a ball, and a little of the network: near enough to a distance that every ray is traced to rounding
+    # a ball plus a small network: so nearly a distance that every ray is traced up to rounding
     field.network.forward = lambda x: torch.linalg.vector_norm(x, dim=1) - 0.6 + bump(x)
     both = field.network.value_and_gradient
 
@@ -194,7 +194,7 @@ def test_the_loss_of_colours_has_the_derivative_of_traced_images():
 
 
 @pytest.mark.parametrize("rim", [0.0, 0.5])
-def test_pixels_are_drawn_from_their_kind(rim):
+def test_pixels_are_drawn_from_their_region(rim):
     scene, generator = Scene(views_of_a_ball(4, 24), "cpu"), torch.Generator().manual_seed(0)
     pixels, views = Pixels(scene, generator, rim), torch.tensor([2, 0])
     for draw, wanted in ((pixels.inside, True), (pixels.outside, False)):
@@ -210,13 +210,13 @@ def test_pixels_are_drawn_from_their_kind(rim):
 
 @pytest.mark.parametrize("rim", [0.0, 0.3, 0.8])
 @pytest.mark.parametrize("count", [2, 7, 4000])
-def test_pixels_near_the_rim_are_more_and_count_less(rim, count):
-    """The weighted mean of anything is that of all pixels of the kind."""
+def test_more_pixels_are_drawn_near_the_rim_with_smaller_weights(rim, count):
+    """A weighted mean equals that of all pixels of the region."""
     scene = Scene(views_of_a_ball(1, 64), "cpu")
     pixels, view = Pixels(scene, torch.Generator().manual_seed(0), rim), torch.zeros(1, dtype=torch.long)
     drawn = [pixels.inside(view, count) for _ in range(max(1, 1000 // count))]
     place, weight = torch.cat([one.place for one in drawn]), torch.cat([one.weight for one in drawn])
-    distances = (place - 32).norm(dim=1)  # from the middle of the ball's image
+    distances = (place - 32).norm(dim=1)  # from the centre of the image of the ball
     rows, columns = np.nonzero(scene.masks[0].numpy())
     truth = np.hypot(columns - 31.5, rows - 31.5)
     assert float((weight * distances).sum() / weight.sum()) == pytest.approx(truth.mean(), rel=0.05)
@@ -224,8 +224,8 @@ def test_pixels_near_the_rim_are_more_and_count_less(rim, count):
         assert float((distances > truth.max() - 2).float().mean()) > rim > (truth > truth.max() - 2).mean()
 
 
-def test_masks_without_a_rim_are_drawn_from_too():
-    """All inside, and nothing inside."""
+def test_pixels_can_be_drawn_from_masks_without_a_rim():
+    """A full mask and an empty one."""
     views = views_of_a_ball(2, 16)
     scene = Scene(replace(views, masks=np.stack([np.ones_like(views.masks[0]), np.zeros_like(views.masks[0])])), "cpu")
     pixels, both = Pixels(scene, torch.Generator().manual_seed(0), 0.5), torch.tensor([0, 1])
@@ -234,7 +234,7 @@ def test_masks_without_a_rim_are_drawn_from_too():
     assert pixels.outside(both, 10).view.tolist() == [1] * 10
 
 
-def test_the_scene_projects_and_casts_as_the_views_do():
+def test_the_scene_projects_and_casts_rays_like_the_views():
     views = views_of_a_ball(5, 24)
     scene = Scene(views, "cpu", torch.float64)
     points = torch.rand(20, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64) - 0.5
@@ -250,7 +250,7 @@ def test_the_scene_projects_and_casts_as_the_views_do():
     assert not scene.shown(behind).any()
 
 
-def test_colours_at_the_middles_of_pixels_are_theirs_and_nothing_of_the_background_between():
+def test_colours_are_exact_at_pixel_centres_and_never_mix_with_the_background():
     views = views_of_a_ball(2, 24)
     scene = Scene(views, "cpu")
     row, column = np.nonzero(views.masks[1])
@@ -260,7 +260,7 @@ def test_colours_at_the_middles_of_pixels_are_theirs_and_nothing_of_the_backgrou
     assert (rim.sum(1) > 0.1).all()  # ambient light of three channels: black would be less
 
 
-def test_shading_of_the_true_normals_is_the_image():
+def test_shading_with_true_normals_gives_the_image():
     views = views_of_a_ball(3, 48)
     scene = Scene(views, "cpu")
     view, place, _ = Pixels(scene, torch.Generator().manual_seed(0)).inside(torch.arange(3), 200)

@@ -42,7 +42,7 @@ def run():
     ids=lambda method: method.name,
 )
 def test_a_sphere_grows_to_the_ball(method, views):
-    """From radius 0.5 towards 1: the images have the size and the normals."""
+    """From radius 0.5 towards 1: the images determine the size and the normals."""
     mesh = method.multiview(views, run())
     assert mesh.is_watertight
     found = radii(mesh)
@@ -62,7 +62,7 @@ def test_without_lights_colours_are_learned(views):
     method, told = IsoUniform(steps=10, **POINTS), run()
     mesh = method.multiview(dark, told)
     assert radii(mesh).mean() > 0.52
-    assert told.parameters > 28_417 + 3 * 128  # the network, and what colours it
+    assert told.parameters > 28_417 + 3 * 128  # the network and its colours
     with pytest.raises(BadInput, match=r"the views have no lights; say method.appearance=learned"):
         IsoUniform(steps=2, appearance="lights", **POINTS).multiview(dark, run())
 
@@ -128,13 +128,13 @@ def test_iso_points_of_a_saved_field_of_any_method(tmp_path):
     assert ((found.normals * (found.points - [5.0, 0, -2])).sum(1) > 0).all()
 
 
-def test_iso_points_fit_a_field_where_none_is_given():
+def test_iso_points_fit_a_field_if_none_is_given():
     method = IsoPoints(of={"siren": {"steps": 40, "omega": 5.0, "width": 96, "learning_rate": 1e-3}}, rounds=1)
     assert len(method.denoise(ball_cloud(), run())) == 400
     assert [plugin.name for plugin in method.plugins] == ["siren"]
 
 
-def test_iso_points_refuse_what_is_no_field(tmp_path, views):
+def test_iso_points_refuse_files_and_methods_without_a_field(tmp_path, views):
     with pytest.raises(ValueError, match="of: poisson fits no field to a cloud"):
         IsoPoints(of="poisson")
     path = str(tmp_path / "views.safetensors")
@@ -145,8 +145,8 @@ def test_iso_points_refuse_what_is_no_field(tmp_path, views):
         IsoPoints(load=str(tmp_path / "nothing.safetensors")).denoise(ball_cloud(), run())
 
 
-def test_a_gpu_would_run_the_same_code():
-    """Tensors are made on the device of the generator: a meta scene shows no stray tensor of the processor."""
+def test_tensors_are_made_on_the_device_of_the_scene():
+    """A scene on the device ``meta`` has no tensor on the CPU, so a GPU runs the same code."""
     from bench.methods.isopoints.images.scene import Scene
 
     scene = Scene(views_of_a_ball(2, 16), "meta")

@@ -113,7 +113,7 @@ FACING = {"facing": 20.0, "facing_until": 0.5}
 @pytest.mark.parametrize(
     "own", [{}, {"hold": 0.3}, {"squared": True, "steepening": 1.0, "mixing": "by_count"}, FACING, {"facing": 0.0}]
 )
-def test_the_loss_is_the_objective(iso, false, own):
+def test_the_loss_matches_the_objective(iso, false, own):
     weights = Weights(**own)
     field = RegularisedField(weights, 15.0, hidden_layers=1, width=16, generator=torch.Generator().manual_seed(1))
     batch = some_batch(iso, false)
@@ -124,7 +124,7 @@ def test_the_loss_is_the_objective(iso, false, own):
     assert sum(field.loss(part, 0.4) for part in parts).item() == pytest.approx(wanted, rel=1e-5)
 
 
-def test_gradients_in_space_may_face_either_way_later():
+def test_gradients_in_space_are_unconstrained_later_in_the_training():
     batch, fields = some_batch(), []
     for own in ({"facing": 0.0}, FACING):
         form = {"hidden_layers": 1, "width": 16, "generator": torch.Generator().manual_seed(1)}
@@ -133,7 +133,7 @@ def test_gradients_in_space_may_face_either_way_later():
     assert early[1] > early[0] and late[1] == late[0]
 
 
-def test_points_of_the_space_know_the_normal_of_the_nearest_point():
+def test_points_in_space_have_the_normal_of_the_nearest_point():
     points, normals = even(400)
     batch = sampler(points, normals).draw()
     space = batch.x[batch.on + batch.iso :].double().numpy()
@@ -142,10 +142,10 @@ def test_points_of_the_space_know_the_normal_of_the_nearest_point():
     np.testing.assert_allclose(batch.facing.numpy(), wanted, atol=1e-5)
 
 
-def test_iso_points_come_after_the_warm_up_and_again():
+def test_iso_points_are_computed_after_the_warm_up_and_refreshed():
     draws = sampler(*ball(500))
     had, made = [], []
-    for _ in range(12):  # the first batch is held out; then come the steps 0 to 10
+    for _ in range(12):  # the first batch is held out; then follow steps 0 to 10
         batch = draws.draw()
         had.append(batch.iso)
         made.append(draws.refreshed)
@@ -159,7 +159,7 @@ def test_iso_points_come_after_the_warm_up_and_again():
     assert all(sampler(*ball(500), iso=False).draw().iso == 0 for _ in range(6))
 
 
-def test_points_of_the_space_may_be_near():
+def test_points_in_space_can_be_near_the_surface():
     far, near = (sampler(*ball(500), batch=2000, near=share).draw().x[2000:] for share in (0.0, 1.0))
     distance = [float(Ball().value_and_gradient(x)[0].abs().mean()) for x in (far, near)]
     assert distance[1] == pytest.approx(0.1 * math.sqrt(2 / math.pi), rel=0.2) and distance[0] > 2 * distance[1]
@@ -172,7 +172,7 @@ def test_pca_normals_of_a_plane():
     assert (pca_normals(points, 8) @ wanted).abs().min() > 1 - 1e-5
 
 
-def test_outliers_count_less():
+def test_outliers_have_smaller_weights():
     """Eq. 4.15 and 4.16 at the nearest iso-point, in closed form."""
     iso, unit = (torch.from_numpy(part).float() for part in ball(400))
     at = IsoPoints(iso, unit, 0)
@@ -187,22 +187,22 @@ def test_outliers_count_less():
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.08])
-def test_the_outlier_weight_is_as_wide_as_the_noise(noise):
-    """A point at s standard deviations has exp(-s^2 / 8), however many iso-points there are."""
+def test_the_outlier_weight_adapts_to_the_noise(noise):
+    """A point at s standard deviations has the weight exp(-s^2 / 8) for any number of iso-points."""
     iso, unit = (torch.from_numpy(part).float() for part in ball(20_000))
     at = IsoPoints(iso, unit, 0)
     q, normals = (torch.from_numpy(part).float() for part in ball(3000, seed=1))
     deviation = torch.randn(3000, 1, generator=torch.Generator().manual_seed(0))
     weights = outlier_weights(q + noise * deviation * normals, normals, at, bandwidth="noise")
-    inner = deviation[:, 0].abs() < 3  # reach = 6 s, and the nearest iso-point is not right below
+    inner = deviation[:, 0].abs() < 3  # reach = 6 s, and the nearest iso-point is not exactly below
     assert (weights - torch.exp(-deviation[:, 0].square() / 8))[inner].abs().max() < 0.1
     if noise == 0.08:
         published = outlier_weights(q + noise * deviation * normals, normals, at)
         assert published.mean() < 0.5 * weights.mean()
 
 
-def test_sheets_without_points_are_found():
-    """A ball around the cloud, one within and a small one beside it: only the cloud's own is kept."""
+def test_sheets_without_points_are_detected():
+    """A ball on the cloud, one inside and a small one beside it: only the first is kept."""
     own, unit = even(2000)
     inner, inner_unit = even(300, radius=0.3)
     beside = 0.1 * inner / 0.3 + [1.2, 0, 0]
@@ -217,7 +217,7 @@ def test_sheets_without_points_are_found():
 
 
 def bag_on_a_ball(turned=1.0):
-    """A ball of radius 0.8 and one of radius 0.3 that hangs on it by a neck: iso-points, which are the bag's."""
+    """A ball of radius 0.8 and a bag of radius 0.3 attached by a neck: iso-points, and which belong to the bag."""
     large, unit = even(2000)
     small, small_unit = even(281, radius=0.3)
     small = small + [1.05, 0, 0]
@@ -229,8 +229,8 @@ def bag_on_a_ball(turned=1.0):
 
 
 @pytest.mark.parametrize("turned", [1.0, -1.0])
-def test_a_bag_that_hangs_on_the_surface_is_a_lobe(turned):
-    """Solid or void: the rim of its neck is small for its area. Points of the cloud go round the neck."""
+def test_a_bag_attached_to_the_surface_is_a_lobe(turned):
+    """Solid or void: the rim of its neck is short for its area. Points of the cloud surround the neck."""
     iso, bag = bag_on_a_ball(turned)
     cloud = ball(6000, seed=3)[0]
     cloud = torch.from_numpy(cloud[np.linalg.norm(cloud - [1.05, 0, 0], axis=1) > 0.35]).float()
@@ -243,8 +243,8 @@ def test_a_bag_that_hangs_on_the_surface_is_a_lobe(turned):
 
 
 @pytest.mark.parametrize("degrees", [20, 40, 60, 75])
-def test_a_patch_that_spans_a_hole_is_no_lobe(degrees):
-    """A cap of a ball has (1 + cos) / 2 of its area as vector area: more than half of it up to a half ball."""
+def test_a_patch_that_spans_a_hole_is_not_a_lobe(degrees):
+    """The vector area of a spherical cap is (1 + cos) / 2 of its area: more than half up to a hemisphere."""
     points, normals = even(2000)
     cloud, _ = ball(6000, seed=4)
     cloud = cloud[cloud[:, 2] < 0.8 * math.cos(math.radians(degrees))]
@@ -265,18 +265,18 @@ def stalk():
 
 
 def lobes_where_bare(points, normals, bare):
-    """Where the cloud has points at all iso-points but those in the middle."""
+    """The lobes if the cloud has points at all iso-points except those in the middle."""
     iso = IsoPoints(torch.from_numpy(points).float(), torch.from_numpy(normals).float(), 0)
     return lobes(iso, torch.nonzero(torch.from_numpy(np.abs(points[:, 0]) > bare))[:, 0].repeat(3))
 
 
 @pytest.mark.parametrize("bare", [0.2, 0.4, 0.5])
-def test_a_tube_between_two_parts_is_no_lobe(bare):
+def test_a_tube_between_two_parts_is_not_a_lobe(bare):
     """A stalk whose middle no sensor sees."""
     assert (lobes_where_bare(*stalk(), bare) == 0).all()
 
 
-def test_a_tube_that_bulges_is_a_lobe():
+def test_a_bulging_tube_is_a_lobe():
     """A ball of radius 0.35 in the middle of the tube."""
     points, normals = stalk()
     bulge, unit = (part[np.linalg.norm(even(900)[1][:, 1:], axis=1) > 0.1 / 0.35] for part in even(900, radius=0.35))
@@ -286,8 +286,8 @@ def test_a_tube_that_bulges_is_a_lobe():
     assert (found[: tube.sum()][np.abs(points[tube, 0]) > 0.45] == 0).all()
 
 
-def test_false_sheets_are_in_the_steps():
-    """A field with a second ball, which no point of the cloud is near: its points come with positive bounds."""
+def test_points_of_false_sheets_are_in_the_batches():
+    """A field with a second ball that no point of the cloud is near: its points have positive bounds."""
 
     class Two:
         def value_and_gradient(self, x):
@@ -309,14 +309,14 @@ def test_false_sheets_are_in_the_steps():
 
 
 @pytest.mark.parametrize(("name", "steps"), [("thesis", (300, 2000, 0.125)), ("released", (500, 2000, 0.0625))])
-def test_presets_keep_the_published_sizes(name, steps):
+def test_presets_have_the_published_sizes(name, steps):
     values = presets("method")[f"siren_iso_{name}"].values
     assert (values["warm_up"], values["refresh"], values["share"]) == steps
     assert values["learning_rate"] == 1e-4 and values["width"] == 256 and values["facing"] in (0, 2)
     assert values["bandwidth"] == "spacing" and values["sheets"] is False and values["per_step"] == 5000
 
 
-def test_a_fit_makes_iso_points_and_is_repeatable():
+def test_a_fit_computes_iso_points_and_is_repeatable():
     points, normals = ball(400, radius=1.0)
     noise = np.random.default_rng(1).normal(scale=0.02, size=points.shape)
     cloud, shape = PointCloud(points + noise, normals), ball(500, seed=3, radius=1.0)[0]

@@ -1,4 +1,4 @@
-"""The mesher of implicit surfaces: exact shapes, nothing missed, nothing computed twice, and errors that teach."""
+"""The mesher of implicit surfaces: exact shapes, nothing missed, nothing computed twice, and helpful errors."""
 
 import time
 import tracemalloc
@@ -20,7 +20,7 @@ from bench.plugins.registry import registry
 
 
 class Counted:
-    """A field that remembers where it was asked."""
+    """A field that records its points of evaluation."""
 
     def __init__(self, field):
         self.field, self.asked = field, []
@@ -43,20 +43,20 @@ def torus(points, radius=0.6, tube=0.25):
 
 
 def capsule(points, half=0.85, radius=0.08):
-    """A rod along a diagonal, 1 : 7."""
+    """A rod along a diagonal, of aspect 1 : 7."""
     along = np.ones(3) / np.sqrt(3)
     middle = np.clip(points @ along, -half, half)
     return np.linalg.norm(points - middle[:, None] * along, axis=1) - radius
 
 
 def two_balls(points, radius=0.016):
-    """Far apart, and by default between the points of the coarse lattice."""
+    """Two distant balls, by default between the points of the coarse lattice."""
     one, two = (-0.5 + 1 / COARSE + np.array([(25, 25, 25), (-26, -25, 21)]) * 2 / COARSE).clip(-0.85, 0.85)
     return np.minimum(sphere(points, radius, one), sphere(points, 0.9 * radius, two))
 
 
 def knot():
-    """The exact distance to as many points of the curves as make it smooth on the lattice."""
+    """The exact distance to enough points of the curves to be smooth on the lattice."""
     shape = next(s for s in registry().find("dataset", "knots").cls().shapes("test") if s.info["kind"] == "torus_knot")
     curves = np.vstack([curve.at(np.linspace(0, 2 * np.pi, 2000))[0] for curve in shape.surface.curves])
     scale = 0.95 / np.abs(shape.mesh.vertices).max()
@@ -65,7 +65,7 @@ def knot():
 
 
 def sheet():
-    """A thin sheet of a minimal surface; its slope is up to the root of 2, and on most of it below 1."""
+    """A thin sheet of a minimal surface; its slope is up to the root of 2, mostly below 1."""
     shape = next(s for s in registry().find("dataset", "tpms").cls(form="sheet").shapes("test"))
     return lambda points: shape.surface.body.field.value(1.15 * points) / 1.15
 
@@ -77,7 +77,7 @@ def lattice_over(samples, turned=True):
 
 
 def dense(field, lattice):
-    """Vertices and faces of the whole lattice, by libigl."""
+    """Vertices and faces from the whole lattice, by libigl."""
     shape = np.array(lattice.cells) + 1
     k, j, i = (c.ravel() for c in np.indices(shape[::-1]))  # the first axis runs fastest
     points = lattice.origin + lattice.spacing * (np.stack([i, j, k], axis=1) @ lattice.axes)
@@ -86,7 +86,7 @@ def dense(field, lattice):
 
 
 def canonical(faces):
-    """Each face from its least vertex on, in ascending order."""
+    """Each face starting at its least vertex, sorted."""
     first = faces.argmin(axis=1)[:, None]
     faces = np.take_along_axis(faces, (first + np.arange(3)) % 3, axis=1)
     return faces[np.lexsort(faces.T)]
@@ -106,7 +106,7 @@ def assert_closed_and_outward(mesh, field):
     assert mesh.is_watertight and mesh.is_winding_consistent
     assert mesh.area_faces.min() > 0
     middle, step = mesh.triangles_center, 0.3 * mesh.metadata["spacing"] * mesh.face_normals
-    large = mesh.area_faces > 0.02 * mesh.metadata["spacing"] ** 2  # the normals of slivers say little
+    large = mesh.area_faces > 0.02 * mesh.metadata["spacing"] ** 2  # normals of slivers are inaccurate
     assert (field(middle + step) > field(middle - step))[large].all()
 
 
@@ -125,16 +125,16 @@ def test_second_order_convergence(field, genus, align):
     assert errors[1] < 0.1 * spacings[1] ** 2 / 0.25
 
 
-def test_shortest_side_gets_the_resolution_and_a_margin_costs_spacing():
+def test_shortest_side_has_the_resolution_and_a_margin_increases_spacing():
     field, resolution = torus, 33
     tight = extract(field, resolution=resolution, align="axes").metadata["spacing"]
-    # The coarse search for the box knows the surface up to its own spacing of 2 / COARSE on each side.
+    # The coarse search locates the box up to its own spacing of 2 / COARSE on each side.
     assert 0.5 / 32 < tight < (0.5 + 5 / COARSE) / 32
     wide = extract(field, resolution=resolution, align="axes", margin=0.2).metadata["spacing"]
     assert wide == pytest.approx(0.9 / 32, rel=0.01)
 
 
-def test_principal_axes_find_the_long_way():
+def test_principal_axes_follow_the_longest_direction():
     field, resolution = capsule, 33
     turned, straight = (extract(field, resolution=resolution, align=align) for align in ("pca", "axes"))
     assert turned.metadata["spacing"] < 0.35 * straight.metadata["spacing"]
@@ -142,7 +142,7 @@ def test_principal_axes_find_the_long_way():
 
 
 @pytest.mark.parametrize("name", ["knot", "sheet", "two balls", "ellipsoid of slope 0.01", "truncated", "steep"])
-def test_equal_to_the_dense_lattice(name):
+def test_the_mesh_equals_that_of_the_dense_lattice(name):
     field = {
         "knot": knot,
         "sheet": sheet,
@@ -158,15 +158,15 @@ def test_equal_to_the_dense_lattice(name):
     assert sampler.count < 0.6 * np.prod(np.array(lattice.cells) + 1)
 
 
-def test_equal_to_the_dense_lattice_on_networks():
-    """Of high frequency, and displaced at random: what the mesher meets, whose slopes nobody knows."""
+def test_the_mesh_of_networks_equals_that_of_the_dense_lattice():
+    """With high frequencies and random displacements, and so with unknown slopes, as in practice."""
     field = Idf(omega=60.0, omega_detail=60.0, alpha=0.1).field(torch.Generator().manual_seed(5))
     with torch.no_grad():
-        field.displacement.weights[-1].mul_(20.0)  # as it is, a displacement begins as next to nothing
+        field.displacement.weights[-1].mul_(20.0)  # an initial displacement is almost zero
     lattice = lattice_over(49)
     sampler = Sampler(field.values, (-2, 2))
     found = march(sampler, lattice)
-    assert np.ptp(np.linalg.norm(found[0], axis=1)) > 0.05  # no ball any more
+    assert np.ptp(np.linalg.norm(found[0], axis=1)) > 0.05  # not a ball
     assert_same(found, dense(field.values, lattice), 2 * NEAREST * lattice.spacing)
     assert sampler.count < 0.6 * np.prod(np.array(lattice.cells) + 1)
 
@@ -186,8 +186,8 @@ def test_parts_smaller_than_a_coarse_cell_are_found():
     assert count_topology(mesh.vertices, mesh.faces).components == 2
 
 
-def test_surface_is_followed_to_where_the_bound_saw_nothing():
-    # Only signs: no value tells how far the surface is, and the rod runs between the points of the coarsest level.
+def test_surface_is_followed_where_the_bound_missed_it():
+    # Only signs: no value gives the distance of the surface, and the rod lies between points of the coarsest level.
     def signs(points):
         rod = np.hypot(points[:, 1] - 0.033, points[:, 2] - 0.029)
         return np.where((sphere(points, 0.3) < 0) | ((rod < 0.02) & (np.abs(points[:, 0]) < 0.9)), -1.0, 1.0)
@@ -238,7 +238,7 @@ def test_zeros_at_lattice_points():
     assert np.abs(box(vertices)).max() < 1e-3 * lattice.spacing
 
 
-def test_each_point_is_evaluated_once_within_the_domain_in_batches():
+def test_each_point_of_the_domain_is_evaluated_once_in_batches():
     counted = Counted(torus)
     mesh = extract(counted, resolution=25, batch=5000)
     assert max(map(len, counted.asked)) == 5000
@@ -249,8 +249,8 @@ def test_each_point_is_evaluated_once_within_the_domain_in_batches():
     assert len(np.unique(np.round(counted.points, 9), axis=0)) == len(counted.points)
 
 
-def test_long_thin_shape_at_high_resolution_takes_little():
-    extract(capsule, resolution=16)  # what is imported on first use does not count
+def test_long_thin_shape_at_high_resolution_takes_little_memory():
+    extract(capsule, resolution=16)  # memory of imports on first use does not count
     tracemalloc.start()
     mesh = extract(capsule, resolution=80, max_aspect=20)
     peak = tracemalloc.get_traced_memory()[1]
@@ -262,8 +262,8 @@ def test_long_thin_shape_at_high_resolution_takes_little():
     assert peak < 110 * evaluations
 
 
-def test_a_surface_is_coarser_where_the_time_is_short():
-    """Half as fine from level to level, and never without the parts of a coarser search."""
+def test_a_surface_is_coarser_if_time_is_short():
+    """Each level is half as fine, and parts found by a coarser search are never lost."""
 
     def slow(points):
         time.sleep(2e-6 * len(points))  # 129 samples take 0.9 s, 65 of them 0.4 s
@@ -277,8 +277,8 @@ def test_a_surface_is_coarser_where_the_time_is_short():
         assert np.abs(torus(mesh.vertices)).max() < mesh.metadata["spacing"] ** 2 / 0.25
 
 
-def test_a_flat_shape_is_in_time_too():
-    """Its coarsest level has many points, all near the surface: where that would take too long it is coarser, too."""
+def test_a_flat_shape_is_also_meshed_in_time():
+    """Its coarsest level has many points, all near the surface: if that takes too long, the level is coarser, too."""
 
     def slab(points):
         near = np.abs(points[:, 2]) < 0.35
@@ -322,7 +322,7 @@ def test_turned_box_gives_the_same_surface():
     assert again.volume == pytest.approx(turned.volume, rel=2e-3)
 
 
-def test_open_where_it_leaves_the_domain():
+def test_a_surface_is_open_where_it_leaves_the_domain():
     mesh = extract(lambda p: sphere(p, 0.7, (0, 0, 0.8)), resolution=40)
     assert count_topology(mesh.vertices, mesh.faces).boundary_edges > 0
     boundary = np.sort(mesh.edges, axis=1)
@@ -338,7 +338,7 @@ def test_surface_that_touches_the_domain_is_closed():
     assert mesh.is_watertight
 
 
-def test_repeatable_whatever_the_batch():
+def test_results_do_not_depend_on_the_batch_size():
     one, two = (extract(torus, resolution=25, batch=batch) for batch in (65536, 777))
     assert np.array_equal(one.vertices, two.vertices) and np.array_equal(one.faces, two.faces)
 
@@ -364,7 +364,7 @@ def test_fields_without_a_surface(field, message):
         extract(field, resolution=64)
 
 
-def test_noise_is_refused_before_the_memory_is_full():
+def test_noise_is_refused_before_memory_runs_out():
     rng = generator(0)
     with pytest.raises(InvalidOutput, match="nearly everywhere: more than 20,000 cells"):
         extract(lambda p: rng.standard_normal(len(p)), resolution=64, max_cells=20_000)
@@ -392,7 +392,7 @@ def test_values_of_the_wrong_shape_are_named():
         extract(lambda p: sphere(p)[:, None], resolution=32)
 
 
-def test_progress_goes_from_nothing_to_all():
+def test_progress_grows_to_its_total():
     seen = []
     extract(sphere, resolution=64, batch=1000, on_progress=lambda done, total: seen.append((done, total)))
     done = [d for d, _ in seen]
