@@ -1,1 +1,1 @@
-"""Methods that deform a mesh until its images look like those given: differentiable mesh renderers."""
+"""Methods that deform a mesh until its images match the given ones: differentiable mesh renderers."""

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 class LargeSteps(SoftRasterizer):
     """Deforms a mesh in coordinates u = (I + lambda L) v, in which steps are smooth, without a regulariser."""
 
-    rate: float = 0.3  # of the descent: the longest step of a coordinate u, about
+    rate: float = 0.3  # of the descent: about the longest step of a coordinate u
     smoothness: float = 0.0  # weight of the Laplacian
     evenness: float = 0.0  # weight of the variance of the edges' lengths
-    diffusion: float = 19.0  # lambda; the same length of diffusion takes more of it where there are more vertices
+    diffusion: float = 19.0  # lambda; with more vertices, the same length of diffusion needs a larger one
 
     def __post_init__(self) -> None:
         super().__post_init__()

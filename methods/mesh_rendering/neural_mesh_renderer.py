@@ -1,4 +1,4 @@
-"""Neural mesh renderer: edges are taken to sweep over the pixels of their rows and columns."""
+"""Neural mesh renderer: its gradient lets edges sweep over the pixels of their rows and columns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class NeuralMeshRenderer(MeshFitting):
     """Deforms a mesh by plain images: a pixel's change is spread over the way of the edge that would cause it."""
 
-    gap: float = 0.05  # pixels of a surface that is nearer by more are not taken to change
+    gap: float = 0.05  # pixels of a surface that is nearer by more do not change
 
     def __post_init__(self) -> None:
         super().__post_init__()

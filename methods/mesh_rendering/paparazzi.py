@@ -1,4 +1,4 @@
-"""Paparazzi: normals follow the shading, silhouettes say nothing."""
+"""Paparazzi: normals follow the shading, silhouettes have no effect."""
 
 from __future__ import annotations
 

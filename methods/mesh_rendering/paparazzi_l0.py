@@ -1,4 +1,4 @@
-"""Denoising a mesh by images whose gradients are sparse: what Paparazzi does."""
+"""Denoising a mesh by images with sparse gradients, as in Paparazzi."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from bench.geometry.check import check_points
 class PaparazziL0:
     """L0 smoothing of the images of a mesh through the points (thesis, figure 3.26): right for clean ones.
 
-    The points become the vertices of a mesh, by ball pivoting. In each cycle images of the mesh as it came are drawn
-    from new sides and filtered, and the vertices descend until the shading of the faces looks like them; silhouettes
-    say nothing. Where a face is tilted by noise, its colour says little of the surface.
+    The points become the vertices of a mesh, by ball pivoting. In each cycle images of the initial mesh are drawn
+    from new sides and filtered, and the vertices descend until the shading of the faces matches them; silhouettes
+    have no effect. If noise tilts a face, its colour carries little information on the surface.
     """
 
     cycles: int = 8  # each with other cameras
     steps: int = 40  # of a cycle
     views: int = 12  # images of a cycle
     pixels: int = 256  # along each side of an image
-    smoothing: float = 0.05  # lambda: more is smoother
-    rate: float = 0.02  # longest step of a coordinate, about, in spacings of the points
+    smoothing: float = 0.05  # lambda: larger is smoother
+    rate: float = 0.02  # about the longest step of a coordinate, in spacings of the points
     evenness: float = 0.0  # weight of the variance of the edges' lengths
 
     def __post_init__(self) -> None:
@@ -46,7 +46,7 @@ class PaparazziL0:
         load_compiled(HardDrawn.of)
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
-        """As many points in the same order, with the normals of the mesh."""
+        """As many points, in the same order, with the normals of the mesh."""
         from bench.geometry.normals import with_normals
         from bench.geometry.spacing import mean_spacing
 

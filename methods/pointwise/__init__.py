@@ -1,1 +1,1 @@
-"""Learned reconstruction without a fit: a network says of each place how far the surface is, and on which side."""
+"""Learned reconstruction without a fit: a network predicts the signed distance of each query to the surface."""

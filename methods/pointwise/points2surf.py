@@ -1,4 +1,4 @@
-"""Points2Surf: signed distances of places by a network that sees points around them."""
+"""Points2Surf: a network predicts signed distances from points around each query."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from .networks.surface_network import SurfaceNetwork
 
-SHARE = 0.8  # of the time that is left may go into asking the network
-LEAST = 16  # nodes along the longest side, however little time there is
+SHARE = 0.8  # of the remaining time may be used for evaluating the network
+LEAST = 16  # nodes along the longest side, even if the time is too short
 
 
 @register("method", cite="after Erler et al. 2020", requires=("torch", "safetensors", "scipy", "skimage", "trimesh"))
@@ -27,21 +27,22 @@ LEAST = 16  # nodes along the longest side, however little time there is
 class Points2surf:
     """After Points2Surf (Erler et al. 2020), trained at a hundredth of its size, for a quarter of an hour.
 
-    A network is asked at the nodes of a grid near the points: from the nearest points and a random part of all, how far
-    the surface is, and on which side. Signs are spread to the other nodes, and marching cubes give the surface. Needs
-    no normals. ``width=1024``, ``turn`` and ``transforms`` make the published network of 6,167,814 parameters.
+    A network is evaluated at the nodes of a grid near the points: from the nearest points and a random part of all, it
+    predicts the distance to the surface, and the side. Signs are propagated to the other nodes, and marching cubes give
+    the surface. Needs no normals. ``width=1024``, ``turn`` and ``transforms`` make the published network of 6,167,814
+    parameters.
 
     Ours: the width, no transforms by default, 96 points of a patch (theirs: 300) and 256 of the cloud (theirs: 1,000),
-    which all queries of a cloud share, the shapes, random turns and reflections in training, Adam, a distance that is
-    not squared, and places to learn from near the surface alone.
+    which all queries of a cloud share, the shapes, random rotations and reflections in training, Adam, a distance that
+    is not squared, and training queries only near the surface.
     """
 
     width: int = 176  # channels of the pooled features (theirs: 1024); all others are in proportion
-    turn: bool = False  # whether a rotation is made of the patch (theirs: yes, but for the variant "max")
-    transforms: bool = False  # whether features are multiplied by a matrix that is made of them (theirs: yes)
+    turn: bool = False  # whether a rotation is predicted from the patch (theirs: yes, except for the variant "max")
+    transforms: bool = False  # whether features are multiplied by a matrix predicted from them (theirs: yes)
     points: int = 96  # of a patch, those nearest to a query (theirs: 300)
     subsample: int = 256  # points of the whole cloud (theirs: 1,000)
-    near: bool = False  # whether a query has a subsample of its own, denser near it (theirs: yes, but for "max")
+    near: bool = False  # whether a query has its own subsample, denser near it (theirs: yes, except for "max")
     resolution: int = 64  # nodes along the longest side (theirs: 256)
     counts: tuple[int, int] = (2000, 12000)  # least and largest number of points of a cloud in training
     noise: tuple[float, float] = (0.001, 0.02)  # least and largest in training, relative to the radius of the shape
@@ -70,7 +71,7 @@ class Points2surf:
                 raise ValueError(f"{name}: expected two numbers above 0, the smaller first, got {getattr(self, name)}")
 
     def examples(self, data: TrainingData, run: Run) -> Mapping[str, np.ndarray]:
-        """Points of each shape without noise, and true signed distances of places near it."""
+        """Points of each shape without noise, and true signed distances of queries near it."""
         from .training.surfaces import surfaces_of
 
         return surfaces_of(data, run)
@@ -108,12 +109,12 @@ class Points2surf:
         return grid.mesh(ask(grid.places))
 
     def _grid(self, ask: Any, points: np.ndarray, run: Run) -> Any:
-        """The finest grid for which there is time, by the time that some of its nodes take."""
+        """The finest grid for which there is time, estimated from the time for some of its nodes."""
         from .queries.grid import Grid
 
         resolution, grid = self.resolution, Grid.around(points, self.resolution)
         some = grid.places[:256]
-        ask(some[:2])  # what is slow the first time
+        ask(some[:2])  # warm-up: the first call is slow
         started = time.perf_counter()
         ask(some)
         each = (time.perf_counter() - started) / len(some)

@@ -1,4 +1,4 @@
-"""EC-Net: four times as many points, drawn to the sharp edges of a shape."""
+"""EC-Net: four times as many points, attracted to the sharp edges of a shape."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ class EcNet:
 
     It learns from the distances of its points to the triangles of a shape and to its sharp edges. The published edges
     were marked by hand; here they are those of the meshes of polyhedral shapes (``cad``, ``furniture``), by their
-    angles. The published patches have 1,024 points (``method=ec_net_thesis``) along geodesics; here they are the
-    nearest points in space, and radii are widened by sqrt(1024 / points). The half of a patch that is nearest its seed
+    angles. The published patches have 1,024 points (``method=ec_net_thesis``), nearest along geodesics; here they are
+    nearest in space, and radii are widened by sqrt(1024 / points). The half of a patch that is nearest its seed
     is upsampled.
 
     The released code returns all points of all patches, twelve times as many, and a file of edge points. Here farthest
     points are kept, to the exact count, after each pass.
     """
 
-    points: int = 156  # of a patch (thesis: 1,024), half of which are upsampled; all points where a cloud has fewer
+    points: int = 156  # of a patch (thesis: 1,024), half of which are upsampled; all points if a cloud has fewer
     overlap: float = 3.0  # patches that upsample a point, on average
     geodesic: bool = False  # patches are cut along the surface, as published
-    central: int = 1  # of so many patches a point's copies are taken, where it is nearest the seed (thesis: 0, of all)
-    bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for those that the sensor gives
+    central: int = 1  # number of patches, where a point is nearest the seed, whose copies of it count (thesis: 0, all)
+    bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for the clouds of the sensor
     scans: tuple[str, ...] = ()  # instead of bases, sensors of four times as many points each, the sparsest first
-    angle: float = 30.0  # degrees between the normals of two faces from which on an edge is sharp
+    angle: float = 30.0  # degrees between the normals of two faces above which an edge is sharp
     faces: int = 3000  # of a mesh in training, at most
     triangles: int = 400  # of the surface around a patch (released: 800)
     segments: int = 120  # of edges around a patch
@@ -99,7 +99,7 @@ class EcNet:
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points.
 
-        A ratio that is no power of four is reached from the next one by thinning.
+        A ratio that is not a power of four is reached from the next power by thinning.
         """
         import torch
 
@@ -114,7 +114,7 @@ class EcNet:
         check_points(cloud.points, "ec_net", at_least=1)
         torch.set_num_threads(run.threads)
         network = loaded(self._network(), run)
-        # Patches overlap twice as often, since half of each is upsampled.
+        # Patches overlap twice as much, since half of each is upsampled.
         points = in_passes(
             *(cloud.points, ratio, RATIO, self.points, 2 * self.overlap),
             *(lambda patches: network(patches)[0], run, self.central, cropped, cut_along if self.geodesic else cut),

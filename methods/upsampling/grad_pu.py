@@ -23,22 +23,22 @@ class GradPu:
     """After Grad-PU (He et al. 2023): midpoints of neighbours, moved by gradient descent on a learned distance.
 
     The paper's: midpoints of the eight nearest points, thinned by farthest points; a network of local features that
-    tells a point's distance to the surface; ten steps down its gradient; any ratio.
+    predicts a point's distance to the surface; ten steps down its gradient; any ratio.
 
     Ours: the network. It has 76,418 parameters; the paper's has 69,633, and sees patches of 256 points, normalised, and
-    a global feature. This one sees lengths in units of the local spacing, and heights over local planes: it needs no
-    patches, and no size of cloud is special. It learns signed distances to the exact surface; the paper's learns
-    unsigned ones to the nearest of four times as many points. The distance is that of the input in all rounds, not of
-    what the round before gave; the steps go down half the square of the distance, and what they give is thinned.
+    a global feature. This one uses lengths in units of the local spacing, and heights over local planes: it needs no
+    patches, and does not depend on the size of the cloud. It learns signed distances to the exact surface; the paper's
+    learns unsigned ones to the nearest of four times as many points. The distance is that of the input in all rounds,
+    not of the previous round's output; the steps descend half the squared distance, and the result is thinned.
     """
 
     neighbours: int = 16  # of a point
     width: int = 64  # channels of the features
     iterations: int = 5  # of the descent (He et al.: 10)
-    rate: float = 0.5  # of a step; 1 goes all the way where the distance is exact
-    keep: bool = False  # whether the points of the input stay where they are instead of moving too
+    rate: float = 0.5  # of a step; 1 reaches the surface in one step if the distance is exact
+    keep: bool = False  # whether the points of the input stay in place instead of moving too
     points: int = 256  # of a patch in training
-    bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for those that the sensor gives
+    bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for the clouds of the sensor
     scans: tuple[str, ...] = ()  # instead of bases, sensors of four times as many points each, the sparsest first
     noise: float = 0.0025  # of the inputs in training, relative to the radius of the shape
     steps: int = 9200  # of training; 0 for as many as its seconds allow
@@ -85,7 +85,7 @@ class GradPu:
     prepare = staticmethod(load_compiled)
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
-        """Exactly ``ratio`` times as many points; their order says nothing."""
+        """Exactly ``ratio`` times as many points, in arbitrary order."""
         import torch
 
         from bench.geometry.check import check_points

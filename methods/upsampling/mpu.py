@@ -1,4 +1,4 @@
-"""MPU: a cloud doubled again and again, each time by a network of its own on patches of the same size."""
+"""MPU: a cloud doubled repeatedly, each time by another network on patches of the same size."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
 class Mpu:
     """Multi-step progressive upsampling (thesis 3.1): networks on patches, trained level by level."""
 
-    levels: int = 4  # doublings, each with a unit of its own
+    levels: int = 4  # doublings, each with its own unit
     single: bool = False  # one unit for all levels ("no multi-stage")
     stages: Literal["progressive", "apart", "at_once"] = "progressive"  # how the units are trained
     growth: int = 12  # channels of a layer of a dense block
     convolutions: int = 3  # layers of a dense block
     neighbours: int = 32  # in feature space
-    features: Literal["dense", "pu_net"] = "dense"  # how a point gets its features
-    expansion: Literal["code", "pu_net"] = "code"  # how a point becomes two
+    features: Literal["dense", "pu_net"] = "dense"  # the network for the features of points
+    expansion: Literal["code", "pu_net"] = "code"  # the expansion of a point to two
     code: float = 0.2  # the two copies are marked by minus and plus this (thesis: 1)
     skip: float = 0.2  # weight of the features of the level before (thesis: 1); 0 for none
     patch: int = 156  # points of a patch at most (thesis: 312)
-    share: float = 0.25  # of the cloud that a patch has at most (a part of neighbours + 1 points it always has)
-    recut: bool = True  # each level cuts patches of its own; without it, those of the first go through all levels whole
+    share: float = 0.25  # largest share of the cloud in a patch (which always has at least neighbours + 1 points)
+    recut: bool = True  # each level cuts its own patches; without it, those of the first pass through all levels
     overlap: float = 3.0  # patches that a point is in, on average
-    central: int = 1  # of so many patches a point's copies are taken, where it is nearest the seed (thesis: 0, of all)
-    bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for the clouds that the sensor gives
+    central: int = 1  # number of patches, where a point is nearest the seed, whose copies of it count (thesis: 0, all)
+    bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for the clouds of the sensor
     scans: tuple[str, ...] = ()  # instead of bases, levels + 1 sensors of doubling density, the sparsest first
     noise: float = 0.0025  # of the clouds in training (but not of the sensor's), relative to the radius of the shape
     scale: float = 0.2  # patches in training are scaled by up to this
@@ -46,7 +46,7 @@ class Mpu:
     batch: int = 8  # patches of a step (thesis: 28)
     learning_rate: float = 2e-3  # of Adam (thesis: 5e-4, for a hundred times as many steps)
     decay: float = 0.1  # factor of the learning rate over the last fifth of training (thesis: 1)
-    inherit: bool = True  # a unit begins as the one before it (thesis: False)
+    inherit: bool = True  # a unit starts with the weights of the one before it (thesis: False)
 
     examples_by: ClassVar[tuple[str, ...]] = ("levels", "bases", "scans")
     trained_by: ClassVar[tuple[str, ...]] = (
@@ -110,10 +110,10 @@ class Mpu:
     prepare = staticmethod(load_compiled)
 
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
-        """Exactly ``ratio`` times as many points, the order of which says nothing.
+        """Exactly ``ratio`` times as many points, in arbitrary order.
 
-        A ratio that is no power of two is reached from the next one by thinning; above 2**levels, the network is
-        applied again to what it gave.
+        A ratio that is not a power of two is reached from the next power by thinning; above 2**levels, the network is
+        applied again to its output.
         """
         import torch
 
@@ -126,7 +126,7 @@ class Mpu:
         torch.set_num_threads(run.threads)
         network = self._network()
         run.parameters = sum(parameter.numel() for parameter in network.parameters())
-        assert run.weights is not None  # of a method that learns from examples
+        assert run.weights is not None  # a method that learns from examples always has them
         network.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in run.weights.items()})
         network.to(run.device).eval()
         points, left = np.asarray(cloud.points, dtype=np.float64), math.ceil(math.log2(ratio))
@@ -155,7 +155,7 @@ class Mpu:
 
         for number, case in enumerate(data.cases):
             if self.scans:
-                # The same generator for all densities: a scanner then looks from the same place.
+                # The same generator for all densities, so that a scanner has the same position.
                 yield number, [data.sense(case, s, generator(data.seed, case.id)).points for s in self.scans]
             else:
                 rng = generator(data.seed, case.id, "poisson disks")

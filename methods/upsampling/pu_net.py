@@ -1,4 +1,4 @@
-"""PU-Net: a patch to four times as many points, by features at several scales and branches of layers."""
+"""PU-Net: maps a patch to four times as many points, by features at several scales and branches of layers."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class PuNet:
 
     The loss is 100 times the earth mover's distance, the repulsion, and 1e-5 of half the squares of the weights. The
     published patches have 1,024 points (``method=pu_net_thesis``); radii are for those, and are widened by
-    sqrt(1024 / points). Between two passes, and after the last one, farthest points are kept, to the exact count.
+    sqrt(1024 / points). Between two passes, and after the last one, farthest points are selected, to the exact count.
     """
 
-    points: int = 156  # of a patch (thesis: 1,024); all points where a cloud has fewer
+    points: int = 156  # of a patch (thesis: 1,024); all points if a cloud has fewer
     overlap: float = 3.0  # patches that a point is in, on average
-    central: int = 1  # of so many patches a point's copies are taken, where it is nearest the seed (thesis: 0, of all)
-    times: int = 4  # as many points by one pass: a branch of layers for each
-    bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for those that the sensor gives
+    central: int = 1  # number of patches, where a point is nearest the seed, whose copies of it count (thesis: 0, all)
+    times: int = 4  # ratio of one pass: a branch of layers for each copy
+    bases: tuple[int, ...] = (625, 2500)  # points of the clouds in training; 0 for the clouds of the sensor
     scans: tuple[str, ...] = ()  # instead of bases, sensors of ``times`` as many points each, the sparsest first
     subset: bool = False  # learn from uneven random parts of the truths, as published, instead of clouds of their own
     noise: float = 0.0025  # of the inputs in training, relative to the radius of the shape
@@ -86,7 +86,7 @@ class PuNet:
     def upsample(self, cloud: PointCloud, ratio: int, run: Run) -> PointCloud:
         """Exactly ``ratio`` times as many points.
 
-        A ratio that is no power of ``times`` is reached from the next one by thinning.
+        A ratio that is not a power of ``times`` is reached from the next power by thinning.
         """
         import torch
 

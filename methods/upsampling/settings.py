@@ -6,13 +6,13 @@ from typing import Any
 
 
 def check_training(method: Any, scans: int = 2) -> None:
-    """Refuse parameters of a training that make no sense.
+    """Refuse invalid parameters of a training.
 
     Parameters
     ----------
     method : a learned upsampler
     scans : int
-        How many sensors it needs at least, where it is trained on scans.
+        The least number of sensors, if it is trained on scans.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Meshes that are fitted to images."""
+"""Fitting meshes to images."""

@@ -1,4 +1,4 @@
-"""Adam, Adam with one step size for all, and the coordinates of large steps."""
+"""Adam, Adam with a common step size, and the coordinates of large steps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scipy.sparse.linalg import splu
 
 from .regularity import edges_of, graph_laplacian
 
-FIRST, SECOND = 0.9, 0.999  # how much of the moments stays
+FIRST, SECOND = 0.9, 0.999  # decay rates of the moments
 TINY = 1e-12
 
 
@@ -18,7 +18,7 @@ class Adam:
     Parameters
     ----------
     uniform : bool
-        Divide by the largest second moment of all numbers instead of each by its own (AdamUniform, Nicolet et al.
+        Divide all entries by the largest second moment instead of each by its own (AdamUniform, Nicolet et al.
         2021): the step keeps the direction of the gradient.
     """
 
@@ -47,7 +47,7 @@ class Diffused:
     count : int
         Of vertices.
     strength : float
-        lambda; 0 leaves the vertices as they are.
+        lambda; with 0, u equals the vertices.
     """
 
     def __init__(self, faces: np.ndarray, count: int, strength: float):
@@ -62,5 +62,5 @@ class Diffused:
         return self._matrix @ vertices
 
     def solve(self, values: np.ndarray) -> np.ndarray:
-        """Vertices (v, 3) of u; and the gradient by u of a gradient by vertices, as the matrix is symmetric."""
+        """Vertices (v, 3) of u; also the gradient by u from that by vertices, as the matrix is symmetric."""
         return self._factors.solve(np.ascontiguousarray(values))

@@ -1,4 +1,4 @@
-"""Meshes that are filtered through images of them."""
+"""Meshes filtered by filtering their images."""
 
 from __future__ import annotations
 
@@ -29,12 +29,14 @@ def mesh_through(cloud: PointCloud, spacing: float) -> tuple[np.ndarray, np.ndar
     radii = DoubleVector([radius * spacing for radius in RADII])
     faces = np.array(TriangleMesh.create_from_point_cloud_ball_pivoting(oriented, radii).triangles, dtype=np.int64)
     if not len(faces):
-        raise BadInput(f"no ball of {RADII[-1]:g} spacings rests on three of the {len(cloud)} points")
+        raise BadInput(
+            f"no ball of {RADII[-1]:g} spacings rests on three of the {len(cloud)} points; expected points of a surface"
+        )
     return np.array(cloud.points), faces
 
 
 def rig(vertices: np.ndarray, count: int, pixels: int, rng: np.random.Generator) -> Views:
-    """``count`` cameras around a mesh, turned at random, each with three lights of its own; the images are black."""
+    """``count`` cameras around a mesh, in random directions, each with its own three lights; the images are black."""
     middle = vertices.mean(axis=0)
     radius = np.linalg.norm(vertices - middle, axis=1).max()
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
@@ -64,7 +66,7 @@ def filtered_views(
     views: Views,
     image_filter: Callable[[np.ndarray], np.ndarray],
 ) -> Views:
-    """The images of a mesh in some views, filtered but for their background."""
+    """The images of a mesh in some views, filtered except for their background."""
     from ..raster.shading import normals_of
 
     gallery, normals = Gallery(views, faces, draw, 0.0), normals_of(vertices, faces)

@@ -1,4 +1,4 @@
-"""What a mesh looks like in some views, how far that is from the images, and the gradient by its vertices."""
+"""The images of a mesh in some views, their loss, and its gradient by the vertices."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..raster.scene import Drawn, Scene, project, project_back
 from ..raster.shading import Lights, Normals, normals_back, normals_of
 from .loss import image_loss
 
-BEHIND = 2.0  # radii of the mesh: how far behind its middle the background is
+BEHIND = 2.0  # radii of the mesh: distance of the background behind its middle
 
 
 class Gallery:
@@ -23,7 +23,7 @@ class Gallery:
     views : Views
         With lights.
     faces : (f, 3) int array
-    draw : function of a Scene that gives a Drawn
+    draw : function of a Scene that returns a Drawn
     silhouette : float
         Weight of the masks in the loss.
     """
@@ -41,7 +41,7 @@ class Gallery:
         return np.concatenate([self.views.images[view] / 255, self.views.masks[view][..., None]], axis=2)
 
     def draw(self, vertices: np.ndarray, normals: Normals, view: int) -> Drawn:
-        """What a view shows of a mesh."""
+        """The image of a mesh in a view."""
         screen = project(vertices, self.views.extrinsics[view], self.views.intrinsics[view])
         depth = screen[:, 2]
         far = float(depth.mean() + BEHIND * np.abs(depth - depth.mean()).max())
@@ -55,7 +55,7 @@ class Gallery:
         ----------
         vertices : (v, 3) array
         chosen : (m,) int array
-            Which views.
+            The views.
         """
         normals = normals_of(vertices, self.faces)
         loss, gradient, of_normals = 0.0, np.zeros_like(vertices), np.zeros_like(normals.unit)

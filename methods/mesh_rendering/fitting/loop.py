@@ -14,12 +14,12 @@ from .descent import Adam, Diffused
 from .gallery import Gallery
 from .regularity import Regularity
 
-TRACES = 8  # how often an intermediate result is offered
+TRACES = 8  # number of intermediate results
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long, and how fast; the fields are those of the method."""
+    """Length and rates of the descent; the fields are those of the method."""
 
     steps: int
     views: int
@@ -27,7 +27,7 @@ class Schedule:
     rate_end: float
 
     def rate_at(self, step: int) -> float:
-        """The rate falls by the same factor from step to step."""
+        """The rate at a step: it falls by the same factor from step to step."""
         return self.rate * self.rate_end ** (step / max(self.steps - 1, 1))
 
 
@@ -40,13 +40,13 @@ def descend(
     rng: np.random.Generator,
     run: Run,
 ) -> Iterator[np.ndarray]:
-    """Vertices (v, 3), offered now and then and at the end; fewer steps are taken where the time is over.
+    """The fitted vertices (v, 3), also offered as intermediate results; fewer steps are taken if the time is over.
 
     Parameters
     ----------
     gallery : Gallery
     vertices : (v, 3) array
-        To begin with.
+        The initial ones.
     regularity : Regularity or None
     diffused : Diffused or None
         Descend in these coordinates, with one step size for all vertices.

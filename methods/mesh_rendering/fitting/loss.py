@@ -8,8 +8,8 @@ import numpy as np
 def image_loss(image: np.ndarray, wanted: np.ndarray, silhouette: float) -> tuple[float, np.ndarray]:
     """The absolute difference of colours inside the mask, and the squared difference of coverages; and the derivative.
 
-    Both are means over all pixels (and channels). Colours outside the mask do not count, because there the shape has
-    none: that the mesh should not be there is said by the coverage, and must not turn its normals from the light.
+    Both are means over all pixels (and channels). Colours outside the mask do not count, because the shape has none
+    there: the coverage penalises the mesh there, and colours must not turn its normals away from the light.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the methods of this family share; a subclass says how a mesh is drawn."""
+"""The common part of the methods of this family; a subclass defines how a mesh is drawn."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MeshFitting:
-    """A method that deforms a mesh until its images look like those given."""
+    """A method that deforms a mesh until its images match the given ones."""
 
     steps: int = 400  # of the descent
-    views: int = 6  # images that a step looks at
-    rate: float = 0.01  # of the descent: the longest step of a coordinate, about
-    rate_end: float = 0.1  # the rate at the end, over that to begin with
+    views: int = 6  # images of a step
+    rate: float = 0.01  # of the descent: about the longest step of a coordinate
+    rate_end: float = 0.1  # the final rate, relative to the initial one
     silhouette: float = 1.0  # weight of the masks in the loss; colours have 1
     smoothness: float = 0.05  # weight of the Laplacian
     evenness: float = 0.02  # weight of the variance of the edges' lengths
@@ -49,11 +49,11 @@ class MeshFitting:
         raise NotImplementedError
 
     def coordinates(self, faces: np.ndarray, count: int) -> Diffused | None:
-        """Where the descent is done in other coordinates than the vertices' own."""
+        """The coordinates of the descent, if other than the vertices' own."""
         return None
 
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
-        """As many points as the cloud to begin with, spread evenly over the deformed mesh, with face normals."""
+        """As many points as the initial cloud, spread evenly over the deformed mesh, with face normals."""
         from trimesh import Trimesh
 
         from .gallery import Gallery
@@ -62,9 +62,9 @@ class MeshFitting:
         from .start import mesh_of, spread_over
 
         if views.light_directions is None:
-            raise BadInput("the views have no lights; it matches diffuse shading under known lights")
+            raise BadInput("the views have no lights; this method matches diffuse shading under known lights")
         if cloud.normals is None:
-            raise BadInput("the cloud to begin with has no normals")
+            raise BadInput("the initial cloud has no normals; this method needs them")
         vertices, faces = mesh_of(cloud)
         gallery = Gallery(views, faces, self.draw, self.silhouette)
         regularity = None
@@ -76,7 +76,7 @@ class MeshFitting:
         mesh = Trimesh(vertices, faces, process=False)
         for moved in descend(gallery, vertices, regularity, diffused, schedule, choosing, run):
             mesh = Trimesh(moved, faces, process=False)
-            # A copy of the generator: the result is the same whether somebody looks or not.
+            # A copy of the generator: the result is the same with and without intermediate results.
             run.trace(lambda mesh=mesh: spread_over(mesh, len(cloud), copy.deepcopy(sampling)))
         run.keep("mesh", mesh)
         return spread_over(mesh, len(cloud), sampling)

@@ -1,4 +1,4 @@
-"""What keeps a mesh in order: the Laplacian and the lengths of edges."""
+"""Regularisers of a mesh: the Laplacian and the lengths of edges."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def graph_laplacian(edges: np.ndarray, count: int) -> csr_array:
 
 
 class Regularity:
-    """Two penalties, in units of the mean edge length to begin with; both are means.
+    """Two penalties, in units of the initial mean edge length; both are means.
 
     ``smoothness`` times |v - mean of its neighbours|^2 over vertices, and ``evenness`` times the variance of the
     lengths of edges.
@@ -29,7 +29,7 @@ class Regularity:
     Parameters
     ----------
     vertices : (v, 3) array
-        To begin with.
+        The initial ones.
     faces : (f, 3) int array
     smoothness, evenness : float
     """

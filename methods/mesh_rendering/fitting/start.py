@@ -1,4 +1,4 @@
-"""From a cloud to the mesh to begin with, and from the mesh to a cloud again."""
+"""From a cloud to the initial mesh, and from the mesh back to a cloud."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 POISSON_DEPTH = 6  # of the octree
-LEAST_COSINE = 0.05  # between a normal and the direction from the middle: more on all points is a star
+LEAST_COSINE = 0.05  # between a normal and the direction from the middle: if all have more, the cloud is star-shaped
 
 
 def mesh_of(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
-    """A closed mesh (vertices, faces) with faces outwards that a cloud with normals lies on.
+    """A closed mesh (vertices, faces) with outward faces through a cloud with normals.
 
-    Of a star-shaped cloud (all normals point away from the middle) the points are the vertices, and they are connected
-    like their directions from the middle on the unit sphere, by its convex hull. Otherwise it is the screened Poisson
+    For a star-shaped cloud (all normals point away from the middle) the points are the vertices, connected as the
+    convex hull of their directions from the middle on the unit sphere. Otherwise it is the screened Poisson
     surface of the points, with about as many vertices.
     """
     assert cloud.normals is not None
@@ -37,7 +37,7 @@ def mesh_of(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _connected(directions: np.ndarray) -> np.ndarray | None:
-    """The faces of the convex hull of points on the unit sphere, if it is a hull around the middle of all of them."""
+    """The faces of the convex hull of points on the unit sphere, if all are its vertices and it contains the middle."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
@@ -68,7 +68,7 @@ def _poisson(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
     mesh.remove_unreferenced_vertices()
     vertices, faces = np.array(mesh.vertices), np.array(mesh.triangles, dtype=np.int64)
     if not len(faces):
-        raise BadInput(f"the cloud to begin with: no surface was found through its {len(cloud)} points")
+        raise BadInput(f"the initial cloud: found no surface through its {len(cloud)} points")
     return vertices, faces
 
 

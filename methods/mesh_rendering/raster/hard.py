@@ -13,7 +13,7 @@ from .scene import NEAR, Scene
 
 
 class Seen(NamedTuple):
-    """What each pixel shows."""
+    """The visible face of each pixel."""
 
     face: np.ndarray
     """(h, w) int32 array: number of the face, -1 for the background"""
@@ -30,7 +30,7 @@ def rasterise(scene: Scene) -> Seen:
 
 @dataclass(frozen=True, eq=False)
 class HardDrawn:
-    """A plain image. Its gradient goes through the colours only; subclasses add what moves with the vertices."""
+    """A plain image. Its gradient is that of the colours only; subclasses add that by moving vertices."""
 
     scene: Scene
     seen: Seen
@@ -54,7 +54,7 @@ class HardDrawn:
         return self.motion(slope), np.stack(by_channel, axis=1)
 
     def motion(self, slope: np.ndarray) -> np.ndarray:
-        """The gradient (v, 3) by the vertices on the screen, with the colours held: none."""
+        """The gradient (v, 3) by the vertices on the screen, with constant colours: none."""
         return np.zeros_like(self.scene.screen)
 
 

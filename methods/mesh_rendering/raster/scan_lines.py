@@ -13,18 +13,18 @@ from .hard import HardDrawn, span
 
 @dataclass(frozen=True, eq=False)
 class ScanLineDrawn(HardDrawn):
-    """A plain image whose pixels are taken to change linearly until an edge has moved over them.
+    """A plain image whose pixels are assumed to change linearly until an edge has moved over them.
 
-    Where an edge of a visible face crosses a row, each pixel of the row outside the face would take the face's colour
-    if the edge moved there, and each pixel inside would take the colour that is next to the edge. The change of the
-    loss, divided by the way, is the derivative by the crossing, if the move lowers the loss, and zero if not; the ends
-    of the edge share it as they move the crossing. The same for columns.
+    If an edge of a visible face crosses a row, each pixel of the row outside the face would get the face's colour
+    if the edge moved there, and each pixel inside would get the colour next to the edge. The change of the
+    loss, divided by the distance, is the derivative by the crossing, if the move lowers the loss, and zero if not; the
+    ends of the edge share it as they move the crossing. The same for columns.
 
-    Beside the publication, pixels whose surface is nearer to the camera by ``gap`` are left out, as the face would move
-    behind them. Ways count at least half a pixel.
+    Unlike in the publication, pixels whose surface is nearer to the camera by ``gap`` are left out, as the face would
+    move behind them. Distances count at least half a pixel.
     """
 
-    gap: float = 0.05  # pixels that are nearer to the camera than the face by more are not changed by it
+    gap: float = 0.05  # the face does not change pixels that are nearer to the camera by more
 
     def motion(self, slope: np.ndarray) -> np.ndarray:
         """The gradient (v, 3) by the vertices on the screen; depths have none."""
@@ -56,7 +56,7 @@ def _scan(screen, faces, visible, axis, seen, depth, image, slope, gap, gradient
             )
             if along == 0:
                 continue
-            # Where the edge, made longer, passes the third corner: the face lies on the corner's side.
+            # Where the extended edge passes the third corner: the face lies on the corner's side.
             t = (screen[opposite, lines] - screen[a, lines]) / along
             passing = screen[a, axis] + t * (screen[b, axis] - screen[a, axis])
             outwards = 1 if screen[opposite, axis] < passing else -1
@@ -76,7 +76,7 @@ def _scan(screen, faces, visible, axis, seen, depth, image, slope, gap, gradient
 
 @njit(cache=True, error_model="numpy")
 def _by_crossing(f, crossing, inner, outwards, of_line, gap):
-    """The derivative by where an edge of face ``f`` crosses a line of pixels."""
+    """The derivative by the place where an edge of face ``f`` crosses a line of pixels."""
     seen, depth, image, slope = of_line
     across, channels = image.shape
     total = 0.0

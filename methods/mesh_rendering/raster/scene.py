@@ -1,4 +1,4 @@
-"""What a renderer is given, what it gives, and the way between the world and the screen."""
+"""Input and output of a renderer, and the projection from the world to the screen and back."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Scene(NamedTuple):
 
 
 class Drawn(Protocol):
-    """An image, and the way back."""
+    """An image, and its gradient."""
 
     @property
     def image(self) -> np.ndarray:
-        """(h, w, 4) float64 array: red, green, blue, and how far the mesh covers the pixel (0 to 1)."""
+        """(h, w, 4) float64 array: red, green, blue, and the coverage of the pixel by the mesh (0 to 1)."""
 
     def backward(self, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The gradient of a loss.
@@ -42,7 +42,7 @@ class Drawn(Protocol):
         Returns
         -------
         of_screen : (v, 3) float64 array
-            By column, row and depth of the vertices, with the colours held.
+            By column, row and depth of the vertices, with constant colours.
         of_colors : (f, 3) float64 array
         """
 

@@ -1,4 +1,4 @@
-"""Colours of faces under known lights, and the way from colours back to vertices."""
+"""Colours of faces under known lights, and gradients from colours to vertices."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def normals_back(of_normals: np.ndarray, normals: Normals, vertices: np.ndarray,
 
 
 class Lights(NamedTuple):
-    """Of one view, k lights that are infinitely far."""
+    """The k lights of one view, infinitely far."""
 
     directions: np.ndarray
     """(k, 3) array of unit length, towards the lights"""
     colors: np.ndarray
     """(k, 3) array"""
     ambient: np.ndarray
-    """(3,) array: light from everywhere"""
+    """(3,) array: ambient light"""
 
     def shade(self, normals: np.ndarray) -> np.ndarray:
         """The colours (f, 3) of white diffuse faces: ambient + sum over lights of max(n.l, 0) colour."""

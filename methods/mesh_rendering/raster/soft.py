@@ -24,7 +24,7 @@ class Pairs(NamedTuple):
     edge: np.ndarray
     """(p,) int8 array: the edge from corner k to corner k + 1 that is nearest to the pixel"""
     place: np.ndarray
-    """(p,) float64 array: where on that edge the nearest point is, 0 to 1"""
+    """(p,) float64 array: the place of the nearest point on that edge, 0 to 1"""
     score: np.ndarray
     """(p,) float64 array: squared distance to the nearest edge over sigma, positive inside, negative outside"""
     depth: np.ndarray
@@ -42,7 +42,7 @@ class SoftDrawn:
 
     A face covers a pixel with the probability D = sigmoid(+-d^2 / sigma), d the distance to its nearest edge, plus
     inside. The pixel is covered with 1 - product of (1 - D); its colour is the mean of the faces' colours with weights
-    D exp(-depth / gamma), beside a black background of weight exp(-far / gamma).
+    D exp(-depth / gamma), including a black background of weight exp(-far / gamma).
     """
 
     scene: Scene
@@ -51,7 +51,7 @@ class SoftDrawn:
     likely: np.ndarray
     """(p,) array: the probabilities D of the pairs"""
     share: np.ndarray
-    """(p,) array: what part of its pixel's colour each pair gives"""
+    """(p,) array: the share of each pair in its pixel's colour"""
     sigma: float
     gamma: float
 

@@ -1,4 +1,4 @@
-"""Pixels from the faces near them, and the way back."""
+"""Colours of pixels from the faces near them, and their gradients."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-FAINT = -40.0  # exponents below are taken for minus infinity
+FAINT = -40.0  # smaller exponents count as minus infinity
 
 
 @njit(cache=True, error_model="numpy")

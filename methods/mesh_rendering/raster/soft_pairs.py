@@ -1,4 +1,4 @@
-"""Distances of pixels to the faces near them, depths there, and the way back to the vertices."""
+"""Distances of pixels to the faces near them, depths there, and gradients to the vertices."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _corners(screen, faces, f):
 
 @njit(cache=True, error_model="numpy")
 def _edges(corners):
-    """Of the three edges: x and y along, and one over the squared length (0 for none)."""
+    """The three edges: their x and y, and one over the squared length (0 for none)."""
     edges = np.empty((3, 3))
     for k in range(3):
         ex, ey = corners[(k + 1) % 3, 0] - corners[k, 0], corners[(k + 1) % 3, 1] - corners[k, 1]
@@ -35,7 +35,7 @@ def _edges(corners):
 
 @njit(cache=True, error_model="numpy")
 def _nearest_edge(corners, edges, x, y):
-    """The edge that is nearest to a point, where on it (0 to 1), and the squared distance."""
+    """The edge nearest to a point, the place on it (0 to 1), and the squared distance."""
     edge, place, least = 0, 0.0, np.inf
     for k in range(3):
         px, py, ex, ey = x - corners[k, 0], y - corners[k, 1], edges[k, 0], edges[k, 1]
@@ -109,7 +109,7 @@ def pairs_back(screen, faces, width, sigma, face, pixel, edge, place, score, dep
     last = -1
     corners, area = np.zeros((3, 3)), 0.0
     for p in range(len(face)):
-        f = np.int64(face[p])  # as that of near_pairs: what it is handed to is compiled once
+        f = np.int64(face[p])  # the type of near_pairs, so that the called functions are compiled once
         if f != last:
             last = f
             corners, area = _corners(screen, faces, f)
@@ -120,7 +120,7 @@ def pairs_back(screen, faces, width, sigma, face, pixel, edge, place, score, dep
         ex, ey = corners[m, 0] - corners[k, 0], corners[m, 1] - corners[k, 1]
         px, py = x - corners[k, 0], y - corners[k, 1]
         inside = score[p] >= 0
-        # The nearest point moves with the ends of its edge; where it slides does not change the distance.
+        # The nearest point moves with the ends of its edge; sliding along it does not change the distance.
         pull = (-2.0 if inside else 2.0) * of_score[p] / sigma
         gradient[a, 0] += pull * (1 - t) * (px - t * ex)
         gradient[a, 1] += pull * (1 - t) * (py - t * ey)

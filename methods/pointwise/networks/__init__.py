@@ -1,1 +1,1 @@
-"""Networks from points around a place to its signed distance."""
+"""Networks that predict the signed distance of a query from points around it."""

@@ -1,4 +1,4 @@
-"""The network of Points2Surf: a patch and a subsample to a distance and a side."""
+"""The network of Points2Surf: predicts distance and side from a patch and a subsample."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ class SurfaceNetwork(nn.Module):
     """Two PointNet encoders, of the points near a query and of the whole cloud, and a decoder (Erler et al. 2020).
 
     At a width of 1024 it has the published layers: 6,167,814 parameters with ``turn`` and ``transforms``, 5,366,018
-    with the transforms alone. All widths are in proportion, but the first layers keep at least 16 and 32 channels.
+    with only the transforms. All widths are in proportion, but the first layers keep at least 16 and 32 channels.
 
     Parameters
     ----------
     width : int
         Channels of the pooled features.
     turn : bool
-        Whether both inputs are turned by a rotation that a network makes of the patch.
+        Whether both inputs are rotated by a rotation that a network predicts from the patch.
     transforms : bool
-        Whether each encoder has a matrix, made of all points, that its first features are multiplied by.
+        Whether each encoder multiplies its first features by a matrix predicted from all points.
     generator : torch.Generator, optional
         The weights are drawn from it, on the CPU.
     """
@@ -74,7 +74,7 @@ class Layer(nn.Module):
 
 
 class Transform(nn.Module):
-    """A few numbers from a set of points, which begin as 0: (b, n, inputs) to (b, outputs)."""
+    """A few numbers from a set of points, which start at 0: (b, n, inputs) to (b, outputs)."""
 
     def __init__(self, inputs: int, outputs: int, narrow: int, middle: int, width: int):
         super().__init__()
@@ -83,12 +83,12 @@ class Transform(nn.Module):
         self.last = nn.Linear(width // 4, outputs)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Of each set."""
+        """The numbers of each set."""
         return self.last(self.numbers(self.points(x).amax(1)))
 
 
 class Encoder(nn.Module):
-    """A PointNet: layers on each point, and the largest value of each channel; (b, n, 3) to (b, width)."""
+    """A PointNet: layers on each point, and the maximum of each channel; (b, n, 3) to (b, width)."""
 
     def __init__(self, narrow: int, middle: int, width: int, transforms: bool):
         super().__init__()
@@ -105,7 +105,7 @@ class Encoder(nn.Module):
 
 
 def rotations(raw: Tensor) -> Tensor:
-    """Rotations (b, 3, 3) of numbers (b, 4): the quaternion 1, changed by these."""
+    """Rotations (b, 3, 3) from numbers (b, 4): the quaternion 1 plus these."""
     w, x, y, z = F.normalize(raw + raw.new_tensor([1.0, 0.0, 0.0, 0.0]), dim=1).unbind(1)
     rows = [
         torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], dim=1),

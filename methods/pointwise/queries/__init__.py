@@ -1,1 +1,1 @@
-"""What a network is given of a cloud, where it is asked, and what is made of its answers."""
+"""Inputs of the network, the queries, and the surface from its predictions."""

@@ -1,4 +1,4 @@
-"""The network's signed distances at many places."""
+"""The network's signed distances at many queries."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from .inputs import patches_of, wholes_of
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-TOGETHER = 128  # queries that a network is given at once
+TOGETHER = 128  # queries in one call of the network
 
 
 @dataclass(frozen=True, eq=False)
 class Asking:
-    """A cloud, and a network that is asked about places near it."""
+    """A cloud, and a network that is evaluated near it."""
 
     network: nn.Module  # (b, size, 3) patches and (b, subsample, 3) wholes to distances and logits
     points: np.ndarray  # (n, 3) float64
     unit: float  # the radius of the cloud
-    size: int  # points of a patch; all, and some of them again, where there are fewer
+    size: int  # points of a patch; if the cloud has fewer, all of them with repetitions
     subsample: int  # points of a whole
     near: bool  # whether each query has a whole of its own
     run: Run

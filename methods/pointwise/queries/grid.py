@@ -1,4 +1,4 @@
-"""The grid around a cloud: where a network is asked, and the sides of all other nodes."""
+"""The grid around a cloud: the nodes at which the network is evaluated, and the signs of all others."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 MARGIN = 3  # nodes around the points' box; those of the border are outside
-CERTAIN = 13  # signs of the 125 nodes around one that must outweigh the others (Erler et al. 2020)
+CERTAIN = 13  # least absolute sum of the signs of the 125 nodes around one to decide its sign (Erler et al. 2020)
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A cubical grid of nodes; ``asked`` says at which of them the network is asked."""
+    """A cubical grid of nodes; ``asked`` are those at which the network is evaluated."""
 
     origin: np.ndarray  # (3,)
     spacing: float
@@ -26,9 +26,9 @@ class Grid:
 
     @classmethod
     def around(cls, points: np.ndarray, resolution: int) -> Grid:
-        """The grid of points (n, 3) with so many nodes along their longest side.
+        """The grid of points (n, 3) with ``resolution`` nodes along their longest side.
 
-        Asked are the nodes nearest to points, and the 26 around each of these.
+        The network is evaluated at the nodes nearest to points, and the 26 around each of these.
         """
         from scipy import ndimage
 
@@ -42,7 +42,7 @@ class Grid:
 
     @property
     def places(self) -> np.ndarray:
-        """Where the network is asked: (m, 3)."""
+        """The positions of the asked nodes: (m, 3)."""
         return self.origin + self.spacing * np.argwhere(self.asked)
 
     def mesh(self, distances: np.ndarray) -> Trimesh:
@@ -61,16 +61,16 @@ class Grid:
         signs = spread_signs(np.sign(values), self.asked)
         values = np.where(self.asked, values, signs * self.spacing)
         if values.min() >= 0:
-            raise InvalidOutput("points2surf: the network finds no place that is inside; is it trained?")
+            raise InvalidOutput("points2surf: the network predicts no point to be inside; is it trained?")
         vertices, faces, _, _ = marching_cubes(values, 0.0, spacing=(self.spacing,) * 3, gradient_direction="descent")
         return Trimesh(vertices + self.origin, faces, process=False)
 
 
 def spread_signs(signs: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Signs for all nodes of a grid, 1 or -1, from those that are known; the border is outside, 1.
+    """Signs for all nodes of a grid, 1 or -1, from known ones; the border is outside, 1.
 
-    Round after round, a node that has none takes the sign of the 125 nodes around it, itself included, where these are
-    clear: where the sum of their signs is at least :data:`CERTAIN`. Where no more are, a smaller sum will do.
+    Round after round, a node without a sign takes that of the 125 nodes around it, including itself, if it is clear:
+    if the sum of their signs is at least :data:`CERTAIN`. When no such node is left, a smaller sum suffices.
     """
     from scipy import ndimage
 

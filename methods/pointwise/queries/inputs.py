@@ -1,10 +1,10 @@
-"""What the network is given for a query: points near it, and some of all."""
+"""The input of the network for a query: points near it, and a subsample of all."""
 
 from __future__ import annotations
 
 import numpy as np
 
-FALLS_TO = 0.05  # of the chance of a point at the query: that of the farthest
+FALLS_TO = 0.05  # probability of the farthest point, relative to that of a point at the query
 
 
 def patches_of(points: np.ndarray, nearest: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -37,9 +37,9 @@ def wholes_of(
     points : (n, 3) array
     queries : (b, 3) array
     count : int
-        How many, some of them again where there are fewer.
+        Their number; with repetitions if there are fewer.
     near : bool
-        Whether each query has points of its own, the more likely the nearer (as published first): the chance falls
+        Whether each query has its own points, nearer ones with a higher probability (as first published), which falls
         linearly to that of the farthest. Otherwise all are equally likely, and the queries share them.
     unit : float
     rng : numpy Generator
@@ -50,7 +50,7 @@ def wholes_of(
     distance = np.linalg.norm(points - queries[:, None], axis=2)
     chance = 1 - (1 - FALLS_TO) * distance / np.maximum(distance.max(axis=1, keepdims=True), 1e-12)
     taken = min(count, len(points))
-    # Without replacement: the largest of the logarithms of the chances, each moved by noise of Gumbel.
+    # Without replacement: the largest of the logarithms of the probabilities, each plus Gumbel noise.
     keys = np.log(chance) + rng.gumbel(size=chance.shape)
     index = np.argpartition(-keys, taken - 1, axis=1)[:, :taken]
     index = index[:, np.arange(count) % taken]

@@ -1,1 +1,1 @@
-"""What the networks learn from, and their losses."""
+"""Training data and losses of the networks."""

@@ -1,4 +1,4 @@
-"""The training of Points2Surf: distances and sides of places near noisy clouds."""
+"""The training of Points2Surf: distances and sides of queries near noisy clouds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ VALIDATED = 40  # clouds of held-out shapes
 
 @dataclass(frozen=True)
 class Plan:
-    """How the network is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     points: int
     subsample: int
@@ -38,13 +38,13 @@ class Plan:
 
 
 class Training(DecayingTraining):
-    """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
+    """Loss and validation of a network; random draws depend only on the run's seed and the number of a step.
 
     Parameters
     ----------
     network : SurfaceNetwork
     examples : mapping
-        What :func:`.surfaces.surfaces_of` made.
+        Of :func:`.surfaces.surfaces_of`.
     plan : Plan
     run : Run
     """
@@ -64,7 +64,7 @@ class Training(DecayingTraining):
 
     @torch.no_grad()
     def validate(self) -> float:
-        """The same of held-out shapes, by the network as it will be used."""
+        """The same on held-out shapes, with the network in evaluation mode."""
         rng = step_generator(self.run.seed, 0, "validation")
         self.network.eval()
         parts = [

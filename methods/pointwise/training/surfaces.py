@@ -1,4 +1,4 @@
-"""What Points2Surf learns from: points of shapes, and signed distances of places near them."""
+"""Training data of Points2Surf: points of shapes, and signed distances of queries near them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def surfaces_of(data: TrainingData, run: Run) -> dict[str, np.ndarray]:
 
 
 class Batch(NamedTuple):
-    """Queries of several clouds, each turned at random; float32 arrays."""
+    """Queries of several clouds, each rotated at random; float32 arrays."""
 
     patches: np.ndarray
     """(b, size, 3): in radii of the patch"""
@@ -54,13 +54,13 @@ class Batch(NamedTuple):
 
 
 class Surfaces:
-    """What :func:`surfaces_of` made.
+    """The examples of :func:`surfaces_of`.
 
     Parameters
     ----------
     examples : mapping
     held_out : bool
-        Take the last tenth of the shapes, at least one; otherwise the others (all, where there is but one).
+        Take the last tenth of the shapes, at least one; otherwise the others (all, if there is only one).
     """
 
     def __init__(self, examples: Mapping[str, np.ndarray], held_out: bool = False):
@@ -80,13 +80,13 @@ class Surfaces:
         near: bool,
         rng: np.random.Generator,
     ) -> Batch:
-        """``count`` queries of one random shape, seen as a cloud of a random density and noise, and turned.
+        """``count`` queries of one random shape, sampled as a cloud of random density and noise, and rotated.
 
         Parameters
         ----------
         count : int
         counts : (int, int)
-            The least and the largest number of points; equally likely by their logarithms.
+            The least and the largest number of points; log-uniform between them.
         noise : (float, float)
             Deviations, relative to the radius of the shape, likewise.
         size, subsample : int

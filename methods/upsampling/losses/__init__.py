@@ -1,1 +1,1 @@
-"""What learned upsampling is measured by while it learns."""
+"""Losses for the training of learned upsampling."""

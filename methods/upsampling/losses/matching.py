@@ -10,7 +10,7 @@ from ..networks.neighbours import gather
 
 FIRST = 0.25  # of the largest cost: the bidding increment of the first phase
 SHRINK = 4.0  # of the increment, from phase to phase
-ROUNDS = 20_000  # of bidding, at most; what is unmatched then takes what is left
+ROUNDS = 20_000  # of bidding, at most; then unmatched rows take the remaining columns
 
 
 def earth_mover(points: Tensor, truth: Tensor, tolerance: float = 1.0) -> Tensor:
@@ -22,7 +22,7 @@ def earth_mover(points: Tensor, truth: Tensor, tolerance: float = 1.0) -> Tensor
     ----------
     points, truth : (3, b, n) tensors
     tolerance : float
-        Of :func:`auction`; what :func:`matching` finds on the CPU is exact.
+        Of :func:`auction`; on the CPU :func:`matching` is exact.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def earth_mover(points: Tensor, truth: Tensor, tolerance: float = 1.0) -> Tensor
 def matching(points: Tensor, truth: Tensor, tolerance: float = 1.0) -> Tensor:
     """The member of ``truth`` that each point is matched to, so that the sum of squared distances is least.
 
-    On the CPU by scipy (Crouse 2016), exactly. On CUDA, and where there is no scipy, by :func:`auction`: scipy is five
+    On the CPU by scipy (Crouse 2016), exactly. On CUDA, and without scipy, by :func:`auction`: scipy is five
     to ten times as fast on the CPU, and its result is the optimum.
 
     Parameters
@@ -67,9 +67,9 @@ def matching(points: Tensor, truth: Tensor, tolerance: float = 1.0) -> Tensor:
 def auction(cost: Tensor, tolerance: float = 1.0) -> Tensor:
     """Bertsekas's auction (1988) with falling increments, all bidders at once.
 
-    Whoever has no object bids for the one of least cost plus price, by as much as it would lose with the second best,
+    A bidder without an object bids for the one of least cost plus price, by the loss with the second best,
     plus an increment; the highest bid wins, the smaller index among equals. When all have one, the sum is within
-    n times the increment of the optimum. Prices are kept while the increment falls from a quarter of the largest cost
+    n times the increment of the optimum. Prices stay while the increment falls from a quarter of the largest cost
     to ``tolerance`` times the mean cost of the cheapest objects.
 
     Parameters
@@ -77,7 +77,7 @@ def auction(cost: Tensor, tolerance: float = 1.0) -> Tensor:
     cost : (b, n, n) tensor, >= 0
         Rows bid for columns.
     tolerance : float
-        The mean cost of what is found exceeds the optimum by at most this times the mean of each row's least cost.
+        The mean cost exceeds the optimum by at most this times the mean of each row's least cost.
         With 1, it was within 6 % of the optimum on all kinds of patches that were tried, and within 1 % on most.
 
     Returns
@@ -89,7 +89,7 @@ def auction(cost: Tensor, tolerance: float = 1.0) -> Tensor:
     if n == 1:
         return torch.zeros(b, 1, dtype=torch.int64, device=cost.device)
     rows = cost.reshape(b * n, n)
-    # Costs of the float32 kind cannot tell prices that differ by less.
+    # In float32, costs cannot resolve smaller differences of prices.
     last = (tolerance * cost.amin(2).mean(1)).clamp_min(1e-6 * cost.amax((1, 2)).clamp_min(1e-30))
     increment = torch.maximum(FIRST * cost.amax((1, 2)), last)
     price = cost.new_zeros(b * n)
@@ -126,7 +126,7 @@ def _phase(rows: Tensor, price: Tensor, increment: Tensor, left: int) -> tuple[T
 
 
 def _completed(match: Tensor, cost: Tensor) -> Tensor:
-    """Give rows without a column what is free, the cheapest in turn."""
+    """Give rows without a column the free ones, the cheapest in turn."""
     for of_set in (match < 0).any(1).nonzero()[:, 0].tolist():
         for row in (match[of_set] < 0).nonzero()[:, 0].tolist():
             taken = match[of_set][match[of_set] >= 0]

@@ -1,7 +1,7 @@
 """Squared distances from points to triangles and to segments, exact, and differentiable in the points.
 
-Which triangle is nearest, and where, is found without gradients: the derivative of the squared distance to a point
-that moves along a surface is that of the squared distance to the point where it stands.
+The nearest triangle and the place on it are found without gradients: the derivative of the squared distance to the
+nearest point, which moves along the surface, equals that of the squared distance to this point held fixed.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def to_all_triangles(points: Tensor, corners: Tensor) -> Tensor:
     """Squared distances (b, t, n) of points (3, b, n) to triangles (3, b, t, 3).
 
     In a frame of the triangle the distance is that to the plane, and, for points that project outside, that to the
-    nearest edge within it. All that is needed are linear functions of the point: a product of matrices.
+    nearest edge within it. All of this are linear functions of the point: a product of matrices.
     """
     (_, b, t, _), n = corners.shape, points.shape[2]
     start = corners
@@ -95,7 +95,7 @@ def to_all_segments(points: Tensor, ends: Tensor) -> Tensor:
 
 
 def _per(length: Tensor, part: slice) -> Tensor:
-    """Lengths (b, t, 3) of some sets as (b, 3, t, 1)."""
+    """Lengths (b, t, 3) of some sets, as (b, 3, t, 1)."""
     return length[part].permute(0, 2, 1)[..., None]
 
 
@@ -104,14 +104,14 @@ def _unit(x: Tensor) -> Tensor:
 
 
 def _on_segment(points: Tensor, start: Tensor, end: Tensor) -> Tensor:
-    """The point of each segment that is nearest each point; all (3, ...)."""
+    """The point of each segment nearest each point; all (3, ...)."""
     along = end - start
     place = ((points - start) * along).sum(0) / along.square().sum(0).clamp_min(TINY)
     return start + place.clamp(0, 1) * along
 
 
 def _on_triangle(points: Tensor, corners: Tensor) -> Tensor:
-    """The point of each triangle (3, b, n, 3) that is nearest each point (3, b, n)."""
+    """The point of each triangle (3, b, n, 3) nearest each point (3, b, n)."""
     a, b, c = corners.unbind(3)
     normal = _unit(torch.linalg.cross(b - a, c - a, dim=0))
     edges = ((a, b), (b, c), (c, a))

@@ -14,7 +14,7 @@ NEAREST = 4
 def neighbour_distances(points: Tensor, radius: float, samples: int) -> Tensor:
     """Squared distances to the four nearest others of the first ``samples`` points in a ball, as released.
 
-    A point with fewer others in its ball meets the first of them again and again, or itself.
+    A point with fewer others in its ball uses the first of them repeatedly, or itself.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def repulsion(points: Tensor, radius: float, width: float, samples: int = 20) ->
     radius, width : float
         0.07 and 0.03 in the released code, for 4,096 points in a patch of radius 1.
     samples : int
-        Points of a ball that are looked at.
+        Points of a ball that are used.
     """
     squared = neighbour_distances(points, radius, samples).clamp_min(1e-12)
     return (radius - squared.sqrt() * torch.exp(-squared / width**2)).mean()
@@ -56,6 +56,6 @@ def hinge_repulsion(points: Tensor, radius: float, least: float, samples: int = 
     radius, least : float
         0.07 and 0.001 in the released code, for 4,096 points in a patch of radius 1.
     samples : int
-        Points of a ball that are looked at.
+        Points of a ball that are used.
     """
     return (least - neighbour_distances(points, radius, samples)).clamp_min(0).mean()

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-EPSILON = 1e-12  # keeps weights finite where all queries coincide with points of the reference
+EPSILON = 1e-12  # keeps weights finite if all queries coincide with points of the reference
 NEIGHBOURS = 5
 
 
@@ -15,7 +15,7 @@ class Nearby(NamedTuple):
     """The nearest points of the level before of each point of a patch."""
 
     squared: Tensor
-    """(b, k, n) tensor: squared distances, in any unit that all points of a patch share"""
+    """(b, k, n) tensor: squared distances, in any common unit of the patch"""
     features: Tensor
     """(c, b, k, n) tensor"""
 
@@ -24,7 +24,7 @@ def interpolate(features: Tensor, nearby: Nearby) -> Tensor:
     """Means of the nearby features, weighted by closeness in space and in features (Wang et al. 2019, Eq. 2).
 
     w = exp(-d^2 / (h/2)) for each of the two distances d, h the mean over the patch of the least d^2 of each point;
-    f~_i = sum_j w_ij f_j / sum_j (w_ij + 1e-5). Weights are constants: gradients flow to the nearby features alone.
+    f~_i = sum_j w_ij f_j / sum_j (w_ij + 1e-5). Weights are constants: gradients flow only to the nearby features.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def interpolate(features: Tensor, nearby: Nearby) -> Tensor:
 
     Returns
     -------
-    (c, b, n) tensor, finite also where points coincide
+    (c, b, n) tensor, finite even if points coincide
     """
     with torch.no_grad():
         between = (nearby.features - features[:, :, None]).square().sum(0)

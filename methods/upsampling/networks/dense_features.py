@@ -33,10 +33,10 @@ class Pointwise(nn.Linear):
 
 
 class DenseBlock(nn.Module):
-    """Layers on the edges [x_i, x_j - x_i] from each point to its nearest in the space of the features x themselves.
+    """Layers on the edges [x_i, x_j - x_i] from each point to its nearest in the space of the features x.
 
-    Each layer sees the outputs of all before it and x_i; the largest value over the neighbours is what a point gets
-    (Wang et al. 2019, section 3.2). Nothing of the size of the edges has more than ``growth`` channels: the first
+    The input of each layer are the outputs of all before it and x_i; a point gets the maximum over its neighbours
+    (Wang et al. 2019, section 3.2). No tensor over the edges has more than ``growth`` channels: the first
     layer is W_a x_i + W_b (x_j - x_i) = (W_a - W_b) x_i + W_b x_j, and the part of x_i in later layers is the same
     for all edges of a point. Up to rounding this equals the layers on tiled edges, in less than half the time.
 

@@ -12,24 +12,24 @@ from .dense_features import Pointwise
 from .neighbours import gather, nearest
 
 CELL = 4  # neighbours whose mean distance is the unit of a point
-AROUND = 8  # points of the cloud that a query sees
+AROUND = 8  # points of the cloud that a query uses
 
 
 class Local(NamedTuple):
-    """A cloud as the network knows it."""
+    """The features of a cloud."""
 
     points: Tensor
     """(3, b, n) tensor"""
     units: Tensor
     """(b, n) tensor: the spacing at each point"""
     normals: Tensor
-    """(3, b, n) unit tensor, to the side to which the neighbours bend"""
+    """(3, b, n) unit tensor, to the side to which the neighbours curve"""
     features: Tensor
     """(c, b, n) tensor"""
 
 
 class EdgeBlock(nn.Module):
-    """Two layers on the edges to the neighbours in space, their maximum, and a layer on it and what was there."""
+    """Two layers on the edges to the neighbours in space, their maximum, and a layer on it and the input."""
 
     def __init__(self, inputs: int, width: int, generator: torch.Generator | None):
         super().__init__()
@@ -47,11 +47,11 @@ class EdgeBlock(nn.Module):
 class DistanceNetwork(nn.Module):
     """Features of the points of a cloud, and from those around a query its distance to the surface.
 
-    The network sees lengths in units of the local spacing, heights over the planes of points and their neighbours, and
-    angles between these planes. So its result scales, moves and turns with the cloud: there are no patches, and no
-    size of cloud is special. A plane's normal points to the side to which the neighbours bend: where they do not, the
-    side makes no difference. Each of the points around a query gives an estimate, its height over the plane and a
-    correction, and a weight; smooth activations make the distance differentiable.
+    Its inputs are lengths in units of the local spacing, heights over the planes of points and their neighbours, and
+    angles between these planes. So it is equivariant to scaling, translation and rotation of the cloud: there are no
+    patches, and the size of the cloud does not matter. A plane's normal points to the side to which the neighbours
+    curve: if they do not, the side does not matter. Each of the points around a query gives an estimate, its height
+    over the plane plus a correction, and a weight; smooth activations make the distance differentiable.
 
     Parameters
     ----------
@@ -76,11 +76,11 @@ class DistanceNetwork(nn.Module):
         self.of_offset = Pointwise(4, width, generator)
         self.hidden = Pointwise(width, width, generator)
         self.last = Pointwise(width, 2, generator)
-        with torch.no_grad():  # it begins with the mean height over the planes
+        with torch.no_grad():  # its initial output is the mean height over the planes
             self.last.weight.zero_()
 
     def encode(self, points: Tensor, index: Tensor | None = None) -> Local:
-        """What the network knows of clouds.
+        """The features of clouds.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class DistanceNetwork(nn.Module):
             index, squared = index.gather(1, order), squared.gather(1, order)
             offsets = offsets.gather(2, order.expand(3, *order.shape))
             gaps = squared.sqrt()
-            # Where a point has copies, the unit is made of more neighbours, and at last of those of the cloud.
+            # If a point has copies, the unit is computed from more neighbours, or finally from the whole cloud.
             units = gaps[:, :CELL].mean(1)
             units = torch.where(units > 1e-3 * gaps.mean(1), units, gaps.mean(1))
             units = torch.where(units > 1e-9, units, units.mean(1, keepdim=True).clamp_min(1e-9))
@@ -124,9 +124,9 @@ class DistanceNetwork(nn.Module):
         Returns
         -------
         distances : (b, m) tensor
-            In the unit of the points, differentiable in the queries. They are signed, since a distance that is not has
-            no slope where it is uncertain whether a query is on this side or on that. The sign is positive on the side
-            to which the normal points that is returned, and means nothing beyond that.
+            In the unit of the points, differentiable in the queries. They are signed, since an unsigned distance has
+            no slope where the side of a query is uncertain. The sign is positive on the side to which the returned
+            normal points, and has no other meaning.
         normals : (3, b, m) tensor
             Those of the points nearest the queries.
         """
@@ -139,11 +139,11 @@ class DistanceNetwork(nn.Module):
         height = (offsets * normals).sum(0, keepdim=True)
         along = (squared - height.square()).clamp_min(1e-12).sqrt()
         length = squared.clamp_min(1e-12).sqrt()
-        # A product: heights over curved surfaces are linear in those over planes, with factors that the features know.
+        # A product: heights over curved surfaces are linear in those over planes, with factors given by the features.
         slope, shift = gather(local.features, index).chunk(2)
         x = slope * self.of_offset(torch.cat([height, height.abs(), along, length])) + shift
         correction, score = self.last(F.silu(self.hidden(F.silu(x))))
-        # Near points know more; the farthest of them fades out, so that little jumps when another one takes its place.
+        # Near points count more; the weight of the farthest fades out, so that the result hardly jumps when it changes.
         fading = (1 - length[0] / length[0].amax(1, keepdim=True).clamp_min(1e-9)).clamp_min(1e-4)
         weight = torch.softmax(score + fading.log(), dim=1)
         with torch.no_grad():
@@ -156,7 +156,7 @@ class DistanceNetwork(nn.Module):
 def _planes(offsets: Tensor) -> tuple[Tensor, Tensor]:
     """Normals (3, b, n) of planes through points, by the offsets (3, b, k, n) to their neighbours.
 
-    And what is known of the neighbours at once, (4, b, n): the three deviations along the axes, and how far they bend.
+    Also a summary of the neighbours, (4, b, n): the three deviations along the axes, and their curving.
     """
     covariance = torch.einsum("ibkn,jbkn->bnij", offsets, offsets) / offsets.shape[2]
     spread, axes = torch.linalg.eigh(covariance)

@@ -1,4 +1,4 @@
-"""The network of EC-Net (Yu et al. 2018b): a patch to four times as many points, and their distances to edges."""
+"""The network of EC-Net (Yu et al. 2018b): maps a patch to four times as many points and their distances to edges."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SAMPLES = (12, 32, 32, 32)
 class EcNetwork(nn.Module):
     """Features of all points at four scales; four branches for the half of the points that lies nearest the seed.
 
-    The other half is context: what a point sees does not end at it.
+    The other half is context: the neighbourhoods of points extend into it.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class EcNetwork(nn.Module):
         Returns
         -------
         points : (3, b, 4 m) tensor, m = n / 2 rounded up
-            Offsets that the network gives, added to the points that are repeated.
+            Predicted offsets, added to the repeated points.
         distances : (b, 4 m) tensor
         """
         kept = cropped(points.shape[2])
@@ -61,5 +61,5 @@ class EcNetwork(nn.Module):
 
 
 def cropped(points: int) -> int:
-    """How many points of a patch are upsampled."""
+    """The number of points of a patch that are upsampled."""
     return -(-points // 2)

@@ -1,4 +1,4 @@
-"""Features of a point into the features of two."""
+"""Expansion of the features of a point to those of two."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .dense_features import Pointwise
 
 
 class CodeExpansion(nn.Module):
-    """Each feature twice, marked by a code of -1 and +1 times ``code``, through two shared layers of 128 channels.
+    """Each feature twice, distinguished by -1 and +1 times ``code``, through two shared layers of 128 channels.
 
     Notes
     -----

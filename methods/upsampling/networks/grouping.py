@@ -17,8 +17,8 @@ FLOOR = 1e-10  # of squared distances, before they are inverted
 def farthest_order(points: Tensor) -> Tensor:
     """The members of each set in greedy order, each the farthest from the ones before it.
 
-    The first m of the order are the farthest point sample of m points, for every m; and those of the first m alone are
-    the same again. So one order serves all levels of a network.
+    The first m of the order are the farthest point sample of m points, for every m, and the same order results from
+    these m points alone. So one order serves all levels of a network.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def farthest_order(points: Tensor) -> Tensor:
     Returns
     -------
     (b, n) int64 tensor
-        A permutation of each set, also where points coincide.
+        A permutation of each set, even if points coincide.
     """
     _, b, n = points.shape
     order = torch.zeros(b, n, dtype=torch.int64, device=points.device)
@@ -57,13 +57,13 @@ def ball_query(queries: Tensor, points: Tensor, radius: float, count: int, trim:
     radius : float
     count : int
     trim : bool
-        Leave out the copies that no query of the batch needs: under a maximum over the neighbours they change nothing.
+        Leave out copies that no query of the batch needs: they do not change a maximum over the neighbours.
 
     Returns
     -------
     (b, k, m) int64 tensor
-        A query with fewer points has its first one again and again; one without any has point 0, as in the released
-        code. k is ``count``, or with ``trim`` what the fullest ball of the batch has, if that is less.
+        A query with fewer points repeats its first one; one without any has point 0, as in the released
+        code. k is ``count``, or with ``trim`` the largest number in a ball of the batch, if that is less.
     """
     m, n = queries.shape[2], points.shape[2]
     found = []
@@ -74,7 +74,7 @@ def ball_query(queries: Tensor, points: Tensor, radius: float, count: int, trim:
         inside = squared < radius * radius
         rank = inside.cumsum(2, dtype=torch.int32)
         k = int(rank[:, :, -1].max().clamp(1, count)) if trim else count
-        first = inside.to(torch.uint8).argmax(2)  # 0 where there is none
+        first = inside.to(torch.uint8).argmax(2)  # 0 if there is none
         index = first[:, None].repeat(1, k, 1)
         of_set, of_query, of_point = (inside & (rank <= k)).nonzero(as_tuple=True)
         index[of_set, rank[of_set, of_query, of_point].long() - 1, of_query] = of_point

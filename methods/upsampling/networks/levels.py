@@ -21,10 +21,10 @@ def run_levels(
     apart: bool = False,
     recut: bool = True,
 ) -> tuple[Tensor, Tensor]:
-    """What the last level makes of a patch, and what it should have made (Wang et al. 2019, section 3.1).
+    """The output of the last level for a patch, and its truth (Wang et al. 2019, section 3.1).
 
     Each level after the first takes as many points as the first had, those nearest a random one of the output so far,
-    and half of the truth, the part nearest the same point. So the last output has always as many points as its truth.
+    and half of the truth, the part nearest the same point. So the last output always has as many points as its truth.
     Gradients flow through all levels from ``first_trained`` on.
 
     Parameters
@@ -40,9 +40,9 @@ def run_levels(
     first_trained : int
         The levels before this one have no gradient.
     apart : bool
-        Let each level see the truth of the level before instead of its output.
+        Give each level the truth of the level before instead of its output.
     recut : bool
-        Without it each level takes all of the output so far.
+        Without it each level takes the whole output so far.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def run_levels(
             if level and not recut:
                 current = output
             elif level:
-                assert rng is not None  # to recut by
+                assert rng is not None  # needed to recut
                 chosen = torch.from_numpy(rng.integers(output.shape[2], size=(points.shape[1], 1, 1)))
                 seed = gather(output, chosen.to(output.device))[:, :, 0].detach()
                 current = _around(seed, output, size)

@@ -1,7 +1,7 @@
 """Nearest neighbours within batches of small sets, on the CPU and on CUDA.
 
-Tensors have their channels first, then the sets of a batch, then their members: a layer on each member is then one
-product of matrices, without copies.
+Tensors have their channels first, then the sets of a batch, then their members: so a layer on each member is one
+matrix product, without copies.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ CHUNK = 1 << 24  # squared distances in memory at once: 64 MB
 def nearest_others(x: Tensor, k: int) -> Tensor:
     """The k nearest other members of each member of a set, by Euclidean distance.
 
-    A member is never its own neighbour. (The released code drops the first of k + 1 neighbours instead, which is a
-    copy of the point where points coincide.) A set of one point has but itself to offer.
+    A member is never its own neighbour. (The released code drops the first of k + 1 neighbours instead, which may be
+    a copy of the point if points coincide.) The only neighbour in a set of one point is the point itself.
 
     Parameters
     ----------

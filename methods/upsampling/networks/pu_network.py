@@ -1,4 +1,4 @@
-"""The network of PU-Net (Yu et al. 2018): a patch to several times as many points."""
+"""The network of PU-Net (Yu et al. 2018): maps a patch to several times as many points."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .dense_features import Pointwise
 from .set_abstraction import Branches, PointFeatures
 
 RATIO = 4
-POINTS = 1024  # of a patch for which the published radii are
+POINTS = 1024  # of a patch of the published radii
 RADII = (0.05, 0.1, 0.2, 0.3)  # of the balls of the four levels, in radii of the patch
 
 
@@ -24,7 +24,7 @@ class PuNetwork(nn.Module):
     generator : torch.Generator, optional
         The weights are drawn from it, on the CPU.
     times : int
-        Branches: as many points for each.
+        Number of branches, one for each copy of the points.
 
     Notes
     -----

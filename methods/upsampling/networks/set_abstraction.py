@@ -11,11 +11,11 @@ from .grouping import ball_query, farthest_order, interpolate
 from .neighbours import gather
 
 WIDTHS = ((32, 32, 64), (64, 64, 128), (128, 128, 256), (256, 256, 512))
-RESTORED = 64  # channels of each level, back at all points
+RESTORED = 64  # channels of each level, interpolated to all points
 
 
 class SetAbstraction(nn.Module):
-    """The largest features in a ball around each query, of three layers on the neighbours.
+    """The maximum over a ball around each query of features by three layers on the neighbours.
 
     A neighbour's input is its position relative to the query, and its features.
 
@@ -65,8 +65,8 @@ class SetAbstraction(nn.Module):
 class PointFeatures(nn.Module):
     """Features of the points of a patch at four scales.
 
-    Level l has 1, 1/2, 1/4, 1/8 of the points, farthest points of the patch. The upper three levels come back to all
-    points by interpolation and a layer of 64 channels each (Yu et al. 2018, section 3.2).
+    The four levels have 1, 1/2, 1/4 and 1/8 of the points, farthest points of the patch. The upper three are brought to
+    all points by interpolation and a layer of 64 channels each (Yu et al. 2018, section 3.2).
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class PointFeatures(nn.Module):
 
 
 class Branches(nn.Module):
-    """As many copies of each point as there are branches, each by two layers with weights of its own: 256, 128.
+    """One copy of each point for each branch, by two layers with their own weights: 256, 128.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""The unit of MPU: a patch of points to one of twice as many."""
+"""The unit of MPU: maps a patch of points to one of twice as many."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PU_NET_RADII = (0.1, 0.2, 0.4, 0.6)  # twice the published ones, which are for p
 
 @dataclass(frozen=True)
 class Form:
-    """What the units of a network are made of."""
+    """The architecture of the units of a network."""
 
     growth: int = 12
     layers: int = 3
@@ -31,7 +31,7 @@ class Form:
 
 
 class _PuNetFeatures(PointFeatures):
-    """Features as PU-Net has them, and the coordinates: 259 channels."""
+    """The features of PU-Net, and the coordinates: 259 channels."""
 
     outputs = PointFeatures.outputs + 3
 
@@ -71,7 +71,7 @@ class Unit(nn.Module):
         self.hidden = Pointwise(128, 64, generator)
         self.offset = Pointwise(64, 3, generator)
         with torch.no_grad():
-            self.offset.weight *= 0.1  # a unit without training leaves points nearly where they are
+            self.offset.weight *= 0.1  # an untrained unit hardly moves points
 
     def forward(self, points: Tensor, nearby: Nearby | None = None) -> tuple[Tensor, Tensor]:
         """Twice as many points.
@@ -88,7 +88,7 @@ class Unit(nn.Module):
         dense : (3, b, 2 n) tensor
             All first copies, then all second ones, in the frame of ``points``.
         features : (c, b, n) tensor
-            What the level after this one interpolates.
+            For interpolation by the next level.
         """
         features = self.features(points)
         if nearby is not None and self.skip:
@@ -98,7 +98,7 @@ class Unit(nn.Module):
 
 
 class Units(nn.Module):
-    """The units of all levels, each with weights of its own: 304,108 parameters for four with the default form."""
+    """The units of all levels, each with its own weights: 304,108 parameters for four with the default form."""
 
     def __init__(self, count: int, form: Form, generator: torch.Generator | None = None):
         super().__init__()

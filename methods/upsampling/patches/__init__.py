@@ -1,1 +1,1 @@
-"""Patches of point clouds: cutting, normalising, putting together."""
+"""Patches of point clouds: cutting, normalising, merging."""

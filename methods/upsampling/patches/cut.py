@@ -1,4 +1,4 @@
-"""Patches: the nearest points of a seed, in a frame of their own."""
+"""Patches: the nearest points of a seed, in their own frame."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class Normalised(NamedTuple):
     centres: np.ndarray
     """(h, 1, 3) float64 array"""
     radii: np.ndarray
-    """(h, 1, 1) float64 array, above 0: 1 where all points of a patch coincide"""
+    """(h, 1, 1) float64 array, above 0: 1 if all points of a patch coincide"""
 
     def restore(self, points: np.ndarray) -> np.ndarray:
-        """Points (h, m, 3) of the patches' frames, in the frame of the cloud."""
+        """Points (h, m, 3) from the patches' frames, in the frame of the cloud."""
         return points * self.radii + self.centres
 
 
 def seed_count(points: int, size: int, overlap: float = 3.0) -> int:
-    """How many patches of ``size`` points cover a cloud ``overlap`` times (Wang et al. 2019: H = 3 |P| / N).
+    """The number of patches of ``size`` points that cover a cloud ``overlap`` times (Wang et al. 2019: H = 3 |P| / N).
 
-    At least so many that the patches have together as many points as the cloud.
+    At least enough for the patches to have as many points in total as the cloud.
     """
     return max(-(-points // size), int(points / size * overlap))
 
@@ -53,7 +53,7 @@ def cut(points: np.ndarray, seeds: np.ndarray, size: int) -> np.ndarray:
     from scipy.spatial import cKDTree
 
     patches = cKDTree(points).query(points[seeds], np.arange(1, size + 1))[1]
-    # Of points that coincide any may come first, and a seed with many copies may be left out.
+    # Among coincident points any may come first, and a seed with many copies may be left out.
     for row in np.flatnonzero(patches[:, 0] != seeds):
         patches[row, patches[row] == seeds[row]] = patches[row, 0]
         patches[row, 0] = seeds[row]
@@ -61,9 +61,9 @@ def cut(points: np.ndarray, seeds: np.ndarray, size: int) -> np.ndarray:
 
 
 def cut_along(points: np.ndarray, seeds: np.ndarray, size: int, neighbours: int = 10) -> np.ndarray:
-    """As :func:`cut`, but nearest along the edges of a graph, which joins each point to its nearest ones.
+    """As :func:`cut`, but nearest along the edges of a graph that joins each point to its nearest ones.
 
-    So the other side of a thin part is far away, unless points are sparser than it is thick. Where a seed reaches too
+    So the other side of a thin part is far away, unless the spacing exceeds its thickness. If a seed reaches too
     few points within three radii of the Euclidean patch, those nearest in space fill up.
 
     Parameters
@@ -72,7 +72,7 @@ def cut_along(points: np.ndarray, seeds: np.ndarray, size: int, neighbours: int 
     seeds : (h,) int array
     size : int
     neighbours : int
-        That a point is joined to, besides those that it is a neighbour of.
+        Of a point, to which it is joined, besides the points whose neighbour it is.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
@@ -81,7 +81,7 @@ def cut_along(points: np.ndarray, seeds: np.ndarray, size: int, neighbours: int 
     m, k = len(points), min(neighbours + 1, len(points))
     tree = cKDTree(points)
     lengths, index = tree.query(points, np.arange(1, k + 1))
-    # An edge of length 0 would be none.
+    # In a sparse graph, length 0 would mean no edge.
     lengths = np.maximum(lengths, np.finfo(float).tiny).ravel()
     graph = csr_array((lengths, (np.repeat(np.arange(m), k), index.ravel())), shape=(m, m))
     patches = cut(points, seeds, size)
@@ -112,11 +112,11 @@ def covering(
     ----------
     points : (m, 3) array
     size : int
-        Points of a patch; all of them where the cloud has fewer.
+        Points of a patch; all of them if the cloud has fewer.
     overlap : float
         How many patches a point is in, on average.
     used : int, optional
-        Only so many points of a patch count, the ones nearest its seed.
+        Only this number of points of a patch count, those nearest its seed.
     cutting : function
         :func:`cut` or :func:`cut_along`.
 
@@ -143,9 +143,9 @@ def covering(
 
 
 def centrality(patches: np.ndarray) -> np.ndarray:
-    """In how many other patches each point of (h, n) patches lies nearer the seed: (h, n) int array, 0 in the best one.
+    """The number of other patches in which each point of (h, n) patches is nearer the seed: (h, n) int array, best 0.
 
-    Nearness is told by the column; of equal ones the first patch is the better.
+    Nearness is the column; of equal ones the first patch counts as better.
     """
     h, n = patches.shape
     flat = patches.ravel()
@@ -157,7 +157,7 @@ def centrality(patches: np.ndarray) -> np.ndarray:
 
 
 def most_central(dense: np.ndarray, rank: np.ndarray, central: int) -> np.ndarray:
-    """Of what patches give, the copies of each point from the ``central`` patches in which it is nearest the seed.
+    """The copies of each point from the ``central`` patches in which it is nearest the seed.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def normalise(patches: np.ndarray) -> Normalised:
     centres = patches.mean(axis=1, keepdims=True)
     centred = patches - centres
     radii = np.sqrt((centred**2).sum(axis=2).max(axis=1))[:, None, None]
-    # A patch of one point many times has a radius of rounding errors: to scale it would make noise of them.
+    # A patch of copies of one point has a radius of rounding errors: scaling would turn them into noise.
     scale = np.abs(patches).max(axis=(1, 2))[:, None, None]
     radii = np.where(radii > 1e-12 * scale, radii, 1.0)
     return Normalised(centred / radii, centres, radii)

@@ -10,7 +10,7 @@ from bench.geometry.farthest import farthest_points
 
 from ..networks.distance_network import AROUND, DistanceNetwork, Local
 
-GROWTH = 4  # a round makes at most so many points of one
+GROWTH = 4  # largest factor by which a round increases the points
 NEIGHBOURS = 8  # of a point, itself among them: He et al. take twice the ratio
 TOGETHER = 1 << 14  # queries at once
 
@@ -34,7 +34,7 @@ class LearnedDistance:
             self._local: Local = network.encode(self._tensor(points), index)
 
     def distances(self, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distances (n,) of queries (n, 3), negative on one side, and their derivatives (n, 3)."""
+        """Distances (n,) of queries (n, 3), negative on one side, and their gradients (n, 3)."""
         found = [self._part(part) for part in np.array_split(queries, -(-len(queries) // TOGETHER) or 1)]
         return np.concatenate([d for d, _ in found]), np.concatenate([g for _, g in found])
 
@@ -67,7 +67,7 @@ def grow(points: np.ndarray, count: int, distance: LearnedDistance, iterations: 
     for done in range(1, rounds + 1):
         target = count if done == rounds else round(m * growth**done)
         pool = np.concatenate([points, distance.descend(midpoints(points), iterations, rate)])
-        if len(pool) < target:  # tiny clouds have few pairs; points that coincide fill up
+        if len(pool) < target:  # tiny clouds have few pairs; copies of points fill up
             pool = np.resize(pool, (target, 3))
         points = pool[farthest_points(pool, target, taken=len(points))]
     return points

@@ -1,4 +1,4 @@
-"""A network of a fixed ratio, applied patch by patch as often as a ratio needs it."""
+"""A network of a fixed ratio, applied patch by patch as often as a ratio requires."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bench import Run
 from .cut import Cutting, cut
 from .whole import in_patches
 
-TOGETHER = 1 << 13  # points of the patches that a network is given at once
+TOGETHER = 1 << 13  # points of the patches in one call of the network
 
 
 def in_passes(
@@ -28,9 +28,9 @@ def in_passes(
     used: Callable[[int], int] = lambda n: n,
     cutting: Cutting = cut,
 ) -> np.ndarray:
-    """Upsample a cloud by ``ratio``, with a network that gives ``times`` as many points.
+    """Upsample a cloud by ``ratio``, with a network that returns ``times`` as many points.
 
-    Passes follow each other until there are enough points; in between, and at the end, a cloud that has more than the
+    Passes are repeated until there are enough points; in between, and at the end, a cloud with more than the
     exact count is thinned by farthest points.
 
     Parameters
@@ -46,11 +46,11 @@ def in_passes(
         (3, b, n) float32 tensor of normalised patches, nearest the seed first, to (3, b, times * u).
     run : Run
     central : int
-        Of so many patches the copies of a point are taken; 0 for all. See :func:`.whole.in_patches`.
+        The number of patches whose copies of a point count; 0 for all. See :func:`.whole.in_patches`.
     used : function
-        How many points u of a patch of n are upsampled, those nearest the seed.
+        Gives the number u of points of a patch of n that are upsampled, those nearest the seed.
     cutting : function
-        How patches are cut.
+        Cuts the patches.
 
     Returns
     -------

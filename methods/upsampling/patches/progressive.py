@@ -1,4 +1,4 @@
-"""A cloud doubled level by level: each level cuts patches of its own from all that the one before gave."""
+"""A cloud doubled level by level: each level cuts its own patches from the whole output of the one before."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from .cut import centrality, covering, most_central, normalise
 from .whole import in_patches, whole
 
 BATCH = 16  # patches at once: 16 of 312 points take 100 MB
-STRAY = 5.0  # a point is stray when its squared distance to the next is so many times the mean
-COPIES = 1e-5  # points nearer to each other than about this, relative to the radius of the cloud, are one
-SPARE = 1.02  # thinned to this share first: what is stray can then go
+STRAY = 5.0  # a point is stray if its squared distance to the next exceeds this many times the mean
+COPIES = 1e-5  # points nearer to each other than about this, relative to the radius of the cloud, count as one
+SPARE = 1.02  # thinned to this share first, so that stray points can be removed
 
 
 class Level(NamedTuple):
-    """What the next level interpolates."""
+    """The features for interpolation by the next level."""
 
     points: np.ndarray
     """(m, 3) array: the input of this level"""
     features: torch.Tensor
-    """(m, c) tensor: a point's features lie together, to be gathered fast"""
+    """(m, c) tensor: a point's features are contiguous, for fast access"""
 
 
 def patch_size(points: int, patch: int, neighbours: int, share: float = 0.25) -> int:
@@ -39,25 +39,24 @@ def patch_size(points: int, patch: int, neighbours: int, share: float = 0.25) ->
 def double(points: np.ndarray, network: Units, times: int, size: int, overlap: float, central: int = 0) -> np.ndarray:
     """Upsample a cloud by 2 to the power of ``times``.
 
-    At each level the patches of the whole cloud are put together and thinned, as the paper reads; the released code
-    goes through all levels within each patch of the first one, which takes four times as many evaluations. Farthest
-    points prefer what lies off the surface, and near the border of its patch a point is upsampled worst: with
-    ``central=1`` nothing is thinned, and no point is doubled by a patch that has it near the border while another one
-    has it nearer its seed.
+    At each level the patches of the whole cloud are merged and thinned, as described in the paper; the released code
+    runs all levels within each patch of the first one, which takes four times as many evaluations. Farthest
+    points prefer points off the surface, and near the border of its patch a point is upsampled worst: with
+    ``central=1`` nothing is thinned, and each point is doubled by the patch in which it is nearest the seed.
 
     Parameters
     ----------
     points : (m, 3) array
     network : Units
     times : int
-        Levels; where the network has fewer units, the last of them goes on.
+        Levels; if the network has fewer units, the last of them is repeated.
     size : int
         Points of a patch, at all levels.
     overlap : float
-        How many patches a point is in, on average.
+        The number of patches that a point is in, on average.
     central : int
-        Of so many patches the two copies of a point are taken, of those in which it is nearest the seed; 0 for all.
-        Unless it is 1, strays are left out between levels.
+        The number of patches, of those in which a point is nearest the seed, whose two copies of it count; 0 for all.
+        Unless it is 1, strays are removed between levels.
 
     Returns
     -------
@@ -80,7 +79,7 @@ def double(points: np.ndarray, network: Units, times: int, size: int, overlap: f
 def double_whole(
     points: np.ndarray, network: Units, times: int, size: int, overlap: float, central: int = 0
 ) -> np.ndarray:
-    """As :func:`double`, but each patch of the cloud goes through all levels as it is, without further cutting."""
+    """As :func:`double`, but each patch of the cloud passes through all levels without further cutting."""
     device = next(network.parameters()).device
 
     def upsample(patches: np.ndarray) -> np.ndarray:
@@ -108,7 +107,7 @@ def strays(points: np.ndarray) -> np.ndarray:
     """
     from scipy.spatial import cKDTree
 
-    # Copies of a point have no distance to each other, and would make strays of all points without one.
+    # Copies of a point have distance 0, and would make all points without copies strays.
     distinct, place = np.unique(np.round(points / COPIES), axis=0, return_inverse=True)
     if len(distinct) < 3:
         return np.zeros(len(points), dtype=bool)
@@ -117,9 +116,9 @@ def strays(points: np.ndarray) -> np.ndarray:
 
 
 def thin(points: np.ndarray, count: int) -> np.ndarray:
-    """Farthest points without strays, (count, 3); strays come back where nothing else is left.
+    """Farthest points without strays, (count, 3); strays are used only if no others are left.
 
-    Farthest points prefer what is stray, and among thinned points it shows best: all others are evenly far apart.
+    Farthest points prefer strays, which are easiest to detect among thinned points: all others are evenly spaced.
     """
     if len(points) < count:
         points = np.resize(points, (count, 3))
@@ -131,7 +130,7 @@ def thin(points: np.ndarray, count: int) -> np.ndarray:
 def _level(
     points: np.ndarray, unit: Unit, before: Level | None, size: int, overlap: float, central: int, keep: bool
 ) -> tuple[np.ndarray, Level | None]:
-    """All patches of a level through its unit: their points together, and what the next level interpolates."""
+    """All patches of a level through its unit: their merged points, and the features for the next level."""
     from scipy.spatial import cKDTree
 
     device = next(unit.parameters()).device
@@ -158,7 +157,7 @@ def _level(
         mine = rank[first : first + BATCH]
         dense.append(most_central(local, mine, central))
         if features is not None:
-            # Of the patch in which a point is nearest the seed: far from the border, as in training.
+            # From the patch in which a point is nearest the seed: far from the border, as in training.
             best = torch.from_numpy(mine == 0)
             features[part[best]] = found.cpu()[:, best].T
     return np.concatenate(dense), None if features is None else Level(points, features)

@@ -21,31 +21,31 @@ def in_patches(
     used: int | None = None,
     cutting: Cutting = cut,
 ) -> np.ndarray:
-    """Upsample overlapping patches of a cloud, and thin what they give together to ``count`` points.
+    """Upsample overlapping patches of a cloud, and thin the merged points to ``count``.
 
     Parameters
     ----------
     points : (m, 3) array
     size : int
-        Points of a patch; all of them where the cloud has fewer.
+        Points of a patch; all of them if the cloud has fewer.
     overlap : float
-        How many patches a point is in, on average.
+        The number of patches that a point is in, on average.
     upsample_patches : function
         Given (h, n, 3) float64 normalised patches, the seed first, it returns (h, r u, 3) points in the same frames:
         first copies of the first u points of each patch, then second ones, and so on.
     count : int
         At most r m.
     central : int
-        Of so many patches the copies of a point are taken, of those in which it is nearest the seed; 0 for all.
+        The number of patches, of those in which a point is nearest the seed, whose copies of it count; 0 for all.
     used : int, optional
-        u, where it is less than n.
+        u, if it is less than n.
     cutting : function
-        How patches are cut.
+        Cuts the patches.
 
     Returns
     -------
     (count, 3) float64 array
-        Farthest points where there are more. The order of the input makes no difference.
+        Farthest points if there are more. The order of the input makes no difference.
     """
     points, frame = whole(points)
     patches = covering(points, size, overlap, used, cutting)
@@ -57,7 +57,7 @@ def in_patches(
 
 def whole(points: np.ndarray) -> tuple[np.ndarray, Normalised]:
     """A cloud (m, 3) in sorted order, centroid at 0 and farthest point at 1; and the frame to restore it."""
-    # Sums depend on the order of the points by rounding, and ties are decided by it.
+    # The order of the points affects sums by rounding, and decides ties.
     points = np.asarray(points, dtype=np.float64)
     frame = normalise(points[np.lexsort(points.T)][None])
     return frame.points[0], frame

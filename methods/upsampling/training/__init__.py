@@ -1,1 +1,1 @@
-"""How the progressive network is trained."""
+"""The training of the upsampling networks."""

@@ -13,7 +13,7 @@ from torch import Tensor
 from ..networks.neighbours import gather, nearest
 
 FULL = 32767
-FAR = 1e6  # where the points are that fill up the smaller ones of a stack
+FAR = 1e6  # position of the points that pad the smaller clouds of a stack
 
 
 def pack(pyramids: Iterable[tuple[int, list[np.ndarray]]]) -> dict[str, np.ndarray]:
@@ -47,7 +47,7 @@ def pack(pyramids: Iterable[tuple[int, list[np.ndarray]]]) -> dict[str, np.ndarr
 
 @dataclass(frozen=True)
 class Draw:
-    """How patches are drawn."""
+    """The settings for drawing patches."""
 
     noise: float = 0.0  # deviation of the input's points, in the unit of the clouds; cut off at three of it
     scale: float = 0.0  # patches are scaled by a factor from 1 - scale to 1 + scale
@@ -57,9 +57,9 @@ class Stack(NamedTuple):
     """Clouds side by side."""
 
     points: Tensor
-    """(3, b, n) tensor: behind the points of a cloud that has fewer than n come others, at FAR"""
+    """(3, b, n) tensor: clouds with fewer than n points are padded by points at FAR"""
     counts: np.ndarray
-    """(b,) int array: how many each has"""
+    """(b,) int array: the number of points of each"""
 
     def seeds(self, rng: np.random.Generator) -> Tensor:
         """A random point of each: (3, b, 1)."""
@@ -69,7 +69,7 @@ class Stack(NamedTuple):
     def around(self, seeds: Tensor, count: int) -> Tensor:
         """The points nearest the seeds (3, b, 1), in no particular order: (3, b, count).
 
-        Those of a cloud of fewer points come again.
+        Those of a cloud of fewer points are repeated.
         """
         index = nearest(seeds, self.points, count)[:, :, 0]
         if self.counts.min() < count:
@@ -80,16 +80,16 @@ class Stack(NamedTuple):
 
 
 class Clouds:
-    """What :func:`pack` made, on a device.
+    """The examples of :func:`pack`, on a device.
 
     Parameters
     ----------
     examples : mapping
     size_of : function
-        Points of a patch of a cloud of so many.
+        Gives the points of a patch of a cloud by its number of points.
     device : str
     held_out : bool
-        Take the last tenth of the shapes, at least one; otherwise the others (all, where there is but one).
+        Take the last tenth of the shapes, at least one; otherwise the others (all, if there is only one).
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Clouds:
         self._counts = examples["counts"]
         scales = np.repeat(examples["scales"], self._counts.sum(axis=1)).astype(np.float32)
         points = np.ascontiguousarray(examples["points"].T) * scales
-        # (3, total + 1): the last one is for all that fill up
+        # (3, total + 1): the last one is the padding
         self._points = torch.from_numpy(np.pad(points, ((0, 0), (0, 1)), constant_values=FAR)).to(device)
         self._starts = np.concatenate([[0], self._counts.ravel().cumsum()])[:-1].reshape(self._counts.shape)
         shapes = np.unique(examples["shapes"])
@@ -120,9 +120,9 @@ class Clouds:
         group : int
             Index into ``sizes``, the numbers of points that patches of inputs have.
         count : int
-            How many patches.
+            The number of patches.
         levels : list of int
-            The truths wanted, of size * 2**level points.
+            The levels of the truths, of size * 2**level points.
         rng : numpy Generator
         draw : Draw
         base : int

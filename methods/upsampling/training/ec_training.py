@@ -23,14 +23,14 @@ from .pu_training import VALIDATED, adam
 
 SURFACE, EDGE, APART, DISTANCE = 500.0, 50.0, 500.0, 5.0  # weights of the four terms
 CUT = 0.5  # of distances to edges, in radii of the patch
-NEAR = 0.15  # points nearer to an edge than this are drawn to it
-TRUST = 20_000  # steps after which the predicted distances alone say which points are near
+NEAR = 0.15  # points nearer to an edge than this are attracted to it
+TRUST = 20_000  # steps after which only the predicted distances decide which points are near
 RADIUS, LEAST = 0.07, 0.001  # of the repulsion, for 1,024 points in a patch
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How the network is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     points: int
     triangles: int
@@ -46,13 +46,13 @@ class Plan:
 
 
 class Training(DecayingTraining):
-    """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
+    """Loss and validation of a network; random draws depend only on the run's seed and the number of a step.
 
     Parameters
     ----------
     network : EcNetwork
     examples : mapping
-        What :func:`.clouds.pack` and :func:`.edges.pack_edged` made.
+        Of :func:`.clouds.pack` and :func:`.edges.pack_edged`.
     plan : Plan
     widening : float
         Factor of the published radii.
@@ -66,7 +66,7 @@ class Training(DecayingTraining):
         self.optimizer = adam(network, network.last, plan.learning_rate, run.device)
 
     def loss(self, step: int) -> Tensor:
-        """The sum of the four terms for a batch; the part of the weights is in the optimiser."""
+        """The sum of the four terms for a batch; the weight decay is in the optimiser."""
         plan = self.plan
         how = Augmentation(plan.noise, plan.jitter, plan.scale, plan.shift)
         patches = self.pairs.draw(plan.batch, step_generator(self.seed, step), how)
@@ -74,7 +74,7 @@ class Training(DecayingTraining):
         output, predicted = self.network(patches.inputs)
         unit = patches.scales.square()[:, None]
         to_edge = squared_to_segments(output, segments)
-        # The root has no derivative at 0; what is cut off or not near has none either.
+        # The root has no derivative at 0; values that are cut off or not near have none either.
         distance = to_edge.detach().sqrt().clamp_max(CUT)
         near = near_edges(distance, predicted.detach(), max(0.5 - step / TRUST, 0.0))
         surface = (squared_to_triangles(output, triangles) / unit).mean()
@@ -85,9 +85,9 @@ class Training(DecayingTraining):
 
     @torch.no_grad()
     def validate(self) -> float:
-        """How far new points lie from the truth, and the truth from them, relative to those of the inputs.
+        """Distances from new points to the truth and vice versa, relative to those of the inputs.
 
-        Both are of the crop: the points of the truth that are nearer to the seed than the farthest input that is kept.
+        Both are of the crop: the points of the truth that are nearer to the seed than the farthest upsampled input.
         """
         how = Augmentation(self.plan.noise)
         patches = self.held_out.draw(VALIDATED, step_generator(self.seed, 0, "validation"), how)
@@ -100,7 +100,7 @@ class Training(DecayingTraining):
 
 
 def near_edges(distance: Tensor, predicted: Tensor, trust: float) -> Tensor:
-    """Which new points are drawn to edges (Yu et al. 2018b, section 3.3, as released): a mask of 0 and 1.
+    """Which new points are attracted to edges (Yu et al. 2018b, section 3.3, as released): a mask of 0 and 1.
 
     Of the quarter of the points with the smallest predictions, those with ``trust`` times the true distance plus
     ``1 - trust`` times the predicted one at most 0.15.

@@ -1,4 +1,4 @@
-"""The surface that EC-Net learns from: triangles, and the segments of sharp edges."""
+"""The training surfaces of EC-Net: triangles, and the segments of sharp edges."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .pairs import Patches
 if TYPE_CHECKING:
     from bench import Shape
 
-FAR = 1e3  # where the ends of a segment are that stands for none
+FAR = 1e3  # position of the ends of padding segments
 THIN = 1e-6  # smallest height of a triangle that counts, relative to its longest side
 
 
@@ -32,9 +32,9 @@ class Edged(NamedTuple):
 def edged(shape: Shape, faces: int, angle: float) -> Edged:
     """The triangles of a shape's mesh, and its edges between faces whose normals differ by more than ``angle`` degrees.
 
-    Only shapes whose mesh is exact have sharp edges: on others, an angle tells how coarse the mesh is. A mesh of more
-    than ``faces`` faces is simplified to so many (Garland and Heckbert 1997): a patch looks at few triangles. Edges
-    are those of the mesh itself.
+    Only shapes whose mesh is exact have sharp edges: on others, an angle reflects the resolution of the mesh. A mesh of
+    more than ``faces`` faces is simplified to that number (Garland and Heckbert 1997): a patch uses few triangles.
+    Edges are those of the original mesh.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def _simplified(vertices: np.ndarray, faces: np.ndarray, count: int) -> np.ndarr
 
 
 def pack_edged(surfaces: Iterable[Edged]) -> dict[str, np.ndarray]:
-    """Surfaces one after the other: ``triangles`` and ``segments``, and how many each of the surfaces has."""
+    """Surfaces one after the other: ``triangles`` and ``segments``, and their numbers for each surface."""
     surfaces = list(surfaces)
     return {
         "triangles": np.concatenate([surface.triangles for surface in surfaces]),
@@ -77,12 +77,12 @@ def pack_edged(surfaces: Iterable[Edged]) -> dict[str, np.ndarray]:
 
 
 class EdgedSurfaces:
-    """What :func:`pack_edged` made, on a device.
+    """The surfaces of :func:`pack_edged`, on a device.
 
     Parameters
     ----------
     examples : mapping
-        With ``shapes`` beside, the number of the surface of each pyramid.
+        Also with ``shapes``, the number of the surface of each pyramid.
     device : str
     """
 
@@ -95,7 +95,7 @@ class EdgedSurfaces:
     def around(self, patches: Patches, triangles: int, segments: int) -> tuple[Tensor, Tensor]:
         """The triangles and segments nearest the seeds of patches, in the frames of the patches.
 
-        Where a surface has fewer, triangles come again, and segments stand far away.
+        If a surface has fewer, triangles are repeated, and segments are padded far away.
 
         Returns
         -------
@@ -104,7 +104,7 @@ class EdgedSurfaces:
         surfaces = self._of_pyramid[patches.pyramids]
         corners, counts = self._triangles.stack(surfaces, least=1)
         near = to_all_triangles(patches.seeds, corners)[:, :, 0].argsort(dim=1, stable=True)
-        # Those that fill up a smaller surface are the farthest.
+        # The padding of a smaller surface is the farthest.
         near = near.gather(1, torch.arange(triangles, device=near.device) % counts.clamp_max(triangles))
         ends, _ = self._segments.stack(surfaces, least=segments)
         close = to_all_segments(patches.seeds, ends)[:, :, 0].argsort(dim=1, stable=True)[:, :segments]
@@ -122,7 +122,7 @@ class _Parts:
     """
 
     def __init__(self, corners: np.ndarray, counts: np.ndarray, device: str):
-        # (3, total, c), as everywhere: components first; and a last one that stands far away, a segment without length
+        # (3, total, c), as everywhere: components first; the last one is the padding, a segment without length
         far = np.full_like(corners, FAR, shape=(1, *corners.shape[1:]))
         if corners.shape[1] > 2:
             far += np.eye(3, dtype=far.dtype)
@@ -130,7 +130,7 @@ class _Parts:
         self._counts, self._starts = counts, np.concatenate([[0], counts.cumsum()])[:-1]
 
     def stack(self, surfaces: np.ndarray, least: int) -> tuple[Tensor, Tensor]:
-        """Those of some surfaces side by side, (3, b, n, c) with n >= ``least``, and how many each has, (b, 1)."""
+        """Those of some surfaces, stacked, (3, b, n, c) with n >= ``least``, and their number for each, (b, 1)."""
         counts = self._counts[surfaces]
         along = np.arange(max(counts.max(), least))
         rows = np.where(along < counts[:, None], self._starts[surfaces][:, None] + along, self._corners.shape[1] - 1)
@@ -139,7 +139,7 @@ class _Parts:
 
 
 def _chosen(corners: Tensor, index: Tensor) -> Tensor:
-    """The triangles or segments (3, b, n, c) that an index (b, k) names."""
+    """The triangles or segments (3, b, n, c) at an index (b, k)."""
     return torch.stack([gather(part, index[:, None])[:, :, 0] for part in corners.unbind(3)], dim=-1)
 
 

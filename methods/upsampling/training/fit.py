@@ -22,12 +22,12 @@ from .schedule import Moment, Stages, moment
 
 VALIDATED = 12  # held-out patches of each input count
 VALIDATIONS = 20  # in a training
-TICKS = 1_000_000  # of a schedule that goes by the clock
+TICKS = 1_000_000  # of a schedule by the clock
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How the network is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     levels: int
     stages: Stages
@@ -45,13 +45,13 @@ class Plan:
 
 
 class Training:
-    """Losses, schedule and validation of a network; it draws from the run's seed and the number of a step alone.
+    """Losses, schedule and validation of a network; random draws depend only on the seed and the number of a step.
 
     Parameters
     ----------
     network : Units
     examples : mapping
-        What :func:`.clouds.pack` made.
+        Of :func:`.clouds.pack`.
     plan : Plan
     run : Run
     """
@@ -81,16 +81,16 @@ class Training:
         )
 
     def prepare(self, step: int) -> None:
-        """Freeze, set the rate, and let a level begin as the one before it."""
+        """Freeze, set the rate, and initialise a new level from the one before."""
         plan, network = self.plan, self.network
         self._done = done = max(self._done, progress(self.run, step, plan.steps))
         before, now = self._now, self.moment(step, done)
-        # By the clock, the first step of a level need not be the one at which its stage begins.
+        # By the clock, the first step of a level may come after the beginning of its stage.
         opens = now.opens or (before is not None and before.level < now.level)
         self._now = now
         if opens and now.level > 1 and plan.inherit:
             trained = network[now.level - 2].state_dict()
-            for level in range(now.level - 1, self._units):  # all that follow: the training may end at any time
+            for level in range(now.level - 1, self._units):  # and all later ones: the training may end at any time
                 network[level].load_state_dict(trained)
         for level in range(self._units):
             network[level].requires_grad_(now.first <= level + 1 <= now.level)
@@ -99,7 +99,7 @@ class Training:
             group["lr"] = rate
 
     def moment(self, step: int, done: float) -> Moment:
-        """What holds at a step, with so much of the training done."""
+        """The stage at a step, at progress ``done``."""
         steps = self.plan.steps
         if not steps or done > step / steps:
             step, steps = int(done * (TICKS - 1)), TICKS
@@ -114,7 +114,7 @@ class Training:
         level = now.draw(rng)
         draw = Draw(plan.noise, plan.scale)
         group = int(rng.integers(len(self._clouds.sizes)))
-        single = self._units < plan.levels  # one unit for all densities: each is an input as often as the others
+        single = self._units < plan.levels  # one unit for all densities: all are equally often the input
         base = int(rng.integers(plan.levels)) if single else 0
         apart = plan.stages == "apart"
         wanted = list(range(1, level + 1)) if apart else [level]

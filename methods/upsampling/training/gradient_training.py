@@ -1,4 +1,4 @@
-"""The training of a learned distance: queries near clouds, and how far the surface is."""
+"""The training of a learned distance: queries near clouds, and their distances to the surface."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from .pu_training import VALIDATED
 if TYPE_CHECKING:
     from bench import TrainingData
 
-NEIGHBOURS = 8  # of a point; queries lie on the way to one of them
+NEIGHBOURS = 8  # of a point; queries lie between it and one of them
 PER_POINT = 4  # queries made for each point of a cloud
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How the network is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     points: int
     noise: float
@@ -41,19 +41,19 @@ class Plan:
 def clouds_of(
     data: TrainingData, run: Run, bases: tuple[int, ...], scans: tuple[str, ...]
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
-    """The number of each case, a cloud (m, 3), queries (4 m, 3) near it, and what is exact of them.
+    """The number of each case, a cloud (m, 3), queries (4 m, 3) near it, and their exact values.
 
-    That is (4 m, 4): the distance to the surface, positive outside, and the normal at the closest point.
+    These are (4 m, 4): the distance to the surface, positive outside, and the normal at the closest point.
 
     Parameters
     ----------
     data : TrainingData
     run : Run
-        Its progress is told.
+        Receives the progress.
     bases : tuple of int
         Points of the clouds, evenly spread on the exact surface; 0 for the cloud of the sensor.
     scans : tuple of str
-        Instead of them, sensors that give the clouds.
+        Instead of them, sensors that make the clouds.
     """
     from bench import generator
     from bench.geometry.poisson_disk import sample_poisson_disk
@@ -82,7 +82,7 @@ def queries_near(cloud: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     distance, index = cKDTree(cloud).query(cloud, np.arange(1, k + 1))
     of = np.repeat(np.arange(len(cloud)), PER_POINT)
     other = index[of, rng.integers(k, size=len(of))]
-    # Half of them as near as what the descent ends with, half as far as what it begins with.
+    # Half of them as near as at the end of the descent, half as far as at its start.
     spread = distance[of, : 1 + NEIGHBOURS // 2].mean(axis=1) * rng.choice([0.1, 0.5], len(of))
     place = cloud[of] + rng.random((len(of), 1)) * (cloud[other] - cloud[of])
     return place + spread[:, None] * rng.standard_normal((len(of), 3))
@@ -102,7 +102,7 @@ class Batch(NamedTuple):
 
 
 class Queries(Clouds):
-    """Clouds and queries as :func:`.clouds.pack` packs pairs of them, and ``truths`` of the queries beside."""
+    """Clouds and queries, packed in pairs by :func:`.clouds.pack`, and the ``truths`` of the queries."""
 
     def __init__(self, examples: Mapping[str, np.ndarray], points: int, device: str, held_out: bool = False):
         super().__init__(examples, lambda count: min(points, count), device, held_out)
@@ -110,7 +110,7 @@ class Queries(Clouds):
         self._truth_starts = np.concatenate([[0], examples["counts"][:, 1].cumsum()])[:-1]
 
     def draw(self, count: int, rng: np.random.Generator, noise: float) -> Batch:
-        """Patches around random points, with as many queries, which lie in the half nearest the middle."""
+        """Patches around random points, with as many queries, in the half nearest the middle."""
         weights = np.array([len(group) for group in self._groups])
         group = int(rng.choice(len(weights), p=weights / weights.sum()))
         size = self.sizes[group]
@@ -136,13 +136,13 @@ class Queries(Clouds):
 
 
 class Training(DecayingTraining):
-    """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
+    """Loss and validation of a network; random draws depend only on the run's seed and the number of a step.
 
     Parameters
     ----------
     network : DistanceNetwork
     examples : mapping
-        What :func:`.clouds.pack` made of clouds and queries, and ``truths``.
+        Clouds and queries of :func:`.clouds.pack`, and ``truths``.
     plan : Plan
     run : Run
     """
@@ -162,7 +162,7 @@ class Training(DecayingTraining):
 
     @torch.no_grad()
     def validate(self) -> float:
-        """The same of held-out patches."""
+        """The same on held-out patches."""
         rng = step_generator(self.seed, 0, "validation")
         return float(self._error(self.held_out.draw(VALIDATED, rng, self.plan.noise)))
 

@@ -1,4 +1,4 @@
-"""The loss of a level: squared distances both ways between two sets, those of outliers left out."""
+"""The loss of a level: squared distances in both directions between two sets, without those of outliers."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from torch import Tensor
 
 from ..networks.neighbours import CHUNK, gather, squared_distances
 
-DELTA = 2.0  # mean squared distances from which on a distance counts as an outlier's
+DELTA = 2.0  # mean squared distances, above which a distance counts as an outlier's
 FIDELITY = 50.0
 
 
 def chamfer(points: Tensor, truth: Tensor, outliers: bool = True) -> Tensor:
     """mean_p xi(d^2) + mean_q xi(d^2) of each patch (Wang et al. 2019, Eq. 3).
 
-    xi leaves out what is at least DELTA times the mean of its patch and direction; the mean still divides by the count
+    xi omits distances of at least DELTA times the mean of its patch and direction; the mean still divides by the number
     of all.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Pairs of clouds of one shape, the second of several times as many points, and patches of them."""
+"""Pairs of clouds of one shape, the second with several times as many points, and patches of them."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ RATIO = 4
 def pairs_of(
     data: TrainingData, run: Run, bases: tuple[int, ...], scans: tuple[str, ...], times: int = RATIO
 ) -> Iterator[tuple[Case, list[list[np.ndarray]]]]:
-    """Each case, with its pairs of clouds.
+    """The pairs of clouds of each case.
 
     Parameters
     ----------
     data : TrainingData
     run : Run
-        Its progress is told.
+        Receives the progress.
     bases : tuple of int
         Points of the inputs, evenly spread on the exact surface, as the truths are; 0 for the cloud of the sensor.
     scans : tuple of str
-        Instead of them, sensors that give ``times`` as many points each: the truth of one is the input of the next.
+        Instead of them, sensors that make ``times`` as many points each: the truth of one is the input of the next.
     times : int
     """
     from bench import generator
@@ -40,7 +40,7 @@ def pairs_of(
 
     for number, case in enumerate(data.cases):
         if scans:
-            # The same generator for all densities: a scanner then looks from the same place.
+            # The same generator for all densities, so that a scanner has the same position.
             clouds = [data.sense(case, scan, generator(data.seed, case.id)).points for scan in scans]
             yield case, [[sparse, dense] for sparse, dense in zip(clouds[:-1], clouds[1:], strict=True)]
         else:
@@ -56,7 +56,7 @@ def pairs_of(
 
 @dataclass(frozen=True)
 class Augmentation:
-    """How a patch is changed before the network sees it; a rotation, all of them equally likely, comes always."""
+    """The augmentation of a patch; there is always a random rotation, all of them equally likely."""
 
     noise: float = 0.0  # deviation of the input's points, in the unit of the clouds; cut off at three of it
     jitter: float = 0.0  # the same in radii of the patch, cut off at two of it
@@ -77,7 +77,7 @@ class Patches(NamedTuple):
     seeds: Tensor
     """(3, b, 1) tensor: the points around which the patches were cut, in the unit of the clouds"""
     pyramids: np.ndarray
-    """(b,) int array: which pair of clouds"""
+    """(b,) int array: the pair of clouds"""
     frame: tuple[Tensor, Tensor, Tensor]
     """(b, 3, 3) rotations, (3, b, 1) centres, (b, 1) factors, and shifts: see :meth:`move`"""
     shifts: Tensor
@@ -90,9 +90,9 @@ class Patches(NamedTuple):
 
 
 class Pairs(Clouds):
-    """Patches of pairs of clouds that :func:`.clouds.pack` packed; see there for the parameters.
+    """Patches of pairs of clouds from :func:`.clouds.pack`; see there for the parameters.
 
-    ``times`` as many points are in the second cloud.
+    The second cloud has ``times`` as many points.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Pairs(Clouds):
         clouds = self.stack(pyramids, 0)
         seeds = clouds.seeds(rng)
         truths = _sorted(self.stack(pyramids, 1).around(seeds, self.times * size), seeds)
-        if how.subset:  # of points that are sorted already
+        if how.subset:  # the points are already sorted
             parts = np.stack([uneven(self.times * size, size, rng) for _ in pyramids])
             inputs = gather(truths, torch.from_numpy(parts).to(truths.device)[:, None])[:, :, 0]
         else:
@@ -160,10 +160,10 @@ def _framed(
 
 
 def uneven(total: int, count: int, rng: np.random.Generator) -> np.ndarray:
-    """``count`` different ones of 0 to ``total - 1``, dense around a random place: (count,) int array.
+    """``count`` different numbers from 0 to ``total - 1``, dense around a random one: (count,) int array.
 
-    As released with PU-Net: places are normally distributed with deviation 0.3 of the length around one that is
-    uniform from 0.1 to 0.9. In an order that begins at the seed of a patch, this thins the middle or the border.
+    As released with PU-Net: numbers are normally distributed with deviation 0.3 of the range around one that is
+    uniform from 0.1 to 0.9 of it. In order of distance to the seed of a patch, this thins the middle or the border.
     """
     centre = rng.uniform(0.1, 0.9)
     weight = np.exp(-0.5 * ((np.arange(total) / total - centre) / 0.3) ** 2)
@@ -175,7 +175,7 @@ def _tensor(array: np.ndarray, like: Tensor) -> Tensor:
 
 
 def held_out(examples: Mapping[str, np.ndarray], points: int, device: str, times: int = RATIO) -> tuple[Pairs, Pairs]:
-    """The pairs to learn from, and those of the shapes that are held out; patches of at most ``points`` points."""
+    """The pairs for training, and those of held-out shapes; patches of at most ``points`` points."""
 
     def size(count: int) -> int:
         return min(points, count)

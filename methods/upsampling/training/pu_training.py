@@ -20,14 +20,14 @@ from .loss import chamfer
 from .pairs import Augmentation, held_out
 
 EARTH_MOVER = 100.0
-WEIGHTS = 1e-5  # of half the sum of squares of all weights and biases but the last layer's
+WEIGHTS = 1e-5  # of half the sum of squares of all weights and biases except the last layer's
 RADIUS, WIDTH = 0.07, 0.03  # of the repulsion, for 1,024 points in a patch
 VALIDATED = 16  # held-out patches
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How the network is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     points: int
     times: int
@@ -45,13 +45,13 @@ class Plan:
 
 
 class Training(DecayingTraining):
-    """Loss and validation of a network; it draws from the run's seed and the number of a step alone.
+    """Loss and validation of a network; random draws depend only on the run's seed and the number of a step.
 
     Parameters
     ----------
     network : PuNetwork
     examples : mapping
-        What :func:`.clouds.pack` made of pairs.
+        Pairs of :func:`.clouds.pack`.
     plan : Plan
     widening : float
         Factor of the published radii.
@@ -64,7 +64,7 @@ class Training(DecayingTraining):
         self.optimizer = adam(network, network.last, plan.learning_rate, run.device)
 
     def loss(self, step: int) -> Tensor:
-        """100 EMD + repulsion of a batch; the part of the weights is in the optimiser."""
+        """100 EMD + repulsion of a batch; the weight decay is in the optimiser."""
         plan = self.plan
         how = Augmentation(plan.noise, plan.jitter, plan.scale, plan.shift, plan.subset)
         patches = self.pairs.draw(plan.batch, step_generator(self.seed, step), how)

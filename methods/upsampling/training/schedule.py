@@ -1,4 +1,4 @@
-"""Which units are trained when: one level after the other, each first alone, then with those before it."""
+"""The schedule of units in training: one level after the other, each first alone, then with those before it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 
 Stages = Literal["progressive", "apart", "at_once"]
-TRUSTED = 0.6  # of the stage in which a level is alone: from then on its outliers do not count
+TRUSTED = 0.6  # of the stage in which a level is alone: after this its outliers are ignored
 
 
 @dataclass(frozen=True)
 class Moment:
-    """What holds at one step."""
+    """The settings at one step."""
 
     level: int
     """The highest level that is trained, from 1"""
@@ -27,7 +27,7 @@ class Moment:
     """Whether this is the first step of ``level``"""
 
     def draw(self, rng: np.random.Generator) -> int:
-        """The level whose output is scored: higher ones are more likely where several are trained."""
+        """The level whose output is scored: higher ones are more likely if several are trained."""
         if self.first == self.level:
             return self.level
         weights = np.arange(1, self.level + 1)
@@ -56,7 +56,7 @@ def moment(step: int, steps: int, levels: int, stages: Stages) -> Moment:
 
 
 def _part(step: int, steps: int, parts: int) -> tuple[int, int, int]:
-    """Which of equal parts a step is in, the first step of it, and the first of the next."""
+    """The equal part that a step is in, the first step of it, and the first of the next."""
     bounds = [part * steps // parts for part in range(parts + 1)]
     part = max(i for i in range(parts) if bounds[i] <= step)
     return part, bounds[part], bounds[part + 1]
