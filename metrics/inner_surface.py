@@ -65,7 +65,7 @@ class InnerSurface:
         except NoSides as error:
             return f"the reference has no inside: {error}"
         if not count_topology(vertices, faces).watertight:
-            return "the reference is not closed: it has edges that do not belong to two faces"
+            return "the reference is not closed: it has edges that do not belong to exactly two faces"
         return ""
 
     def _pieces(self, output: Trimesh, reference: Trimesh, faces: np.ndarray, deep: np.ndarray) -> int:

@@ -74,5 +74,5 @@ def _solids(output: Trimesh, case: Case) -> list[tuple[np.ndarray, np.ndarray]]:
             raise NoSides(f"the {name} has no inside: {error}") from None
         found.append((vertices, faces))
     if not count_topology(*found[1]).watertight:
-        raise NoSides("the reference is not closed: it has edges that do not belong to two faces")
+        raise NoSides("the reference is not closed: it has edges that do not belong to exactly two faces")
     return found
