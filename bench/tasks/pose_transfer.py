@@ -62,7 +62,8 @@ class PoseTransfer(Task):
         """The first ``count`` problems of a dataset's split."""
         if not hasattr(dataset, "transfers"):
             raise UsageError(
-                "task pose_transfer: this dataset has no transfers(split); choose one with transfers, like dataset=humanoids"
+                "task pose_transfer: this dataset has no transfers(split); choose one with transfers, like "
+                "dataset=humanoids"
             )
         for problem in islice(dataset.transfers(split), count):
             id = f"{problem.id}-pose"
