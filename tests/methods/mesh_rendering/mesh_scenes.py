@@ -1,4 +1,4 @@
-"""Small scenes of triangles, and a soft rasteriser of plain tensors."""
+"""Small scenes of triangles, and a soft rasteriser in plain tensor operations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LEAST = 9.21
 
 
 def random_scene(faces=12, width=20, height=16, seed=0):
-    """Triangles of all sizes and colours at random; some share corners."""
+    """Random triangles of many sizes and colours; some share corners."""
     rng = np.random.default_rng(seed)
     vertices = np.column_stack(
         [rng.uniform(-2, width + 2, 2 * faces), rng.uniform(-2, height + 2, 2 * faces), rng.uniform(2, 3, 2 * faces)]
@@ -22,7 +22,7 @@ def random_scene(faces=12, width=20, height=16, seed=0):
 
 
 def views_of_a_square(left, right, pixels=32):
-    """One image of a white square at depth 1, that reaches from one column to another, lit from the front."""
+    """One image of a white square at depth 1 that spans a range of columns, lit from the front."""
     image = np.zeros((1, pixels, pixels, 3), np.uint8)
     image[:, 8:24, left:right] = 255
     focal = float(pixels)
@@ -31,7 +31,7 @@ def views_of_a_square(left, right, pixels=32):
 
 
 def square(left, right, pixels=32):
-    """The vertices and faces of that square, whose middle is a vertex, facing the camera."""
+    """The vertices and faces of that square, facing the camera, with a vertex at its centre."""
     row, column = (8 + 24) / 2, (left + right) / 2
     corners = [[left, 8], [right, 8], [right, 24], [left, 24], [column, row]]
     vertices = np.column_stack([np.array(corners) / pixels, np.ones(5)])

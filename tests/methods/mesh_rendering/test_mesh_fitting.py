@@ -1,4 +1,4 @@
-"""Meshes that are fitted to images: descent, regularisers, the mesh to begin with, a ball that grows to its size."""
+"""Meshes fitted to images: descent, regularisers, the initial mesh, and a ball that grows to its size."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from bench.tasks.fit_shape import FitShape
 # -- descent and regularisers ------------------------------------------------------------------------------------------
 
 
-def test_adam_is_that_of_torch():
+def test_adam_matches_torch():
     rng = np.random.default_rng(0)
     values = rng.normal(size=(4, 3))
     free, ours = torch.tensor(values).requires_grad_(), Adam()
@@ -37,13 +37,13 @@ def test_adam_is_that_of_torch():
         np.testing.assert_allclose(values, free.detach(), rtol=1e-10)
 
 
-def test_uniform_steps_keep_the_direction_and_the_largest_is_the_rate():
+def test_uniform_steps_keep_the_direction_and_are_scaled_to_the_rate():
     gradient = np.random.default_rng(0).normal(size=(4, 3))
     step = Adam(uniform=True).step(np.zeros((4, 3)), gradient, 0.1)
     np.testing.assert_allclose(step, -0.1 * gradient / np.abs(gradient).max(), rtol=1e-9)
 
 
-def test_large_steps_are_a_dense_solve_and_go_there_and_back():
+def test_large_steps_match_a_dense_solve_and_are_invertible():
     mesh = icosphere(subdivisions=1)
     faces, vertices = np.array(mesh.faces), np.array(mesh.vertices)
     dense = np.eye(len(vertices))
@@ -75,13 +75,13 @@ def test_regularisers_and_their_gradient():
     regular = icosahedron()
     even = Regularity(regular.vertices, np.array(regular.faces), 0.0, 1.0).look(np.array(regular.vertices))
     assert even[0] < 1e-20 and np.abs(even[1]).max() < 1e-12
-    # The neighbours of a vertex of an icosahedron of radius 1 are a ring at the height 1 / sqrt(5).
+    # The neighbours of a vertex of an icosahedron of radius 1 form a ring at the height 1 / sqrt(5).
     smooth = Regularity(regular.vertices, np.array(regular.faces), 1.0, 0.0).look(np.array(regular.vertices))[0]
     edge = 4 / np.sqrt(10 + 2 * np.sqrt(5))
     assert smooth == pytest.approx(((1 - 1 / np.sqrt(5)) / edge) ** 2, rel=1e-6)
 
 
-def test_the_rate_falls_to_its_end():
+def test_the_rate_falls_to_its_final_value():
     schedule = Schedule(steps=11, views=1, rate=0.5, rate_end=0.01)
     assert schedule.rate_at(0) == 0.5 and schedule.rate_at(10) == pytest.approx(0.005)
     assert schedule.rate_at(5) == pytest.approx(0.05) and Schedule(1, 1, 0.5, 0.1).rate_at(0) == 0.5
@@ -91,7 +91,7 @@ def test_the_rate_falls_to_its_end():
 
 
 @pytest.mark.parametrize("start", ["sphere", "cube"])
-def test_the_points_to_begin_with_are_the_vertices_of_a_closed_mesh(start):
+def test_the_initial_points_are_the_vertices_of_a_closed_mesh(start):
     cloud = FitShape(start=start, points=1000, size=0.5).beginning()
     vertices, faces = mesh_of(cloud)
     np.testing.assert_array_equal(vertices, cloud.points)
@@ -100,7 +100,7 @@ def test_the_points_to_begin_with_are_the_vertices_of_a_closed_mesh(start):
     assert mesh.euler_number == 2 and mesh.volume == pytest.approx({"sphere": np.pi / 6, "cube": 1}[start], rel=0.03)
 
 
-def test_a_cloud_that_is_no_star_begins_with_its_poisson_surface():
+def test_a_cloud_that_is_not_star_shaped_starts_from_its_poisson_surface():
     ring = torus(1.0, 0.4, major_sections=48, minor_sections=24)
     cloud = PointCloud(np.array(ring.vertices), np.array(ring.vertex_normals))
     vertices, faces = mesh_of(cloud)
@@ -127,7 +127,7 @@ def views():
 
 
 def off(cloud):
-    """How far from the unit ball, root mean square."""
+    """RMS distance from the unit sphere."""
     return float(np.sqrt(((np.linalg.norm(cloud.points, axis=1) - 1) ** 2).mean()))
 
 
@@ -162,7 +162,7 @@ def test_shading_alone_does_not_change_the_size_but_turns_normals(views):
     assert cosine(bare.fit_shape(views, cube, Run(seed=1))) > cosine(cube) + 0.02
 
 
-def test_seeds_time_traces_and_the_mesh(views):
+def test_repeatability_time_limit_traces_and_the_stored_mesh(views):
     start, method = FitShape(points=60).beginning(), Opendr(steps=16, views=2)
     first, offered, kept = method.fit_shape(views, start, Run(seed=2)), [], {}
     looked_at = Run(seed=2)
@@ -176,7 +176,7 @@ def test_seeds_time_traces_and_the_mesh(views):
     assert off(stopped) == pytest.approx(0.3, abs=0.06)
 
 
-def test_what_is_missing_is_named(views):
+def test_missing_lights_and_normals_are_named(views):
     start = FitShape(points=50).beginning()
     dark = Views(views.images, views.masks, views.extrinsics, views.intrinsics)
     with pytest.raises(BadInput, match="no lights"):

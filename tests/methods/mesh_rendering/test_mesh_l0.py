@@ -1,4 +1,4 @@
-"""L0 smoothing of the images of a mesh: cameras, the mesh through the points, and what it does to a cube."""
+"""L0 smoothing of the images of a mesh: cameras, the mesh through the points, and the result for a cube."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def test_the_points_are_the_vertices_and_faces_look_outwards():
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
     assert (np.einsum("fi,fi->f", cross, (a + b + c) / 3) > 0).mean() > 0.99
-    assert np.linalg.norm(cross, axis=1).sum() / 2 > 0.9 * 6 * (15 / 16) ** 2  # nearly all of the cube
+    assert np.linalg.norm(cross, axis=1).sum() / 2 > 0.9 * 6 * (15 / 16) ** 2  # nearly the whole cube
     with pytest.raises(BadInput, match="no ball"):
         mesh_through(PointCloud(points[::64] * 100, normals[::64]), 1e-3)
 
 
-def test_cameras_see_the_whole_mesh_and_look_at_its_middle():
+def test_cameras_see_the_whole_mesh_and_face_its_centre():
     points, _ = cube()
     views = rig(points + 2.0, 7, 64, np.random.default_rng(0))
     pixels, depth = views.project(points + 2.0)

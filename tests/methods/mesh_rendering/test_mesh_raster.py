@@ -44,10 +44,10 @@ def crooked_view(seed=0):
     return np.column_stack([rotation, [0.1, -0.2, 3.0]])
 
 
-# -- the way to the screen ---------------------------------------------------------------------------------------------
+# -- projection and shading --------------------------------------------------------------------------------------------
 
 
-def test_projection_is_that_of_views_and_its_gradient_a_finite_difference():
+def test_projection_matches_views_and_its_gradient_finite_differences():
     views, points = views_of_a_ball(3, 16), np.random.default_rng(0).normal(size=(5, 3)) / 2
     screen = project(points, views.extrinsics[1], views.intrinsics[1])
     pixels, depth = views.project(points)
@@ -78,7 +78,7 @@ def test_shading_and_its_gradient():
 # -- the plain image ---------------------------------------------------------------------------------------------------
 
 
-def test_the_nearest_face_is_that_of_ray_casting():
+def test_the_nearest_face_matches_ray_casting():
     rng = np.random.default_rng(0)
     corners = rng.uniform(-1, 1, (300, 1, 3)) + 0.3 * rng.normal(size=(300, 3, 3))
     vertices, faces = corners.reshape(-1, 3), np.arange(900).reshape(-1, 3)
@@ -95,13 +95,13 @@ def test_the_nearest_face_is_that_of_ray_casting():
     same = (seen.face == expected) & (expected >= 0)
     along = (rays[..., 3:] @ views.extrinsics[2, 2, :3])[same]
     np.testing.assert_allclose(seen.depth[same], cast["t_hit"].numpy()[same] * along, rtol=1e-4)
-    # Weights are those of the place on the screen.
+    # Weights belong to the position on the screen.
     places = np.einsum("pk,pki->pi", seen.weights[same], screen[faces[seen.face[same]], :2])
     rows, columns = np.nonzero(same)
     np.testing.assert_allclose(places, np.column_stack([columns, rows]) + 0.5, atol=1e-8)
 
 
-def test_what_is_behind_the_camera_or_without_an_area_is_not_drawn():
+def test_faces_behind_the_camera_or_of_zero_area_are_not_drawn():
     screen = np.array([[1.0, 1, -2], [8, 1, -2], [1, 8, -2], [1, 1, 2], [5, 5, 2], [8, 8, 2]])
     scene = Scene(screen, np.array([[0, 1, 2], [3, 4, 5]]), np.ones((2, 3)), 8, 8, 4.0)
     assert (rasterise(scene).face == -1).all() and not SoftDrawn.of(
@@ -109,7 +109,7 @@ def test_what_is_behind_the_camera_or_without_an_area_is_not_drawn():
     ).image.any()
 
 
-def test_colours_get_the_sum_of_their_pixels_slopes():
+def test_gradients_of_colours_are_sums_over_their_pixels():
     scene, rng = random_scene(), np.random.default_rng(0)
     drawn, slope = HardDrawn.of(scene), rng.normal(size=(16, 20, 4))
     of_screen, of_colors = drawn.backward(slope)
@@ -125,7 +125,7 @@ def test_colours_get_the_sum_of_their_pixels_slopes():
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_the_soft_image_and_its_gradient_are_those_of_tensors(seed):
+def test_the_soft_image_and_its_gradient_match_plain_tensors(seed):
     scene, rng = random_scene(seed=seed), np.random.default_rng(seed)
     sigma, gamma = 0.02, 0.2
     drawn, slope = SoftDrawn.of(scene, sigma, gamma), rng.normal(size=(16, 20, 4))
@@ -139,7 +139,7 @@ def test_the_soft_image_and_its_gradient_are_those_of_tensors(seed):
     assert np.abs(of_screen[:, 2]).max() > 1e-3  # depths have a gradient too
 
 
-def test_without_blur_the_soft_image_is_the_plain_one():
+def test_without_blur_the_soft_image_approaches_the_plain_one():
     scene = random_scene(20, 40, 32)
     plain = HardDrawn.of(scene).image
     off = [np.abs(SoftDrawn.of(scene, sigma, 1e-4).image - plain) for sigma in (1e-3, 1e-5, 1e-9)]
@@ -147,7 +147,7 @@ def test_without_blur_the_soft_image_is_the_plain_one():
     assert off[2].mean() < 1e-3
 
 
-def test_the_gradient_of_a_soft_mesh_is_a_finite_difference():
+def test_the_gradient_of_a_soft_mesh_matches_finite_differences():
     views, (vertices, faces) = views_of_a_square(6, 26), square(9, 22)
     vertices = vertices + 0.01 * np.random.default_rng(0).normal(size=vertices.shape)
     gallery = Gallery(views, faces, SoftRasterizer(sigma=0.01, gamma=0.1).draw, 1.0)
@@ -162,11 +162,11 @@ def test_the_gradient_of_a_soft_mesh_is_a_finite_difference():
     )
 
 
-# -- gradients that no image has ---------------------------------------------------------------------------------------
+# -- approximate gradients ---------------------------------------------------------------------------------------------
 
 
-def test_differences_of_a_lone_surface_add_up_to_those_of_the_image():
-    # Weights sum to 1, and at a boundary both pixels move with the surface: all together, dI = -(dI/dx) dx.
+def test_gradients_of_a_single_surface_sum_to_those_of_the_image():
+    # Weights sum to 1, and at a boundary both pixels move with the surface: in total, dI = -(dI/dx) dx.
     rng = np.random.default_rng(0)
     screen = np.array([[5.2, 3.1, 2], [16.3, 6.2, 2.1], [7.7, 13.4, 2.2]])
     scene = Scene(screen, np.array([[0, 1, 2]]), rng.random((1, 3)), 20, 16, 4.0)
@@ -187,17 +187,17 @@ def test_at_an_occlusion_boundary_only_the_surface_in_front_moves():
     assert not of_screen[:3].any() and (np.abs(of_screen[3:, :2]) > 0).all()
 
 
-def test_an_edge_is_pulled_by_a_pixel_of_its_row_by_one_over_the_way():
+def test_a_pixel_pulls_an_edge_of_its_row_inversely_to_its_distance():
     screen = np.array([[2.6, 2, 2], [10, 2, 2], [10, 10, 2]])
     scene = Scene(screen, np.array([[0, 1, 2]]), np.ones((1, 3)), 20, 16, 4.0)
     slope = np.zeros((16, 20, 4))
-    slope[5, 13, 3] = -1  # the coverage is wanted there: 3.5 pixels from the edge, 3.5 of 8 below its upper end
+    slope[5, 13, 3] = -1  # should be covered: 3.5 pixels from the edge, 3.5 of 8 below its upper end
     of_screen = ScanLineDrawn.of(scene).backward(slope)[0]
     expected = np.zeros((3, 3))
     expected[1, 0], expected[2, 0] = -(4.5 / 8) / 3.5, -(3.5 / 8) / 3.5
     np.testing.assert_allclose(of_screen, expected, atol=1e-12)
-    assert not ScanLineDrawn.of(scene).backward(-slope)[0].any()  # a move that makes it worse counts nothing
-    slope[5, 13, 3], slope[5, 8, 3] = 0, 1  # the coverage is not wanted there: the edges to both sides come in
+    assert not ScanLineDrawn.of(scene).backward(-slope)[0].any()  # a move that increases the loss has no gradient
+    slope[5, 13, 3], slope[5, 8, 3] = 0, 1  # should not be covered: the edges on both sides move inward
     of_screen = ScanLineDrawn.of(scene).backward(slope)[0]
     assert (
         of_screen[:, 0].sum() == pytest.approx(1 / 1.5 - 1 / (8.5 - (2.6 + 7.4 * 3.5 / 8)))
@@ -207,7 +207,7 @@ def test_an_edge_is_pulled_by_a_pixel_of_its_row_by_one_over_the_way():
 
 @pytest.mark.parametrize("method", [SoftRasterizer(sigma=0.01), NeuralMeshRenderer(), Opendr()])
 @pytest.mark.parametrize("shift", [-2, 2])
-def test_a_square_is_drawn_to_where_it_should_be(method, shift):
+def test_a_square_is_pulled_to_its_target(method, shift):
     vertices, faces = square(8, 24)
     gradient = Gallery(views_of_a_square(8 + shift, 24 + shift), faces, method.draw, 1.0).look(vertices, np.array([0]))[
         1
@@ -216,14 +216,14 @@ def test_a_square_is_drawn_to_where_it_should_be(method, shift):
     assert abs(gradient[:, 0].sum()) > 5 * abs(gradient[:, 1].sum())
 
 
-def test_shading_says_nothing_of_a_silhouette():
+def test_shading_has_no_gradient_for_a_silhouette():
     vertices, faces = square(8, 24)
     for target in (views_of_a_square(4, 28), views_of_a_square(12, 20)):
         assert not Gallery(target, faces, Paparazzi().draw, 1.0).look(vertices, np.array([0]))[1].any()
         assert Gallery(target, faces, Opendr().draw, 1.0).look(vertices, np.array([0]))[1].any()
 
 
-def test_the_loss_and_its_derivative_are_those_of_torch():
+def test_the_loss_and_its_derivative_match_torch():
     rng = np.random.default_rng(0)
     image, wanted = rng.random((5, 4, 4)), rng.random((5, 4, 4))
     wanted[..., 3] = wanted[..., 3] > 0.5

@@ -1,4 +1,4 @@
-"""Points2Surf: the network's layers, its inputs, the grid, the training, and that the weights that come with it do."""
+"""Points2Surf: the layers of the network, its inputs, the grid, the training, and the shipped weights."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ def ball(count=3000):
 
 
 def examples(shapes=3):
-    """What is learned from, of balls alone."""
+    """Training examples of balls only."""
     places = 1.3 * np.random.default_rng(0).uniform(-1, 1, (shapes, 300, 3))
     distances = np.linalg.norm(places, axis=2) - 1
     arrays = {"points": np.stack([ball(300)] * shapes), "places": places, "distances": distances}
@@ -69,7 +69,7 @@ def test_the_order_of_points_does_not_matter(turn, transforms):
     torch.testing.assert_close((distances, logits), again)
 
 
-def test_a_network_draws_from_its_generator_alone():
+def test_a_network_draws_only_from_its_generator():
     one, two = (SurfaceNetwork(16, generator=generator()).state_dict() for _ in range(2))
     assert all(torch.equal(one[name], two[name]) for name in one)
 
@@ -94,7 +94,7 @@ def test_patches_are_relative_and_of_radius_one():
 
 
 @pytest.mark.parametrize("near", [False, True])
-def test_wholes_are_points_of_the_cloud(near):
+def test_global_samples_are_points_of_the_cloud(near):
     points, queries, rng = ball(400), np.array([[0, 0, 1.0], [0, 0, -1.0]]), np.random.default_rng(0)
     wholes = 2.0 * wholes_of(points, queries, 150, near, 2.0, rng) + queries[:, None]
     distance, index = cKDTree(points).query(wholes.reshape(-1, 3))
@@ -102,33 +102,33 @@ def test_wholes_are_points_of_the_cloud(near):
     for row in index.reshape(2, 150):
         assert len(set(row)) == 150
     heights = wholes[..., 2].mean(axis=1)
-    if near:  # more of those near to the query
+    if near:  # more points near the query
         assert heights[0] > 0.1 and heights[1] < -0.1
     else:
         assert heights[0] == pytest.approx(heights[1], abs=1e-6)
     assert wholes_of(points[:20], queries, 64, near, 1.0, rng).shape == (2, 64, 3)
 
 
-def test_queries_of_a_training_know_the_distance_to_the_ball():
+def test_training_queries_have_the_distance_to_the_ball():
     surfaces = Surfaces(examples())
     batch = surfaces.queries(30, (250, 250), (1e-5, 2e-5), 8, 200, False, np.random.default_rng(1))
     unit = radius_of(ball(250))
-    from_centre = np.linalg.norm(batch.wholes.mean(axis=1) * unit, axis=1)  # but for the random choice
+    from_centre = np.linalg.norm(batch.wholes.mean(axis=1) * unit, axis=1)  # up to the random choice
     inside = batch.distances < 0
     assert (from_centre[inside] < 1.1).all() and (from_centre[~inside] > 0.9).all()
-    assert (np.abs(batch.distances) <= 1 + 1e-5).all()  # the farthest of the patch is no nearer than the surface
+    assert (np.abs(batch.distances) <= 1 + 1e-5).all()  # the surface is no farther than the whole patch
     assert surfaces.shapes == [0, 1] and Surfaces(examples(), held_out=True).shapes == [2]
 
 
 # --- grid -------------------------------------------------------------------------------------------------------------
 
 
-def test_asked_are_the_nodes_around_points():
+def test_the_grid_is_evaluated_at_nodes_around_points():
     points = ball(500)
     grid = Grid.around(points, 24)
     steps = np.abs((points[:, None] - grid.places) / grid.spacing).max(axis=2)
     assert (steps.min(axis=0) < 1.5 + 1e-9).all()
-    for point in points[::25]:  # the 27 around the nearest node of each
+    for point in points[::25]:  # the 27 nodes around the nearest node of each point
         assert (np.abs((grid.places - point) / grid.spacing).max(axis=1) < 1.5).sum() >= 27
     assert grid.spacing == pytest.approx(np.ptp(points, axis=0).max() / 23)
 
@@ -150,14 +150,14 @@ def test_signs_spread_into_the_hollow_and_the_outside():
     assert (spread_signs(np.zeros((9, 9, 9)), np.zeros((9, 9, 9), bool)) == 1).all()
 
 
-def test_a_network_that_says_outside_everywhere_has_no_surface():
+def test_a_grid_without_an_inside_has_no_surface():
     grid = Grid.around(ball(500), 16)
     with pytest.raises(InvalidOutput, match="inside"):
         grid.mesh(np.ones(len(grid.places)))
 
 
-def test_answers_are_in_the_unit_of_the_cloud():
-    """A network that says how far the farthest of the patch is, and that all is inside."""
+def test_distances_are_in_the_unit_of_the_cloud():
+    """A network that returns the distance of the farthest point of the patch, and always inside."""
 
     class Farthest(torch.nn.Module):
         def forward(self, patches, wholes):
@@ -187,8 +187,8 @@ def shipped_weights():
     return load(file)
 
 
-def test_the_weights_that_come_with_it_make_a_ball_of_a_noisy_one(shipped_weights):
-    scale = 7.0  # of a cloud that is neither in the middle nor of radius 1
+def test_the_shipped_weights_reconstruct_a_noisy_ball(shipped_weights):
+    scale = 7.0  # a cloud that is neither centred nor of radius 1
     noisy = ball(3000) + np.random.default_rng(1).normal(scale=0.005, size=(3000, 3))
     run = Run(weights=shipped_weights, threads=1, seed=0)
     mesh = Points2surf(resolution=24).reconstruct(PointCloud(scale * noisy + scale), run)
@@ -197,7 +197,7 @@ def test_the_weights_that_come_with_it_make_a_ball_of_a_noisy_one(shipped_weight
     assert np.abs(away).mean() < 0.03
 
 
-def test_little_time_makes_the_grid_coarser_and_says_so(shipped_weights):
+def test_a_short_time_limit_makes_the_grid_coarser_and_is_reported(shipped_weights):
     run = Run(weights=shipped_weights, threads=1, seed=0, seconds=1e-3)
     mesh = Points2surf(resolution=40).reconstruct(PointCloud(ball(1000)), run)
     assert len(mesh.faces) and "a resolution of 16 instead of 40" in run.notes[0]

@@ -1,4 +1,4 @@
-"""The pseudo-methods do what their names say."""
+"""The pseudo-methods do what their names state."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def sphere():
 
 
 @pytest.mark.parametrize("method", [Identity(), Noise()])
-def test_they_keep_the_promises_of_the_tasks(method, sphere):
+def test_identity_and_noise_give_valid_outputs(method, sphere):
     for task, output in [
         (Denoise(), method.denoise(sphere, Run())),
         (Upsample(ratio=3), method.upsample(sphere, 3, Run())),
@@ -33,7 +33,7 @@ def test_they_keep_the_promises_of_the_tasks(method, sphere):
         task.validate(output, task.input(sphere))
 
 
-def test_empty_breaks_every_promise(sphere):
+def test_empty_gives_invalid_outputs(sphere):
     for task, output in [
         (Denoise(), Empty().denoise(sphere, Run())),
         (Upsample(), Empty().upsample(sphere, 4, Run())),
@@ -51,13 +51,13 @@ def test_identity_changes_nothing(sphere):
 
 
 @pytest.mark.parametrize("with_normals", [True, False])
-def test_the_mesh_of_identity_is_as_far_from_anything_as_the_cloud(sphere, with_normals):
+def test_the_mesh_of_identity_has_tiny_faces_at_the_points(sphere, with_normals):
     cloud = sphere if with_normals else PointCloud(sphere.points)
     mesh = Identity().reconstruct(cloud, Run())
     size = 0.01 * mean_spacing(cloud.points)
     assert np.allclose(mesh.triangles_center, cloud.points, atol=1e-12)
     assert np.allclose(np.linalg.norm(mesh.vertices - np.repeat(cloud.points, 3, axis=0), axis=1), size)
-    # Outward: the estimated normal of 500 points at random is good to some degrees.
+    # Outward: normals estimated from 500 random points are accurate to some degrees.
     cosines = np.einsum("ni,ni->n", mesh.face_normals, cloud.points)
     assert cosines.min() > (1 - 1e-9 if with_normals else 0.8)
 
@@ -66,7 +66,7 @@ def test_noise_is_uniform_in_the_unit_ball_and_repeatable(sphere):
     big = PointCloud(np.repeat(sphere.points, 40, axis=0))
     points = Noise().denoise(big, Run(seed=3)).points
     radii = np.linalg.norm(points, axis=1)
-    # Uniform: the cubed radius is uniform in 0..1, of mean 1/2 and standard deviation 1/sqrt(12).
+    # Uniform: the cubed radius is uniform in 0..1, with mean 1/2 and standard deviation 1/sqrt(12).
     assert radii.max() <= 1
     assert abs((radii**3).mean() - 0.5) < 5 / np.sqrt(12 * len(points))
     assert np.abs(points.mean(axis=0)).max() < 5 * np.sqrt(0.2 / len(points))
@@ -74,14 +74,14 @@ def test_noise_is_uniform_in_the_unit_ball_and_repeatable(sphere):
     assert not np.array_equal(points, Noise().denoise(big, Run(seed=4)).points)
 
 
-def test_the_mesh_of_noise_has_a_face_per_point_and_next_to_no_area(sphere):
+def test_the_mesh_of_noise_has_a_face_per_point_and_hardly_any_area(sphere):
     mesh = Noise().reconstruct(sphere, Run())
     assert len(mesh.faces) == len(sphere)
     assert mesh.area == pytest.approx(len(sphere) * 3 * np.sqrt(3) / 4 * 1e-6)
     assert cKDTree(sphere.points).query(mesh.triangles_center)[0].mean() > 0.1
 
 
-def test_triangles_stand_on_their_normals():
+def test_triangles_are_perpendicular_to_their_normals():
     normals = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, 1], [0.6, 0, 0.8]])
     mesh = triangles_around(np.arange(12.0).reshape(4, 3), normals, 0.1)
     assert isinstance(mesh, trimesh.Trimesh)

@@ -36,9 +36,9 @@ class How:
     blur: float = 1.0  # standard deviation of the low-pass filter of Eq. 3.6, in pixels
     depth_limit: float = 0.05  # T: splats at most this far behind the first one are blended with it
     layers: int = 5  # K: entries of a pixel's list
-    cull: bool = True  # drop splats that show their back; otherwise turn them round
+    cull: bool = True  # omit splats that show their back; otherwise flip them
     grazing: float = 0.05  # least cosine between the normal and the direction to the camera
-    near: float = 1e-3  # splats at this depth or nearer are dropped
+    near: float = 1e-3  # splats at this depth or nearer are not drawn
     epsilon: float = 0.01  # of Eq. 3.12, in square pixels
     occlusion: bool = True  # give hidden splats a gradient along the viewing direction
 
@@ -65,7 +65,7 @@ class Change:
     new: np.ndarray  # (C,) value of the pixel after the change
     xy: np.ndarray  # (2,) gradient in the image for a unit change of the loss
     z: float  # gradient along the depth for a unit change of the loss
-    sign: float  # of the "rbf" gradient: 1 where the splat appears, -1 where it goes, 0 for no gradient
+    sign: float  # of the "rbf" gradient: 1 where the splat appears, -1 where it disappears, 0 for no gradient
 
 
 # Camera
@@ -98,7 +98,7 @@ def ray_of(pixel, look):
 
 
 def centre_of(i, j):
-    """Where the pixel of row i and column j is sampled: column, row (2,)."""
+    """The sampling position of the pixel of row i and column j: column, row (2,)."""
     return np.array([j + 0.5, i + 0.5])
 
 
@@ -185,7 +185,7 @@ def depth_at(splat, pixel, look, how):
 def lists(splats, look, how):
     """The list of every pixel, a dict from (i, j): the entries (k, depth, rho) of the K nearest covering splats.
 
-    Entries are in order of depth, those of equal depth in order of k. The list of a pixel that nothing covers is empty.
+    Entries are sorted by depth, those of equal depth by k. The list of an uncovered pixel is empty.
     """
     found = {}
     for i in range(look.height):
@@ -262,7 +262,7 @@ def move_to(d, how):
 
 
 def case_a(k, splat, pixel, entries, attributes, look, how):
-    """The splat is not in the list of the pixel (2,), and nothing there hides it: it moves in the image to the pixel.
+    """The splat is not in the list of the pixel (2,), and not occluded there: it moves in the image to the pixel.
 
     The new value, Eq. 3.8, adds the splat with the weight of its centre and leaves out what it would hide.
     """
@@ -273,7 +273,7 @@ def case_a(k, splat, pixel, entries, attributes, look, how):
 
 
 def case_b(k, splat, pixel, entries, attributes, look, how):
-    """The splat is not in the list of the pixel (2,), and others hide it there: it moves to the pixel and forward.
+    """The splat is not in the list of the pixel (2,), and others occlude it there: it moves to the pixel and forward.
 
     The new value, Eq. 3.8, adds the splat with the weight of its centre. Eq. 3.12 takes the move in space: its length
     in the image is turned into one at the depth of the splat.
@@ -301,7 +301,7 @@ def case_c(k, splat, pixel, entries, attributes, look, how):
     d = pixel - splat.x
     s = math.sqrt(d @ d + how.epsilon)
     r = splat.radius
-    # The centre passes the pixel by a move of s + r along d / s, and draws back from it by one of s - r, below 0.
+    # A move of s + r along d / s takes the centre past the pixel; one of s - r, below 0, takes it back.
     xy = d * (1 / guard(s * (s + r), how.epsilon) + 1 / guard(s * (s - r), how.epsilon))
     return Change(new=blend(rest, attributes), xy=xy, z=0.0, sign=-1.0)
 
@@ -322,7 +322,7 @@ def case_d(k, splat, pixel, entries, attributes, look, how):
 
 
 def case_of(k, splat, entries, how):
-    """The function, of those above, for the splat k at a pixel of these entries."""
+    """The one of the functions above for the splat k at a pixel with these entries."""
     if k in [entry[0] for entry in front_of(entries, how)]:
         return case_c
     if k in [entry[0] for entry in entries]:
@@ -333,7 +333,7 @@ def case_of(k, splat, entries, how):
 
 
 def rbf_slope(splat, pixel):
-    """How fast exp(-beta) grows (2,) as the splat moves in the image: the derivative of Eq. 3.6 over its peak."""
+    """Gradient (2,) of exp(-beta) for a move of the splat in the image: the derivative of Eq. 3.6 over its peak."""
     return math.exp(-beta_at(splat, pixel)) * (splat.M @ (pixel - splat.x))
 
 

@@ -1,4 +1,4 @@
-"""Small scenes of splats, seen by cameras that nobody would choose."""
+"""Small scenes of splats, and cameras in general position."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from bench.methods.splatting.renderer.camera import Camera
 
 
 def crooked_camera(width=24, height=20, distance=3.0):
-    """A camera that is turned, with a skew, different focal lengths and a middle that is not in the middle."""
+    """A rotated camera with skew, different focal lengths and an off-centre principal point."""
     camera = Camera.looking_at(np.array([0.4, -0.7, -distance]), np.zeros(3), np.array([0.2, 1.0, 0.1]), 1.0, 1, 1)
     intrinsics = np.array([[1.3 * width, 0.8, 0.47 * width], [0, 1.2 * width, 0.55 * height], [0, 0, 1]])
     return Camera(camera.extrinsics, intrinsics, width, height)

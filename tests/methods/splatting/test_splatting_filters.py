@@ -1,4 +1,4 @@
-"""Filters of images, the cameras that see a cloud from near, and the denoisers made of them."""
+"""Filters of images, cameras close to a cloud, and the denoisers made of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bench.tasks.fit_shape import FitShape
 
 
 def two_tones(noise=0.05):
-    """An image of two halves, with noise."""
+    """An image of two uniform halves, without and with noise."""
     image = np.zeros((32, 48, 3))
     image[:, :24], image[:, 24:] = (0.8, 0.3, 0.2), (0.2, 0.4, 0.9)
     return image, image + noise * np.random.default_rng(0).normal(size=image.shape)
@@ -24,7 +24,7 @@ def two_tones(noise=0.05):
 # -- images ------------------------------------------------------------------------------------------------------------
 
 
-def test_l0_smoothing_keeps_jumps_and_takes_noise():
+def test_l0_smoothing_keeps_edges_and_removes_noise():
     clean, noisy = two_tones()
     smooth = l0_smoothed(noisy, 0.05)
     assert np.abs(noisy - clean).max() > 0.15 > 1.5 * np.abs(smooth - clean).max()
@@ -32,7 +32,7 @@ def test_l0_smoothing_keeps_jumps_and_takes_noise():
     assert np.abs(inside - clean[:, 2:22]).max() < 0.02 and inside.std(axis=(0, 1)).max() < 2e-3
 
 
-def test_l0_smoothing_keeps_the_mean_and_ends_at_it():
+def test_l0_smoothing_keeps_the_mean_and_converges_to_it():
     _, noisy = two_tones()
     np.testing.assert_allclose(l0_smoothed(noisy, 0.01).mean(axis=(0, 1)), noisy.mean(axis=(0, 1)), rtol=1e-12)
     everything = l0_smoothed(noisy, 1e6, last=1e9)
@@ -41,7 +41,7 @@ def test_l0_smoothing_keeps_the_mean_and_ends_at_it():
 
 
 def test_an_iteration_of_l0_smoothing_solves_its_linear_system():
-    # With beta at its first value alone: (1 + beta (Dx'Dx + Dy'Dy)) S = I + beta (Dx'h + Dy'v)
+    # With the first beta only: (1 + beta (Dx'Dx + Dy'Dy)) S = I + beta (Dx'h + Dy'v)
     _, noisy = two_tones()
     beta, weight = 0.5, 0.015
     found = l0_smoothed(noisy, weight, first=beta, last=beta * 1.001)
@@ -77,7 +77,7 @@ def test_superpixels_have_the_means_of_their_regions():
 # -- cameras -----------------------------------------------------------------------------------------------------------
 
 
-def test_close_ups_look_at_points_far_from_each_other_along_their_normals():
+def test_close_ups_face_distant_points_along_their_normals():
     cloud = FitShape(points=800, size=1.0).beginning()
     cameras, lights = close_ups(cloud.points, cloud.normals, 8, 64, 0.9, np.random.default_rng(0))
     targets = []
@@ -90,7 +90,7 @@ def test_close_ups_look_at_points_far_from_each_other_along_their_normals():
         fx, _, _, cx, cy = camera.lens()
         x, y, z = camera.to_camera(nearest[None])[0]
         assert abs(fx * x / z) < 8 and abs(fx * y / z) < 8 and (cx, cy) == (32, 32)
-        assert 64 / (fx / 7) == pytest.approx(0.9, rel=0.02)  # at the surface it sees so much
+        assert 64 / (fx / 7) == pytest.approx(0.9, rel=0.02)  # the width of its view at the surface
     gaps = np.linalg.norm(np.array(targets)[:, None] - np.array(targets), axis=2)[~np.eye(8, dtype=bool)]
     assert gaps.min() > 0.9
     other, _ = close_ups(cloud.points, cloud.normals, 8, 64, 0.9, np.random.default_rng(1))
@@ -102,7 +102,7 @@ def test_close_ups_look_at_points_far_from_each_other_along_their_normals():
 
 @pytest.fixture(scope="module")
 def noisy():
-    """A cube with noise, and the normals that belong to it without."""
+    """A noisy cube, and the clean cube."""
     cube = FitShape(start="cube", points=1500, size=0.55).beginning()
     rng = np.random.default_rng(0)
     tilted = cube.normals + 0.25 * rng.normal(size=cube.normals.shape)
@@ -111,7 +111,7 @@ def noisy():
 
 
 def off(cloud, cube):
-    """How far points are from the faces that they came from, and the mean cosine of normals with theirs."""
+    """The mean distance of points from their original faces, and the mean cosine of normals with those of the faces."""
     height = ((cloud.points - cube.points) * cube.normals).sum(1)
     return float(np.abs(height).mean()), float((cloud.normals * cube.normals).sum(1).mean())
 
@@ -130,7 +130,7 @@ def test_a_noisy_cube_becomes_flatter(noisy, method, more):
     np.testing.assert_array_equal(found.points, again.points)
 
 
-def test_without_time_the_cloud_comes_back(noisy):
+def test_without_time_the_input_is_returned(noisy):
     cloud, _ = noisy
     found = DssL0(pixels=32).denoise(cloud, Run(seconds=0.0))
     np.testing.assert_array_equal(found.points, cloud.points)

@@ -28,7 +28,7 @@ from bench.tasks.fit_shape import FitShape
 # -- loss and descent --------------------------------------------------------------------------------------------------
 
 
-def test_the_loss_and_its_derivative_are_those_of_torch():
+def test_the_loss_and_its_derivative_match_torch():
     rng = np.random.default_rng(0)
     image, wanted = rng.random((5, 4, 3)), rng.random((5, 4, 3))
     image[0], wanted[1] = 0, 0
@@ -41,7 +41,7 @@ def test_the_loss_and_its_derivative_are_those_of_torch():
     np.testing.assert_allclose(slope, free.grad, atol=1e-15)
 
 
-def test_the_descent_is_that_of_torch():
+def test_the_descent_matches_torch():
     rng = np.random.default_rng(0)
     values = rng.normal(size=(4, 3))
     free = torch.from_numpy(values.copy()).requires_grad_()
@@ -61,7 +61,7 @@ def test_the_descent_is_that_of_torch():
     assert ours.rate < 0.3
 
 
-def test_the_window_shrinks_to_its_least():
+def test_the_window_shrinks_to_its_minimum():
     plan = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, 0.25, 0.5, 0.1, 1.0, 0, 0.3)
     assert [plan.window_at(cycle, 200) for cycle in range(3)] == [50, 25, 20]
     everywhere = Schedule(8, 1, 1, 1, 1.0, 1.0, 1.0, 0.1, 2, 1.0, 0.0, 0.5, 0.1, 1.0, 0, 0.3)
@@ -79,11 +79,11 @@ def test_points_outside_a_silhouette_move_to_its_nearest_pixel():
     x, y, _ = (camera.to_camera(points) @ np.asarray(camera.intrinsics).T).T / camera.to_camera(points)[:, 2]
     moved = points + Silhouettes(mask[None], [camera]).offsets(points, np.array([0]))
     there = camera.to_camera(moved) @ np.asarray(camera.intrinsics).T
-    np.testing.assert_allclose(there[:, 2], camera.to_camera(points)[:, 2])  # depths stay
+    np.testing.assert_allclose(there[:, 2], camera.to_camera(points)[:, 2])  # depths do not change
     u, v = there[:, 0] / there[:, 2], there[:, 1] / there[:, 2]
     rows, columns = np.nonzero(mask)
     centers = np.column_stack([columns, rows]) + 0.5
-    pixels = np.clip(np.floor([x, y]), 0, [[23], [19]]).T + 0.5  # the silhouette nearest to a point's own pixel
+    pixels = np.clip(np.floor([x, y]), 0, [[23], [19]]).T + 0.5  # the silhouette nearest to these pixels counts
     for k, own in enumerate(pixels):
         least = np.linalg.norm(centers - own, axis=1).min()
         if np.array_equal(moved[k], points[k]):
@@ -112,7 +112,7 @@ def test_views_without_a_silhouette_move_nothing(views):
 # -- refinement --------------------------------------------------------------------------------------------------------
 
 
-def test_a_part_of_an_image_is_drawn_as_the_whole_is(views):
+def test_a_part_of_an_image_is_drawn_like_the_whole(views):
     points, normals, _, _ = ball(500)
     gallery = Gallery.of(views, Drawing(), 1)
     part = gallery.cropped([Window(3, 7, 11, 20, 16), Window(5, 0, 0, 20, 16)])
@@ -122,7 +122,7 @@ def test_a_part_of_an_image_is_drawn_as_the_whole_is(views):
     np.testing.assert_array_equal(part.lights.directions[0], views.light_directions[3])
 
 
-def test_the_place_where_the_images_differ_most_is_found_and_then_another(views):
+def test_the_largest_differences_of_the_images_are_found_one_by_one(views):
     points, normals, _, _ = ball(2000)
     spoilt = normals.copy()
     for spot, size in ((np.array([1.0, 0, 0]), 0.35), (np.array([0, 0, 1.0]), 0.25)):
@@ -135,7 +135,7 @@ def test_the_place_where_the_images_differ_most_is_found_and_then_another(views)
     second = focus(gallery, points, spoilt, 0.03, 0.4, 3, [first.place], 0.5)
     assert np.linalg.norm(second.place - [0, 0, 1]) < 0.35
     assert focus(gallery, points, spoilt, 0.03, 0.4, 3, [np.zeros(3)], 9.0) is None
-    for view, camera in zip(first.views, first.gallery.cameras, strict=True):  # the place is in the parts
+    for view, camera in zip(first.views, first.gallery.cameras, strict=True):  # the position is within the crops
         x, y, z = camera.to_camera(first.place[None])[0] @ np.asarray(camera.intrinsics).T
         assert 0 <= x / z <= camera.width and 0 <= y / z <= camera.height
         assert camera.width == round(0.4 * views.width) and view < len(views)
@@ -155,7 +155,7 @@ def test_refinement_lowers_the_error_where_it_is_largest(views):
     assert off[1] < 0.7 * off[0]
 
 
-# -- what images say ---------------------------------------------------------------------------------------------------
+# -- gradients of images -----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +175,7 @@ def test_a_ball_of_the_right_size_looks_like_the_images(views):
     assert (views.masks[0] & ~drawn.covered).mean() < 0.005  # outside, splats are wider by a pixel
 
 
-def test_points_are_drawn_outwards_where_the_ball_is_too_small_and_inwards_where_it_is_too_large(views):
+def test_points_are_pulled_outwards_if_the_ball_is_too_small_and_inwards_if_too_large(views):
     points, normals, _, _ = ball(500)
     gallery = Gallery.of(views, Drawing(window=12.0), 1)
     for size, sign in ((0.7, -1), (1.3, 1)):
@@ -184,19 +184,19 @@ def test_points_are_drawn_outwards_where_the_ball_is_too_small_and_inwards_where
 
 
 def test_without_a_window_the_pull_of_a_ring_cancels(views):
-    # The sum of d / |d|^2 over a ring vanishes inside it, so all pixels together only draw points to the middle.
+    # The sum of d / |d|^2 over a ring vanishes inside it, so all pixels together only pull points to the centre.
     points, normals, _, _ = ball(500)
     gradient = Gallery.of(views, Drawing(), 1).look(0.7 * points, normals, 0.06, np.arange(12), False).gradient
     assert ((gradient * normals).sum(1) > 0).mean() > 0.8
 
 
-def test_the_gradient_of_normals_is_a_finite_difference(views):
+def test_the_gradient_of_normals_matches_finite_differences(views):
     points, normals, _, _ = ball(300)
     rng = np.random.default_rng(0)
     normals = normals + 0.3 * rng.normal(size=normals.shape)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     gallery, chosen = Gallery.of(views, Drawing(), 1), np.array([3])
-    # The shape of a splat depends on its normal too, which is no part of this derivative: only the shading changes.
+    # The shape of a splat depends on its normal too, but this derivative covers only the shading.
     look = gallery.look(points, normals, 0.08, chosen, True)
     drawn = gallery.draw(points, normals, 0.08, 3)
     checked = 0
@@ -218,7 +218,7 @@ def test_the_gradient_of_normals_is_a_finite_difference(views):
 
 
 def spread(cloud):
-    """How far from the unit ball, root mean square; and the mean cosine of normals and radii."""
+    """RMS distance from the unit sphere, and the mean cosine of normals with radii."""
     radius = np.linalg.norm(cloud.points, axis=1)
     cosine = (cloud.points / radius[:, None] * cloud.normals).sum(1)
     return float(np.sqrt(((radius - 1) ** 2).mean())), float(cosine.mean())
@@ -231,7 +231,7 @@ def test_dss_grows_a_ball_to_its_size(views):
     assert spread(fitted)[0] < 0.1 and spread(fitted)[1] > 0.95
 
 
-def test_the_same_seed_gives_the_same_points_and_time_stops_it(views):
+def test_runs_are_repeatable_and_stop_at_the_time_limit(views):
     start = FitShape(points=100).beginning()
     method = Dss(cycles=1, point_steps=3, normal_steps=2)
     first, again = (method.fit_shape(views, start, Run(seed=2)) for _ in range(2))
@@ -241,7 +241,7 @@ def test_the_same_seed_gives_the_same_points_and_time_stops_it(views):
     np.testing.assert_array_equal(stopped.points, start.points)
 
 
-def test_intermediate_clouds_are_offered(views):
+def test_intermediate_clouds_are_traced(views):
     offered = []
     run = Run()
     run.on_trace = lambda output, keep=False: offered.append(output)
@@ -249,7 +249,7 @@ def test_intermediate_clouds_are_offered(views):
     assert len(offered) == 2 and all(isinstance(cloud, PointCloud) for cloud in offered)
 
 
-def test_what_is_missing_is_named(views):
+def test_missing_lights_and_normals_are_named(views):
     start = FitShape(points=50).beginning()
     dark = Views(views.images, views.masks, views.extrinsics, views.intrinsics)
     with pytest.raises(BadInput, match="no lights"):
@@ -270,7 +270,7 @@ def test_wrong_parameters_are_named(wrong):
         Dss(**wrong)
 
 
-def test_a_square_faces_the_first_camera(views):
+def test_the_initial_square_faces_the_first_camera(views):
     cloud = FitShape(start="square", points=400, size=0.5).input(views)["cloud"]
     forward = views.extrinsics[0, 2, :3]
     np.testing.assert_allclose(cloud.normals, np.tile(-forward, (400, 1)))
@@ -280,7 +280,7 @@ def test_a_square_faces_the_first_camera(views):
 
 
 @pytest.mark.parametrize("start", ["sphere", "cube"])
-def test_the_points_to_begin_with_lie_evenly_on_their_surface(start):
+def test_the_initial_points_lie_evenly_on_their_surface(start):
     cloud = FitShape(start=start, points=1000, size=0.5).beginning()
     far = np.linalg.norm(cloud.points, axis=1) if start == "sphere" else np.abs(cloud.points).max(axis=1)
     np.testing.assert_allclose(far, 0.5)
@@ -321,5 +321,5 @@ def test_images_of_the_ball_are_shaded_by_its_normals(views):
     mask = (closest**2).sum(-1) < 1
     np.testing.assert_array_equal(views.masks[0], mask)
     assert views.images[0][~mask].max() == 0 and views.images[0][mask].min() >= 25  # ambient
-    # Red light comes from the camera: the middle is the brightest in red.
+    # Red light comes from the camera: red is brightest in the centre.
     assert views.images[0][24, 24, 0] > 250

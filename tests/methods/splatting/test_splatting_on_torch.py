@@ -1,4 +1,4 @@
-"""The renderer in operations of torch, against the compiled one, which is held to a plain one."""
+"""The renderer in torch operations, against the compiled one, which is tested against a plain one."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _one_thread():
 
 
 def some_gradient(image, seed=1):
-    """Of an image, with pixels that are content."""
+    """A gradient of an image, zero at some pixels."""
     rng = np.random.default_rng(seed)
     gradient = rng.normal(size=image.shape)
     gradient[rng.random(gradient.shape[:2]) < 0.2] = 0
@@ -66,7 +66,7 @@ def some_gradient(image, seed=1):
 
 
 def assert_close(found, expected, relative, size=None):
-    """Equal to a part of the largest number (of ``size``, where that is given)."""
+    """Equal up to a fraction of the largest number (of ``size``, if given)."""
     assert found.shape == expected.shape
     np.testing.assert_allclose(
         found, expected, rtol=0, atol=relative * np.abs(expected if size is None else size).max()
@@ -76,7 +76,7 @@ def assert_close(found, expected, relative, size=None):
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
 @pytest.mark.parametrize("scene", SCENES)
-def test_images_and_gradients_are_those_of_the_compiled_renderer(scene, settings, device):
+def test_images_and_gradients_match_the_compiled_renderer(scene, settings, device):
     (splats, camera), how = SCENES[scene], Drawing(**settings)
     expected = compiled(*splats, camera, how)
     found = draw_arrays(*splats, camera, how, device, torch.float64)
@@ -94,20 +94,20 @@ def test_images_and_gradients_are_those_of_the_compiled_renderer(scene, settings
     by_position = expected.position_gradient(gradient)
     assert_close(found.position_gradient(gradient), by_position, 1e-9)
     for mine, wanted in zip(found.weight_gradients(gradient), expected.weight_gradients(gradient), strict=True):
-        assert_close(mine, wanted, 1e-9, by_position)  # those of single layers are 0 but for rounding
+        assert_close(mine, wanted, 1e-9, by_position)  # 0 up to rounding for single layers
     assert np.abs(by_position).max() > 0
 
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("settings", [{}, {"window": 12.0}, {"opening": 0.0}, {"gradient": "rbf"}])
-def test_the_parts_that_fit_the_memory_change_nothing(settings, device):
+def test_the_size_of_chunks_changes_nothing(settings, device):
     (splats, camera), how = SCENES["ball"], Drawing(**settings)
     whole = draw_arrays(*splats, camera, how, device, torch.float64)
     gradient = some_gradient(whole.image)
     exact = whole.position_gradient(gradient)
     for pairs in (1, 3000):
         found = draw_arrays(*splats, camera, how, device, torch.float64, pairs)
-        if pairs > 1:  # else each splat is a part of its own, and the gradient would take long
+        if pairs > 1:  # otherwise each splat is a chunk, and the gradient would take long
             assert_close(found.position_gradient(gradient), exact, 1e-10)
         for mine, wanted in zip(found.lists, whole.lists, strict=True):
             np.testing.assert_array_equal(mine, wanted)
@@ -116,12 +116,12 @@ def test_the_parts_that_fit_the_memory_change_nothing(settings, device):
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("kind", ["dss", "rbf"])
-def test_single_precision_is_near(kind, device):
+def test_single_precision_is_accurate(kind, device):
     (splats, camera), how = SCENES["ball"], Drawing(gradient=kind, weights=True)
     expected = compiled(*splats, camera, how)
     found = draw_arrays(*splats, camera, how, device, torch.float32)
     assert found.drawn.image.dtype == torch.float32 and found.image.dtype == np.float64
-    # A pixel at the border of a splat may fall to either side of it, so a few may differ.
+    # A pixel on the boundary of a splat may be on either side, so a few may differ.
     assert (np.abs(found.image - expected.image).max(axis=2) > 1e-4).mean() < 1e-3
     gradient = some_gradient(expected.image)
     assert_close(found.attribute_gradient(gradient), expected.attribute_gradient(gradient), 1e-4)
@@ -134,7 +134,7 @@ def test_single_precision_is_near(kind, device):
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_the_same_comes_out_each_time(dtype, device):
+def test_results_are_repeatable(dtype, device):
     splats, camera = SCENES["ball"]
     found = []
     for _ in range(2):
@@ -161,7 +161,7 @@ def test_equally_deep_splats_keep_their_order(device):
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("count", [0, 1])
-def test_nothing_and_points_behind_the_camera_are_drawn_as_nothing(count, device):
+def test_empty_clouds_and_points_behind_the_camera_give_empty_images(count, device):
     points, normals = np.full((count, 3), [0.0, 0, -9]), np.full((count, 3), [0.0, 0, 1])
     for how in (Drawing(cull=False), Drawing(gradient="rbf")):
         drawn = draw_arrays(points, normals, np.ones((count, 2)), 0.1, crooked_camera(), how, device)
@@ -173,7 +173,7 @@ def test_nothing_and_points_behind_the_camera_are_drawn_as_nothing(count, device
 
 
 @pytest.mark.parametrize("device", DEVICES)
-def test_without_a_gradient_of_the_image_nothing_moves(device):
+def test_a_zero_gradient_of_the_image_gives_zero_gradients(device):
     splats, camera = SCENES["random"]
     drawn = draw_arrays(*splats, camera, Drawing(), device)
     for found in (drawn.position_gradient(0 * drawn.image), drawn.attribute_gradient(0 * drawn.image)):
@@ -184,7 +184,7 @@ def test_without_a_gradient_of_the_image_nothing_moves(device):
 
 
 class Memory(TorchDispatchMode):
-    """Bytes of the tensors that exist, and how many there were at most."""
+    """Bytes of existing tensors, and their maximum."""
 
     def __init__(self):
         super().__init__()
@@ -214,12 +214,12 @@ def test_the_memory_stays_below_half_of_all_pairs(settings):
         drawn = draw(*tensors, camera, how, pairs=16384)
         drawn.position_gradient(torch.from_numpy(some_gradient(drawn.image)))
     all_pairs = int(drawn.ellipses.shown.sum()) * 64 * 64
-    assert 1e5 < memory.most < 0.5 * 16 * all_pairs  # a number and a weight each
+    assert 1e5 < memory.most < 0.5 * 16 * all_pairs  # two numbers of 8 bytes per pair
 
 
 @pytest.mark.parametrize("kind", ["dss", "rbf"])
 def test_all_tensors_are_made_on_the_device_of_the_points(kind):
-    """Those that forget to say where would be made on another device, and fail."""
+    """Tensors created without a device would be on another one, and fail."""
     splats, camera = SCENES["random"]
     tensors = [torch.from_numpy(each) for each in splats]
     gradient = torch.ones(20, 24, 3)
@@ -236,7 +236,7 @@ def test_all_tensors_are_made_on_the_device_of_the_points(kind):
 
 
 @pytest.mark.parametrize("limit", [1, 3, 10, 100])
-def test_parts_hold_all_lists_in_order(limit):
+def test_chunks_contain_all_lists_in_order(limit):
     counts = torch.tensor([3, 0, 2, 2, 9, 0, 0, 1])
     found = list(parts(counts, limit))
     assert [i for some in found for i in range(len(counts))[some]] == list(range(8))
@@ -264,12 +264,12 @@ def test_sums_of_integers_do_not_depend_on_the_order(device):
     assert_close(found[0] / [1, 1e-6, 1e6], expected / [1, 1e-6, 1e6], 1e-10)
 
 
-# -- as it is used -----------------------------------------------------------------------------------------------------
+# -- use by others -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("cull", [True, False])
-def test_torch_sees_the_gradients_of_the_compiled_renderer(cull, device):
+def test_gradients_in_torch_match_the_compiled_renderer(cull, device):
     (points, normals, colors, sigma), camera = SCENES["random"]
     how, gradient = Drawing(weights=True, cull=cull), some_gradient(np.zeros((20, 24, 3)))
     found = []
@@ -284,7 +284,7 @@ def test_torch_sees_the_gradients_of_the_compiled_renderer(cull, device):
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("of_normals", [True, False])
-def test_a_gallery_sees_the_same(of_normals, device):
+def test_a_gallery_gives_the_same_loss_and_gradient(of_normals, device):
     class OnDevice(Gallery):
         def draw(self, points, normals, sigma, view):
             colors, _ = self.shaded(normals, view)
@@ -293,7 +293,7 @@ def test_a_gallery_sees_the_same(of_normals, device):
 
     (points, normals, _, sigma), camera = SCENES["ball"]
     points = points.copy()
-    points.flags.writeable = False  # as those of a cloud
+    points.flags.writeable = False  # like the arrays of a cloud
     lights = Lights(np.eye(3)[None] * -1, np.eye(3)[None] * 0.9, np.full((1, 3), 0.1))
     wanted = np.roll(compiled(points, normals, 0.5 + 0.5 * normals, sigma, camera).image, 4, axis=1)[None]
     arguments = ([camera], wanted, lights, replace(Drawing(), weights=True, window=20.0), 1)

@@ -1,4 +1,4 @@
-"""Points as smoothed depths: plain loops, finite differences, the visual hull of a ball, and what gradients reach."""
+"""Points as smoothed depths: plain loops, finite differences, the visual hull of a ball, and the reach of gradients."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def views():
     return views_of_a_ball(20, 40)
 
 
-def test_the_image_is_that_of_plain_loops():
+def test_the_image_matches_plain_loops():
     rng = np.random.default_rng(0)
     place, depth = rng.uniform(-2, 22, (60, 2)), rng.uniform(1, 2, 60)
     depth[:3] = -1
@@ -38,7 +38,7 @@ def test_the_image_is_that_of_plain_loops():
     assert 0.2 < (total > 1).mean() < 0.9
 
 
-def test_gradients_are_finite_differences_but_for_what_appears_and_hides():
+def test_gradients_match_finite_differences_without_changes_of_visibility():
     rng = np.random.default_rng(1)
     camera = crooked_camera(30, 26)
     empty = np.zeros((1, 26, 30))
@@ -59,8 +59,8 @@ def test_gradients_are_finite_differences_but_for_what_appears_and_hides():
     assert (np.abs(differences) > 1e-5).sum() > 60
 
 
-def test_a_point_learns_nothing_from_pixels_that_it_does_not_touch(views):
-    # The reason why the baseline fails (thesis, figure 3.24): a ball that is too small feels no ring around it.
+def test_pixels_that_a_point_does_not_cover_give_it_no_gradient(views):
+    # The reason why the baseline fails (thesis, figure 3.24): a ball that is too small gets no gradient from a ring.
     images = DepthImages(views, hull_depths(views, 32), Blur(1.0, 0.1))
     point = np.zeros((1, 3)) - 0.2 * views.extrinsics[0, 2, :3]
     before = images.look(point, 0)[1]
@@ -84,7 +84,7 @@ def test_the_hull_of_a_ball_is_nearly_the_ball(views):
     assert np.isinf(depths[0][~views.masks[0]]).all()
 
 
-def test_points_come_nearer_to_the_ball(views):
+def test_points_move_towards_the_ball(views):
     start = FitShape(points=300, size=0.85).beginning()
     method = DepthPoints(steps=40, views=3, cells=30, sigma=1.5)
     first, again = (method.fit_shape(views, start, Run(seed=3)) for _ in range(2))

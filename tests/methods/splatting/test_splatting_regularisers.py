@@ -1,4 +1,4 @@
-"""Repulsion and projection, against plain loops, and on planes and balls where it is clear what they must do."""
+"""Repulsion and projection, against plain loops, and on planes and balls with known results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FORMS = ["released", "thesis"]
 
 
 def scene(count=60, seed=0):
-    """Points near a wavy sheet with normals that are roughly its own, some of them hidden."""
+    """Points near a wavy sheet with roughly its normals, some of them hidden."""
     rng = np.random.default_rng(seed)
     plane = rng.uniform(-0.5, 0.5, (count, 2))
     points = np.column_stack([plane, 0.1 * np.sin(4 * plane[:, 0]) + 0.02 * rng.normal(size=count)])
@@ -40,7 +40,7 @@ def plane_of(index, points, weights):
 
 
 def repulsion_of(place, i, index, points, near, normal, form):
-    """The loss of one point, were it elsewhere: neighbours, weights and plane stay."""
+    """The loss of one point at another position, with the same neighbours, weights and plane."""
     offset = place - points[index]
     offset = offset - np.outer(offset @ normal, normal)
     squared = (offset**2).sum(1) + 1e-4
@@ -48,7 +48,7 @@ def repulsion_of(place, i, index, points, near, normal, form):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_least_direction_is_that_of_lapack(seed):
+def test_the_least_direction_matches_lapack(seed):
     rng = np.random.default_rng(seed)
     half = rng.normal(size=(3, 3)) * rng.uniform(0.01, 10, 3)
     matrix = half @ half.T
@@ -62,7 +62,7 @@ def test_the_least_direction_of_a_flat_matrix_is_its_normal():
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_repulsion_is_that_of_plain_loops_and_finite_differences(form):
+def test_repulsion_matches_plain_loops_and_finite_differences(form):
     points, normals, hidden = scene()
     how = Regularity(neighbours=12, repulsion_distance=0.6, repulsion=0.7, form=form)
     around = Neighbours(points, how)
@@ -81,7 +81,7 @@ def test_repulsion_is_that_of_plain_loops_and_finite_differences(form):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_projection_is_that_of_plain_loops(form):
+def test_projection_matches_plain_loops(form):
     points, normals, hidden = scene()
     how = Regularity(neighbours=12, projection_distance=0.6, projection=0.5, largest=10.0, form=form)
     around = Neighbours(points, how)
@@ -132,7 +132,7 @@ def test_repulsion_spreads_points_within_their_plane(form):
     assert unevenness(moved) < 0.7 * unevenness(points)
 
 
-def test_hidden_neighbours_count_less():
+def test_hidden_neighbours_have_smaller_weights():
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(-0.2, 0.2, (40, 2)), np.zeros(40)])
     points[0], points[1] = 0, [0.05, 0, 0.05]  # one neighbour is off the plane
@@ -145,13 +145,13 @@ def test_hidden_neighbours_count_less():
     assert 0 < heights[1] < 0.1 * heights[0]  # by (1 + 3)^-2
 
 
-def test_lonely_points_stay():
+def test_isolated_points_do_not_move():
     points = np.array([[0.0, 0, 0], [5, 0, 0], [0, 5, 0], [5.01, 0, 0]])
     normals = np.tile([0.0, 0, 1], (4, 1))
     around = Neighbours(points, Regularity())
     np.testing.assert_array_equal(around.projected(points, normals, np.zeros(4)), points)
     _, gradient = around.repulsion(points, normals, np.zeros(4))
-    assert (gradient[[0, 2]] == 0).all() and gradient[1, 0] > 0  # two that are near drive each other apart
+    assert (gradient[[0, 2]] == 0).all() and gradient[1, 0] > 0  # two nearby points repel each other
     coincident = Neighbours(np.zeros((5, 3)), Regularity())
     assert np.isfinite(coincident.repulsion(np.zeros((5, 3)), np.tile([0.0, 0, 1], (5, 1)), np.zeros(5))[1]).all()
     assert Neighbours(np.zeros((1, 3)), Regularity()).index.shape == (1, 0)

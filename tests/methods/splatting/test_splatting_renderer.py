@@ -1,4 +1,4 @@
-"""The renderer of splats, against a plain one that loops over all, closed forms and finite differences."""
+"""The renderer of splats, against a plain one of loops, closed forms and finite differences."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def facing_camera(width=32, height=32, focal=40.0, distance=2.0):
 
 
 def both(settings, count=60, seed=0):
-    """A scene drawn by the renderer, and what the plain one has to know of it."""
+    """A scene drawn by the renderer, and the inputs of the plain one for it."""
     points, normals, colors, sigma = random_splats(count, seed)
     camera, how = crooked_camera(), Drawing(opening=0.0, **settings)
     drawn = draw(points, normals, colors, sigma, camera, how)
@@ -45,7 +45,7 @@ def both(settings, count=60, seed=0):
 
 
 def some_gradient(drawn, seed=1):
-    """Of an image, with pixels that are content."""
+    """A gradient of an image, zero at some pixels."""
     rng = np.random.default_rng(seed)
     gradient = rng.normal(size=drawn.image.shape)
     gradient[rng.random(gradient.shape[:2]) < 0.2] = 0
@@ -56,7 +56,7 @@ def some_gradient(drawn, seed=1):
 
 
 @pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
-def test_lists_and_images_are_those_of_the_plain_renderer(settings):
+def test_lists_and_images_match_the_plain_renderer(settings):
     drawn, splats, lists, colors, look, how = both(settings)
     assert [splat is not None for splat in splats] == drawn.ellipses.shown.tolist()
     for (i, j), entries in lists.items():
@@ -70,7 +70,7 @@ def test_lists_and_images_are_those_of_the_plain_renderer(settings):
 
 
 @pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
-def test_gradients_of_positions_are_those_of_the_plain_renderer(settings):
+def test_gradients_of_positions_match_the_plain_renderer(settings):
     drawn, splats, lists, colors, look, how = both(settings, count=40)
     gradient = some_gradient(drawn)
     wanted = naive.position_gradients(splats, lists, colors, gradient, look, how)
@@ -80,14 +80,14 @@ def test_gradients_of_positions_are_those_of_the_plain_renderer(settings):
         assert (found[drawn.ellipses.shown] != 0).any(axis=1).mean() > 0.8
 
 
-def test_gradients_of_attributes_are_those_of_the_plain_renderer():
+def test_gradients_of_attributes_match_the_plain_renderer():
     drawn, _, lists, colors, _, how = both({})
     gradient = some_gradient(drawn)
     expected = naive.attribute_gradient(lists, gradient, len(colors), how)
     np.testing.assert_allclose(drawn.attribute_gradient(gradient), expected, atol=1e-12)
 
 
-def test_the_scene_has_all_cases():
+def test_the_scene_covers_all_cases():
     drawn, splats, lists, _, _, how = both({}, count=40)
     kinds = set()
     for entries in lists.values():
@@ -101,7 +101,7 @@ def test_the_scene_has_all_cases():
 # -- closed forms ------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_constant_stays_constant():
+def test_constant_colours_stay_constant():
     points, normals, _, sigma = random_splats(80)
     drawn = draw(points, normals, np.full((80, 1), 0.7), sigma, crooked_camera())
     np.testing.assert_allclose(drawn.image[drawn.covered], 0.7, rtol=1e-12)
@@ -120,7 +120,7 @@ def test_a_splat_from_the_front_is_a_disc():
 
 
 def test_weights_integrate_to_the_area_of_a_pixel_on_the_surface():
-    # A Gaussian of the tangent plane has the integral 1; in pixels it is the factor of areas.
+    # A Gaussian in the tangent plane has the integral 1; in pixels, the integral is the ratio of areas.
     camera = crooked_camera(200, 200)
     one = (np.array([[0.1, 0.2, 0.1]]), np.array([[0.3, 0.1, -0.9486832980505138]]), np.ones((1, 1)), 0.05)
     drawn = draw(*one, camera, Drawing(cutoff=25.0))
@@ -144,7 +144,7 @@ def test_the_depth_is_that_of_the_tangent_plane():
     assert off[~clipped].max() < 1e-12 and clipped.mean() < 0.2
 
 
-def test_one_point_is_drawn_to_an_empty_pixel_whatever_its_width():
+def test_a_point_of_any_width_is_pulled_to_an_empty_pixel():
     gradient = np.zeros((32, 32, 1))
     gradient[20, 25] = -2.0
     found = []
@@ -153,14 +153,14 @@ def test_one_point_is_drawn_to_an_empty_pixel_whatever_its_width():
         found.append(draw(*one, facing_camera(), Drawing(opening=0.0)).position_gradient(gradient)[0])
     dx, dy, focal = 25.5 - 16, 20.5 - 16, 40.0
     expected = -2.0 * 0.5 * np.array([dx, dy, 0]) / (dx * dx + dy * dy + 0.01) * focal / 2.0
-    # Up is -y in this camera's world, so rows grow with y.
+    # Up is -y for this camera, so rows grow with y.
     for each in found:
         np.testing.assert_allclose(each, expected, rtol=1e-9, atol=1e-12)
     away = draw(*one, facing_camera()).position_gradient(-gradient)
     assert (away == 0).all()  # Eq. 3.13
 
 
-def test_by_gaussians_the_pull_depends_on_the_width_and_ends():
+def test_the_pull_of_gaussians_depends_on_the_width_and_is_bounded_in_reach():
     gradient = np.zeros((32, 32, 1))
     gradient[16, 25] = -1.0
     found = []
@@ -170,7 +170,7 @@ def test_by_gaussians_the_pull_depends_on_the_width_and_ends():
     assert found[0] < 1e-9 and found[2] > 100 * found[0] and len(set(found)) == 3
 
 
-def test_a_point_in_the_middle_of_what_disturbs_is_not_driven_anywhere():
+def test_symmetric_errors_around_a_point_cancel():
     one = (np.zeros((1, 3)), np.array([[0.0, 0, -1]]), np.full((1, 1), 0.5), 0.1)
     drawn = draw(*one, facing_camera())
     assert drawn.covered.sum() > 4
@@ -178,14 +178,14 @@ def test_a_point_in_the_middle_of_what_disturbs_is_not_driven_anywhere():
     np.testing.assert_allclose(drawn.position_gradient(gradient), 0, atol=1e-9)
 
 
-def test_a_hidden_point_is_drawn_to_the_front():
+def test_an_occluded_point_is_pulled_to_the_front():
     points = np.array([[0.0, 0, 0], [0, 0, 1.0]])
     normals = np.array([[0.0, 0, -1], [0, 0, -1]])
     drawn = draw(points, normals, np.array([[0.2], [1.0]]), 0.1, facing_camera())
     gradient = np.zeros((32, 32, 1))
     gradient[16, 16] = -1.0  # brighter
     back = drawn.position_gradient(gradient)
-    assert back[1, 2] > 0  # descent takes it towards the camera, which stands at negative z
+    assert back[1, 2] > 0  # descent moves it towards the camera, which is at negative z
     assert drawn.occlusions()[1] > 0 and drawn.occlusions()[0] == 0
 
 
@@ -201,7 +201,7 @@ def test_more_layers_change_nothing_where_few_overlap():
 
 
 @pytest.mark.parametrize("shift", [3, 12])
-def test_blocks_of_pixels_are_near_to_all_pixels_one_by_one(shift):
+def test_blocks_of_pixels_approximate_single_pixels(shift):
     points, normals, colors, sigma = ball(400)
     camera = crooked_camera(97, 83)
     drawn = draw(points, normals, colors, sigma, camera, Drawing(opening=0.0))
@@ -216,7 +216,7 @@ def test_blocks_of_pixels_are_near_to_all_pixels_one_by_one(shift):
 
 
 @pytest.mark.parametrize("window", [5.0, 12.0, 30.0])
-def test_a_window_ends_the_pull(window):
+def test_a_window_limits_the_pull(window):
     points, normals, colors, sigma = ball(300)
     camera = crooked_camera(97, 83)
     drawn = draw(points, normals, colors, sigma, camera, Drawing(opening=0.0, window=window))
@@ -245,7 +245,7 @@ def test_threads_change_nothing():
 # -- weights, torch, shading -------------------------------------------------------------------------------------------
 
 
-def test_differentiable_weights_are_those_that_are_drawn():
+def test_differentiable_weights_match_the_drawn_ones():
     drawn, *_ = both({})
     rows, columns = np.nonzero(drawn.lists.index[..., 0] >= 0)
     k = drawn.lists.index[rows, columns, 0]
@@ -256,7 +256,7 @@ def test_differentiable_weights_are_those_that_are_drawn():
 
 
 @pytest.mark.parametrize("cull", [True, False])
-def test_gradients_through_weights_are_finite_differences(cull):
+def test_gradients_through_weights_match_finite_differences(cull):
     points, normals, colors, sigma = random_splats(30, seed=3)
     camera, how = crooked_camera(), Drawing(cull=cull, depth_limit=0.5, cutoff=8.0, layers=30, weights=True)
     tensors = [torch.from_numpy(array).requires_grad_() for array in (points, normals, colors)]
@@ -276,14 +276,14 @@ def test_gradients_through_weights_are_finite_differences(cull):
                     picture = draw(*moved, colors, sigma, camera, how)
                     pictures.append((picture.lists.index, picture.lists.front))
                     values.append((picture.image * gradient).sum())
-                if all((a == b).all() for a, b in zip(*pictures, strict=True)):  # nothing appears or hides
+                if all((a == b).all() for a, b in zip(*pictures, strict=True)):  # no change of visibility
                     slope = (values[1] - values[0]) / (2 * step)
                     assert float(found[k, axis]) == pytest.approx(slope, rel=1e-4, abs=1e-6)
                     checked += slope != 0
     assert checked > 60
 
 
-def test_torch_sees_the_gradients_of_the_renderer():
+def test_torch_gets_the_gradients_of_the_renderer():
     points, normals, colors, sigma = random_splats(40)
     tensors = [torch.from_numpy(array).requires_grad_() for array in (points, 2 * normals, colors)]
     image, drawn = render(*tensors, torch.from_numpy(sigma), crooked_camera(), Drawing())
@@ -295,7 +295,7 @@ def test_torch_sees_the_gradients_of_the_renderer():
     assert tensors[1].grad is None or (tensors[1].grad == 0).all()
 
 
-def test_normals_learn_through_shading():
+def test_normals_get_gradients_through_shading():
     points, normals, _, sigma = random_splats(40)
     free = torch.from_numpy(normals).requires_grad_()
     lights = torch.eye(3, dtype=torch.float64) * -1
@@ -321,7 +321,7 @@ def test_wrong_settings_are_named(wrong):
         Drawing(**wrong)
 
 
-def test_nothing_and_points_behind_the_camera_are_drawn_as_nothing():
+def test_empty_clouds_and_points_behind_the_camera_give_empty_images():
     camera = facing_camera()
     nothing = draw(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), 0.1, camera)
     assert nothing.image.shape == (32, 32, 2) and not nothing.covered.any()

@@ -39,7 +39,7 @@ def scene(count=40, seed=0):
 
 
 def naive(surfels, colors, camera):
-    """Maps and light by loops over pixels and surfels; the ray meets the plane by solving a 3 x 3 system."""
+    """Maps and light by loops over pixels and surfels; ray and plane are intersected by solving a 3 x 3 system."""
     maps, light = np.zeros((camera.height, camera.width, 9)), np.ones((camera.height, camera.width))
     centres = camera.to_camera(surfels.positions)
     axes = camera.rotation @ surfels.frames
@@ -71,7 +71,7 @@ def naive(surfels, colors, camera):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_maps_are_those_of_plain_loops(seed):
+def test_maps_match_plain_loops(seed):
     surfels, colors = scene(seed=seed)
     camera = crooked_camera()
     maps, light = naive(surfels, colors, camera)
@@ -81,7 +81,7 @@ def test_maps_are_those_of_plain_loops(seed):
     np.testing.assert_allclose(rendered.light, light, atol=1e-12)
 
 
-def test_weights_and_the_light_that_passes_sum_to_one():
+def test_weights_and_transmitted_light_sum_to_one():
     surfels, colors = scene(300, seed=3)
     rendered = render(surfels, colors, crooked_camera())
     np.testing.assert_allclose(rendered.covered + rendered.light, 1, atol=1e-12)
@@ -102,7 +102,7 @@ def test_a_frontal_surfel_is_a_gaussian():
     np.testing.assert_allclose(rendered.maps[..., 5], -rendered.covered, atol=1e-12)
 
 
-def test_a_tiny_surfel_is_drawn_through_the_low_pass():
+def test_a_tiny_surfel_is_drawn_by_the_low_pass_filter():
     camera = Camera.looking_at(np.array([0.0, 0, -2]), np.zeros(3), np.array([0.0, 1, 0]), 50.0, 33, 33)
     frame = camera.rotation.T @ np.diag([1.0, -1, -1])
     surfels = Surfels(np.zeros((1, 3)), frame[None], np.full((1, 2), 1e-6), np.array([0.8]))
@@ -111,7 +111,7 @@ def test_a_tiny_surfel_is_drawn_through_the_low_pass():
     assert covered.sum() == pytest.approx(0.8 * np.pi, rel=0.01)  # 2 pi / 2 square pixels
 
 
-def test_surfels_that_look_away_or_lie_behind_the_camera_are_not_drawn():
+def test_surfels_that_face_away_or_lie_behind_the_camera_are_not_drawn():
     surfels, colors = scene()
     camera = crooked_camera()
     away = surfels._replace(frames=surfels.frames * np.where((surfels.frames[:, 2, 2] < 0)[:, None, None], -1, 1))
@@ -132,7 +132,7 @@ def test_the_number_of_threads_changes_nothing():
 
 
 @pytest.mark.parametrize("name", ["positions", "frames", "scales", "opacities", "colors"])
-def test_gradients_are_finite_differences(name):
+def test_gradients_match_finite_differences(name):
     surfels, colors = scene(30, seed=5)
     camera = crooked_camera()
     slopes = np.random.default_rng(0).normal(size=(camera.height, camera.width, 9))
@@ -158,7 +158,7 @@ def test_gradients_are_finite_differences(name):
 # -- losses ------------------------------------------------------------------------------------------------------------
 
 
-def test_slopes_of_the_loss_are_finite_differences():
+def test_gradients_of_the_loss_match_finite_differences():
     rng = np.random.default_rng(0)
     camera = crooked_camera(9, 8)
     maps = rng.uniform(0.2, 0.9, (8, 9, 9))
@@ -187,7 +187,7 @@ def test_distortion_is_the_sum_over_pairs():
     assert loss == pytest.approx(sum(pairs), rel=1e-9)
 
 
-def test_normals_of_depths_are_those_of_a_tilted_plane():
+def test_normals_of_depths_match_a_tilted_plane():
     camera = crooked_camera(12, 12)
     normal = np.array([0.3, -0.2, -0.9]) / np.linalg.norm([0.3, -0.2, -0.9])
     columns, rows = np.meshgrid(np.arange(12) + 0.5, np.arange(12) + 0.5)
@@ -201,7 +201,7 @@ def test_normals_of_depths_are_those_of_a_tilted_plane():
     assert consistency(maps, camera.lens(), 1.0, slopes) == pytest.approx(100 * 1.6, rel=1e-9)
 
 
-# -- free numbers ------------------------------------------------------------------------------------------------------
+# -- parameters --------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -221,8 +221,8 @@ def some_state(count=60):
 
 
 @pytest.mark.parametrize("name", ["positions", "turns", "logs", "logits"])
-def test_gradients_of_free_numbers_are_finite_differences_of_the_loss(views, name):
-    # The loss of a view, with shading: turns change colours, shapes and normals.
+def test_gradients_of_parameters_match_finite_differences_of_the_loss(views, name):
+    # The loss of a view, with shading: rotations change colours, shapes and normals.
     state, scene = some_state(), Scene(views, Weighting(1.0, 0.3, 0.05), 1)
     surfels = state.surfels()
     found = state.gradients(surfels, scene.look(surfels, 4)[1])[name]
@@ -244,7 +244,7 @@ def test_gradients_of_free_numbers_are_finite_differences_of_the_loss(views, nam
     assert checked > 10
 
 
-def test_a_step_of_adam_is_that_of_torch():
+def test_a_step_of_adam_matches_torch():
     import torch
 
     state, rng = some_state(), np.random.default_rng(1)
@@ -259,7 +259,7 @@ def test_a_step_of_adam_is_that_of_torch():
     np.testing.assert_allclose(state.logs, free.detach().numpy(), rtol=1e-9)
 
 
-def test_transparent_surfels_take_the_places_of_halves():
+def test_transparent_surfels_are_relocated_by_splitting_others():
     state = some_state()
     state.logits[:4] = -9
     tally = Tally(len(state))
@@ -272,7 +272,7 @@ def test_transparent_surfels_take_the_places_of_halves():
     np.testing.assert_array_equal(state.positions[15:], before[15:])
 
 
-def test_what_lies_outside_a_mask_is_measured_in_pixels(views):
+def test_distances_outside_a_mask_are_in_pixels(views):
     scene = Scene(views, Weighting(1, 0, 0), 1)
     axis = views.extrinsics[3, 0, :3]  # to the right, in the fourth image
     found = scene.outside(np.outer([0.0, 0.9, 1.15], axis))
@@ -291,12 +291,12 @@ def test_surfels_grow_to_the_ball(views):
     start = FitShape(points=200, size=0.6).beginning()
     fitted = Method(steps=250).fit_shape(views, start, Run(seed=1))
     radius = np.linalg.norm(fitted.points, axis=1)
-    assert np.sqrt(((radius - 1) ** 2).mean()) < 0.2  # of 0.4
+    assert np.sqrt(((radius - 1) ** 2).mean()) < 0.2  # from 0.4
     assert (fitted.points / radius[:, None] * fitted.normals).sum(1).mean() > 0.95
     assert 150 < len(fitted) <= 200
 
 
-def test_the_same_seed_gives_the_same_surfels_and_time_stops_it(views):
+def test_runs_are_repeatable_and_stop_at_the_time_limit(views):
     start = FitShape(points=80).beginning()
     method = replace(Method(), steps=12, relocate_every=5)
     first, again = (method.fit_shape(views, start, Run(seed=2)) for _ in range(2))
@@ -316,14 +316,14 @@ def test_points_on_the_hull_are_even_and_face_outward(views):
     assert apart.min() > 0.5 * np.sqrt(4 * np.pi / 300)
 
 
-def test_images_of_a_ball_become_its_mesh(views, monkeypatch):
-    """Within a pixel, which is 0.024 wide at the middle of the ball."""
+def test_images_of_a_ball_give_its_mesh(views, monkeypatch):
+    """Accurate to a pixel, which is 0.024 wide at the centre of the ball."""
     monkeypatch.setattr(meshing, "DEPTH", 6)  # cells of 0.035
     method = replace(Method(), steps=60, points=600)
     mesh = method.multiview(views_of_a_ball(12, 96), Run(seed=1))
     assert count_topology(mesh.vertices, mesh.faces).boundary_edges == 0 and mesh.volume > 0
     assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 1).mean() < 0.024
-    assert len(method.multiview(views, Run(seconds=0)).faces)  # of where it begins
+    assert len(method.multiview(views, Run(seconds=0)).faces)  # of the initial surfels
     trimmed = replace(method, steps=1, trim=0.2).multiview(views, Run(seed=1))
     assert count_topology(trimmed.vertices, trimmed.faces).boundary_edges > 0
     dark = Views(views.images, views.masks, views.extrinsics, views.intrinsics)
@@ -334,7 +334,7 @@ def test_images_of_a_ball_become_its_mesh(views, monkeypatch):
         method.multiview(empty, Run())
 
 
-def test_what_is_missing_is_named(views):
+def test_missing_lights_and_normals_are_named(views):
     start = FitShape(points=50).beginning()
     dark = Views(views.images, views.masks, views.extrinsics, views.intrinsics)
     with pytest.raises(BadInput, match="no lights"):

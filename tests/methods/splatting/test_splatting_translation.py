@@ -1,4 +1,4 @@
-"""The learned filter: its networks, the pairs it learns from, its training, and the weights that come with it."""
+"""The learned filter: its networks, its training pairs, its training, and the shipped weights."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def count(network):
 
 
 def noisy(shape, points=3000, sigma=0.02, seed=0):
-    """Points of a shape with noise, the normals of the surface below them, tilted, and these normals."""
+    """Noisy points of a shape with tilted normals of the surface below them, and the exact normals."""
     rng = np.random.default_rng(seed)
     clean, _ = sample_poisson_disk(shape, points, rng)
     moved = clean + sigma * rng.normal(size=clean.shape)
@@ -92,19 +92,19 @@ def test_dropout_keeps_the_mean_and_draws_from_its_own_generator():
 
 
 @pytest.mark.parametrize("size", [(5, 3), (33, 46), (40, 64), (7, 101)])
-def test_images_of_any_size_come_back_in_it(size):
+def test_images_of_any_size_keep_it(size):
     image = torch.rand(2, 3, *size, generator=seeded())
     network = Generator(2, generator=seeded())
     with torch.no_grad():
         found = network(image)
     assert found.shape == image.shape
     assert found.min() >= -0.5 and found.max() <= 1.5
-    # What corrects a smoothed image begins without corrections (near the border, it smooths a padded image).
+    # A network that corrects a smoothed image starts without corrections (near the border, it smooths a padded image).
     found = Generator(2, smoothing=1.5, normalisation="batch", generator=seeded())(image)
     torch.testing.assert_close(found[:, :, :-5, :-5], smoothed(image, 1.5)[:, :, :-5, :-5])
 
 
-def test_smoothing_is_the_mean_of_what_is_drawn():
+def test_smoothing_averages_covered_pixels():
     image = np.random.default_rng(0).uniform(0.3, 1.2, (12, 30, 3))
     image[3:5, 4:9] = image[:, 20:] = 0
     found = smoothed(torch.from_numpy(image).permute(2, 0, 1)[None], 1.0)[0].permute(1, 2, 0).numpy()
@@ -113,14 +113,14 @@ def test_smoothing_is_the_mean_of_what_is_drawn():
         apart = np.stack([rows - row, columns - column])
         weight = np.exp(-(apart**2).sum(0) / 2) * (np.abs(apart).max(0) <= 3)
         np.testing.assert_allclose(found[row, column], weight @ image[rows, columns] / weight.sum(), rtol=1e-9)
-    np.testing.assert_array_equal(found[:, 24:], 0.5)  # nothing is near
+    np.testing.assert_array_equal(found[:, 24:], 0.5)  # no covered pixel is near
 
 
-def test_an_answer_of_the_discriminator_is_about_70_pixels():
+def test_the_receptive_field_of_the_discriminator_is_70_pixels():
     network = Discriminator(4, seeded())
     for layer in network.modules():
         if isinstance(layer, torch.nn.InstanceNorm2d):
-            layer.forward = lambda features: features  # it takes all pixels together
+            layer.forward = lambda features: features  # it depends on all pixels
     image = torch.randn(1, 3, 160, 160, generator=seeded(), requires_grad=True)
     answers = network(image.detach(), image)
     assert answers.shape == (1, 1, 18, 18)
@@ -132,7 +132,7 @@ def test_an_answer_of_the_discriminator_is_about_70_pixels():
 # -- pairs of images ---------------------------------------------------------------------------------------------------
 
 
-def test_eight_bits_hold_an_image_and_what_is_not_drawn():
+def test_eight_bits_store_an_image_and_its_coverage():
     image = np.random.default_rng(0).uniform(0.3, 1.2, (9, 8, 3))
     image[2:4] = 0
     image[5, 5] = (1e-5, 0.0, 0.0)
@@ -155,7 +155,7 @@ def test_a_cloud_without_noise_looks_like_the_clean_one():
         assert before.max() <= 1.2 + 1e-9
 
 
-def test_rough_normals_are_on_the_side_of_the_given_ones():
+def test_rough_normals_are_oriented_like_the_given_ones():
     cloud, normals = noisy(BALL, 800, sigma=0.005)
     found = with_rough_normals(cloud, 12)
     assert (found.normals * cloud.normals).sum(1).min() >= 0
@@ -181,14 +181,14 @@ def test_crops_are_parts_of_pairs_or_their_mirror_images(examples):
     seen = set()
     for pair in zip(crops.noisy, crops.clean, strict=True):
         plain = is_part(*(crop.permute(1, 2, 0).numpy() for crop in pair))
-        # In a mirror rows are columns, and what was lit from the right (green) is lit from below (blue).
+        # A mirror image exchanges rows and columns, and so the light from the right (green) and from below (blue).
         assert plain or is_part(*(crop[[0, 2, 1]].permute(2, 1, 0).numpy() for crop in pair))
         seen.add(plain)
     assert seen == {False, True}
     assert torch.equal(crops.covered[:, 0], (crops.noisy > 0).any(1))
 
 
-def test_the_error_is_of_covered_pixels_alone(examples):
+def test_the_error_is_over_covered_pixels_only(examples):
     batch = Crops(examples, 32, "cpu").draw(3, np.random.default_rng(0))
     assert float(batch.error(batch.clean)) == 0
     assert float(batch.error(batch.clean + 0.1 * batch.covered)) == pytest.approx(0.1, rel=1e-4)
@@ -199,7 +199,7 @@ def test_the_error_is_of_covered_pixels_alone(examples):
 
 
 class Recorded(Run):
-    """A run that keeps what a training hands it."""
+    """A run that records the checkpoints and validations of a training."""
 
     def __init__(self, resumed=None, seed=3):
         super().__init__(seed=seed)
@@ -250,9 +250,9 @@ def test_each_network_learns_from_its_own_part_of_the_loss(examples):
         ]
 
     (made, judged), (strongly_made, strongly_judged) = gradients(0.0), gradients(100.0)
-    torch.testing.assert_close(judged, strongly_judged)  # how much its objection counts is not the judge's business
+    torch.testing.assert_close(judged, strongly_judged)  # the adversarial weight does not affect the discriminator
     assert float((made - strongly_made).norm()) > 0.1 * float(made.norm())
-    # Without an objection the generator learns from the distance alone, as if nobody judged.
+    # With zero weight the generator learns from the distance alone, as without a discriminator.
     plan = Plan(0.0, 6, 2, 32, 1e-3)
     alone = Training(Generator(2, generator=seeded()), None, examples, plan, Run())
     alone.loss(0).backward()
@@ -277,7 +277,7 @@ def test_wrong_parameters_of_the_learned_filter_are_named(wrong):
         DssPix2pix(**wrong)
 
 
-# -- the filter, with the weights that come with it --------------------------------------------------------------------
+# -- the filter, with the shipped weights ------------------------------------------------------------------------------
 
 
 def weights_of(**values):
@@ -310,10 +310,10 @@ def test_colours_stay_within_those_of_the_image(network):
     np.testing.assert_array_equal(translated(np.zeros((9, 9, 3)), network), np.zeros((9, 9, 3)))
 
 
-def test_one_colour_stays_what_it_is(network):
+def test_a_uniform_image_does_not_change(network):
     flat = np.broadcast_to([1.1, 0.4, 0.35], (32, 32, 3))
     np.testing.assert_allclose(translated(flat, network), flat, atol=1e-6)
-    with torch.no_grad():  # and before it is held within the colours of the image, nearly
+    with torch.no_grad():  # and approximately even before clamping to the colours of the image
         found = network(torch.tensor(flat.transpose(2, 0, 1)[None], dtype=torch.float32))[0].permute(1, 2, 0)
     assert np.abs(found.numpy() - flat).mean() < 0.05
 
@@ -322,22 +322,22 @@ def test_one_colour_stays_what_it_is(network):
     ("neighbours", "smoothing", "size", "sigma"), [(32, 6.0, 0.7, 0.0346), (15, 3.0, 0.35, 0.0104)]
 )
 def test_translated_images_are_nearer_to_the_clean_ones(neighbours, smoothing, size, sigma):
-    """Of a small box, which has as many points on a face as a large one of 20,000 or 100,000, and as much noise."""
+    """For a small box with the sampling density and noise of a large one of 20,000 or 100,000 points."""
     shape = Shape("box", trimesh.creation.box((size, 0.9 * size, 1.1 * size)), exactness="polyhedron")
     cloud, normals = noisy(shape, 6000, sigma)
     cloud = with_rough_normals(PointCloud(cloud.points, normals), neighbours)
     network = network_of(neighbours=neighbours, smoothing=smoothing)
     before = after = 0.0
-    span = 0.9 * size  # as many pixels for a length as the filter has
+    span = 0.9 * size  # as many pixels per length as in the filter
     views = drawn_pairs(cloud, shape, 2, int(256 * span / 0.93), generator(1), 1, spans=(span, 1.01 * span))
     for image, wanted in views:
         covered = (image > 0).any(axis=2)
         before += np.abs(image - wanted)[covered].mean()
         after += np.abs(translated(image, network) - wanted)[covered].mean()
-    assert after < 0.8 * before  # true normals at noisy points: 0.4 to 0.7, points being where they should not
+    assert after < 0.8 * before  # true normals at noisy points: 0.4 to 0.7, because the points are displaced
 
 
-def test_a_noisy_cube_gets_flatter_and_its_normals_better():
+def test_a_noisy_cube_becomes_flatter_and_its_normals_better():
     cloud, normals = noisy(CUBE, 2000, sigma=0.04)
     method = DssPix2pix(cycles=2, views=6, pixels=112, span=1.2, depth_limit=0.1)
     run = Run(seed=1, weights=weights_of())

@@ -1,4 +1,4 @@
-"""MPU applied to clouds: exact counts for every ratio and cloud, and what must not change the result."""
+"""MPU applied to clouds: exact counts for every ratio and cloud, and invariances."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def upsampled(method, points, ratio):
     return result
 
 
-def test_parameters():
+def test_the_number_of_parameters():
     run = Run()
     run.weights = {name: tensor.numpy() for name, tensor in Mpu()._network().state_dict().items()}
     Mpu().upsample(PointCloud(sphere(40)), 2, run)
@@ -70,14 +70,14 @@ def test_625_points_sixteenfold():
     assert upsampled(Mpu(**LIGHT), sphere(625), 16).shape == (10_000, 3)
 
 
-def test_equal_runs_give_equal_points_in_whatever_order_the_input_is():
+def test_runs_are_repeatable_for_any_order_of_the_input():
     points = sphere(200)
     first = upsampled(Mpu(**LIGHT), points, 4)
     np.testing.assert_array_equal(upsampled(Mpu(**LIGHT), points, 4), first)
     np.testing.assert_array_equal(upsampled(Mpu(**LIGHT), points[RNG.permutation(200)], 4), first)
 
 
-def test_size_and_place_make_no_difference():
+def test_scale_and_position_make_no_difference():
     points = sphere(200)
     first = upsampled(Mpu(**LIGHT), points, 4)
     np.testing.assert_allclose(upsampled(Mpu(**LIGHT), points * 4, 4), first * 4, atol=1e-12)
@@ -85,8 +85,8 @@ def test_size_and_place_make_no_difference():
     assert cKDTree(first).query(moved)[0].mean() < 0.02
 
 
-def test_a_network_that_only_copies_turns_with_the_cloud():
-    """The network is not equivariant, all around it is: with offsets of 0 each point stays, up to what is thinned."""
+def test_a_network_without_offsets_is_equivariant_to_rotations():
+    """Only the network is not equivariant: with zero offsets each point stays, up to thinning."""
     points, turn = sphere(200), Rotation.from_euler("xyz", [0.3, 1.0, 2.0]).as_matrix()
 
     def copied(points):
@@ -110,8 +110,8 @@ def test_wrong_parameters_are_refused(wrong):
         Mpu(**wrong)
 
 
-def test_a_point_that_nothing_moves_is_there_as_often_as_the_ratio_says():
-    """No point is lost and none preferred: with offsets of 0, each of the input's points is there four times."""
+def test_without_offsets_each_point_is_repeated_by_the_ratio():
+    """No point is lost and none preferred: with zero offsets, each input point is repeated four times."""
     method, run, points = Mpu(**LIGHT), Run(), sphere(200)
     state = method._network().state_dict()
     run.weights = {name: t.numpy() * (".offset." not in name) for name, t in state.items()}

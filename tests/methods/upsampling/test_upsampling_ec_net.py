@@ -46,7 +46,7 @@ def components_first(array, dtype=torch.float64):
 # -- distances -------------------------------------------------------------------------------------------------------
 
 
-def test_distances_to_triangles_are_those_of_trimesh():
+def test_distances_to_triangles_match_trimesh():
     rng = np.random.default_rng(0)
     corners, points = rng.normal(size=(2, 25, 3, 3)), 2 * rng.normal(size=(2, 60, 3))
     found = to_all_triangles(components_first(points), components_first(corners))
@@ -77,7 +77,7 @@ def test_gradients_of_the_distances():
 # -- surfaces --------------------------------------------------------------------------------------------------------
 
 
-def test_the_edges_of_a_box_are_its_twelve():
+def test_a_box_has_twelve_edges():
     box = edged(shape(BOX), 1000, 30.0)
     assert len(box.segments) == 12 and len(box.triangles) == 12
     lengths = np.linalg.norm(box.segments[:, 0] - box.segments[:, 1], axis=1)
@@ -91,18 +91,18 @@ def test_smooth_shapes_have_no_edges_and_fine_meshes_become_coarser():
     assert len(ball.segments) == 0 and 200 < len(ball.triangles) <= 300
 
 
-def test_what_lies_around_a_patch_is_moved_with_it(examples):
+def test_triangles_and_edges_around_a_patch_move_with_it(examples):
     pairs, surfaces = held_out(examples, 24, "cpu")[0], EdgedSurfaces(examples, "cpu")
     patches = pairs.draw(3, np.random.default_rng(0), Augmentation(scale=0.2, shift=0.2))
     triangles, segments = surfaces.around(patches, 12, 20)
     assert triangles.shape == (3, 3, 12, 3) and segments.shape == (3, 3, 20, 2)
-    assert squared_to_triangles(patches.truths, triangles).sqrt().max() < 1e-3  # of rounding to 16 bits
+    assert squared_to_triangles(patches.truths, triangles).sqrt().max() < 1e-3  # rounding to 16 bits
     lengths = (segments[..., 0] - segments[..., 1]).square().sum(0).sqrt()
     assert (lengths[:, :12] > 0.1).all() and (lengths[:, 12:] == 0).all()
     assert segments[:, :, 12:].abs().amax() > FAR / 10
 
 
-def test_surfaces_of_different_sizes_side_by_side_are_those_of_each_alone():
+def test_surfaces_of_different_sizes_can_share_a_batch():
     box, ball = edged(shape(BOX), 1000, 30.0), edged(shape(BALL), 300, 30.0)
     cloud = np.random.default_rng(0).normal(size=(9, 3))
     packed = pack((number, [cloud, cloud]) for number in range(2)) | pack_edged([box, ball])
@@ -121,14 +121,14 @@ def test_surfaces_of_different_sizes_side_by_side_are_those_of_each_alone():
     assert segments[:, 0].abs().max() < 10 and (segments[:, 1] == FAR).all()
 
 
-def test_a_surface_with_fewer_triangles_gives_them_again(examples):
+def test_a_surface_with_fewer_triangles_repeats_them(examples):
     pairs, surfaces = held_out(examples, 24, "cpu")[0], EdgedSurfaces(examples, "cpu")
     patches = pairs.draw(1, np.random.default_rng(0), Augmentation())
     triangles, _ = surfaces.around(patches, 30, 1)
     torch.testing.assert_close(triangles[:, :, :6], triangles[:, :, 24:])
 
 
-def test_which_points_are_drawn_to_edges():
+def test_which_points_are_pulled_to_edges():
     distance = torch.tensor([[0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5, 0.5]])
     predicted = torch.tensor([[0.3, 0.1, 0.0, 0.5, 0.5, 0.5, 0.5, 0.5]])
     assert near_edges(distance, predicted, 0.5).tolist() == [[0, 1, 1, 0, 0, 0, 0, 0]]
@@ -138,7 +138,7 @@ def test_which_points_are_drawn_to_edges():
 # -- the network -----------------------------------------------------------------------------------------------------
 
 
-def test_parameters_are_those_of_the_paper():
+def test_the_number_of_parameters_is_that_of_the_paper():
     assert sum(parameter.numel() for parameter in EcNetwork().parameters()) == 823_652
 
 
@@ -163,7 +163,7 @@ def test_the_loss_falls(examples):
     assert run.losses()[-1] < 0.5 * run.losses()[0]
 
 
-def test_a_killed_training_goes_on_to_the_same_weights(examples, weights):
+def test_an_interrupted_training_ends_with_the_same_weights(examples, weights):
     again = killed_and_resumed(TINY, examples, at=3)
     assert again.keys() == weights.keys()
     assert all((again[name] == weights[name]).all() for name in weights)
@@ -204,12 +204,12 @@ def test_every_size_of_cloud_has_enough_points(weights):
         assert len(upsampled(method, weights, rng.normal(size=(count, 3)), 4)) == 4 * count
 
 
-def test_points_in_one_place_are_refused(weights):
+def test_coincident_points_are_refused(weights):
     with pytest.raises(BadInput, match="coincide"):
         upsampled(TINY, weights, np.ones((9, 3)), 4)
 
 
-def test_nonsense_is_refused():
+def test_invalid_parameters_are_refused():
     for wrong in ({"overlap": 1.0}, {"angle": 0}, {"faces": 0}, {"segments": 0}, {"triangles": 0}, {"shift": -1}):
         with pytest.raises(ValueError, match=next(iter(wrong))):
             EcNet(**wrong)

@@ -31,7 +31,7 @@ def weights(examples):
 
 def network(dtype=torch.float64):
     net = DistanceNetwork(16, 6, torch.Generator().manual_seed(0)).to(dtype)
-    torch.nn.init.normal_(net.last.weight, generator=torch.Generator().manual_seed(1))  # it begins with zeros
+    torch.nn.init.normal_(net.last.weight, generator=torch.Generator().manual_seed(1))  # it is initialised to zero
     return net
 
 
@@ -39,11 +39,11 @@ def cloud(n=50, seed=0):
     return torch.from_numpy(np.random.default_rng(seed).normal(size=(3, 1, n)))
 
 
-def test_parameters():
+def test_the_number_of_parameters():
     assert sum(parameter.numel() for parameter in DistanceNetwork().parameters()) == 76_418
 
 
-def test_distances_turn_move_and_scale_with_the_cloud():
+def test_distances_are_equivariant_to_similarities():
     net, points, queries = network(), cloud(), cloud(9, seed=1)
     turn = torch.from_numpy(rotations(1, np.random.default_rng(0)))[0]
 
@@ -78,7 +78,7 @@ def test_the_kd_tree_and_the_network_find_the_same_neighbours():
     np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5)
 
 
-def test_midpoints_are_of_neighbours_and_come_once():
+def test_midpoints_are_between_neighbours_and_unique():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]])
     assert sorted(midpoints(points)[:, 0]) == [0.5, 1.5, 2.0]
 
@@ -93,7 +93,7 @@ def test_the_distances_of_the_examples_are_exact(examples):
         queries = packed[2 * number + 1] * examples["scales"][number]
         closest = MeshSurface(mesh).closest(queries)[0]
         np.testing.assert_allclose(abs(truths[number][:, 0]), np.linalg.norm(queries - closest, axis=1), atol=2e-4)
-        # The ball's faces lie up to 0.01 below the sphere.
+        # The faces of the ball are up to 0.01 below the sphere.
         outside = (abs(queries) > BOX.extents / 2).any(1) if mesh is BOX else np.linalg.norm(queries, axis=1) > 1
         sure = abs(truths[number][:, 0]) > 0.02
         assert ((truths[number][:, 0] > 0) == outside)[sure].all()
@@ -113,7 +113,7 @@ def test_the_loss_falls_and_the_descent_comes_near_the_surface(examples):
     assert error[1] < error[0]
 
 
-def test_a_killed_training_goes_on_to_the_same_weights(examples, weights):
+def test_an_interrupted_training_ends_with_the_same_weights(examples, weights):
     again = killed_and_resumed(TINY, examples, at=3)
     assert again.keys() == weights.keys()
     assert all((again[name] == weights[name]).all() for name in weights)
@@ -134,19 +134,19 @@ def test_tiny_clouds(weights, name):
     assert output.shape == (4 * len(points), 3) and np.isfinite(output).all()
 
 
-def test_points_of_the_input_stay_if_asked(weights):
+def test_points_of_the_input_stay_if_requested(weights):
     points = np.random.default_rng(0).normal(size=(30, 3))
     output = upsampled(GradPu(width=16, keep=True), weights, points, 4)
     gaps = np.linalg.norm(output[:, None] - points, axis=2).min(axis=0)
     assert gaps.max() < 1e-12
 
 
-def test_points_in_one_place_are_refused(weights):
+def test_coincident_points_are_refused(weights):
     with pytest.raises(BadInput, match="coincide"):
         upsampled(TINY, weights, np.ones((9, 3)), 4)
 
 
-def test_nonsense_is_refused():
+def test_invalid_parameters_are_refused():
     for wrong in ({"neighbours": 0}, {"iterations": 0}, {"rate": 0}, {"rate": 2}, {"noise": -1}, {"bases": ()}):
         with pytest.raises(ValueError, match=next(iter(wrong))):
             GradPu(**wrong)

@@ -1,4 +1,4 @@
-"""The unit of MPU: counts of parameters, layers against their textbook forms, gradients."""
+"""The unit of MPU: numbers of parameters, layers against their textbook forms, gradients."""
 
 import numpy as np
 import pytest
@@ -33,17 +33,17 @@ def parameters(module):
         (Form(expansion="pu_net"), 226_939),
     ],
 )
-def test_parameters(form, one):
+def test_the_number_of_parameters(form, one):
     assert parameters(Unit(form)) == one
     assert parameters(Units(4, form)) == 4 * one
 
 
-def test_parameters_of_features():
+def test_the_number_of_parameters_of_features():
     assert parameters(DenseFeatures()) == 17_016 and DenseFeatures().outputs == 264
 
 
 @pytest.mark.parametrize("function", ["others", "points"])
-def test_neighbours_are_those_of_all_pairs(function):
+def test_neighbours_match_all_pairs(function):
     x, y = draw(5, 3, 40), draw(5, 3, 60)
     if function == "others":
         index = nearest_others(x, 6)
@@ -94,7 +94,7 @@ def naive(features, squared, near):
     return result
 
 
-def test_interpolated_features_are_those_of_the_formula():
+def test_interpolated_features_match_the_formula():
     features, near = draw(7, 2, 20, dtype=torch.float64), draw(7, 2, 5, 20, dtype=torch.float64)
     squared = draw(2, 5, 20, dtype=torch.float64) ** 2
     found = interpolate(features, Nearby(squared, near)).numpy()
@@ -109,7 +109,7 @@ def test_interpolated_features_are_finite_where_all_points_coincide():
 
 
 @pytest.mark.parametrize("expansion", ["code", "pu_net"])
-def test_gradient_of_a_unit_is_that_of_finite_differences(expansion):
+def test_gradient_of_a_unit_matches_finite_differences(expansion):
     unit = Unit(Form(growth=6, neighbours=4, expansion=expansion), seeded()).double()
     points, squared = draw(3, 2, 12, dtype=torch.float64), draw(2, 5, 12, dtype=torch.float64) ** 2
     near = draw(unit.features.outputs, 2, 5, 12, dtype=torch.float64)
@@ -121,7 +121,7 @@ def test_gradient_of_a_unit_is_that_of_finite_differences(expansion):
             for x, start, direction in zip(inputs, starts, directions, strict=True):
                 x.copy_(start + at * direction)
         dense, features = unit(points, None)
-        # The weights of the interpolation are constants to the gradient; so they are here to the differences too.
+        # The gradient treats the weights of the interpolation as constants; so do the differences here.
         return dense.sin().sum() + (features + weighted(near)).cos().sum()
 
     def weighted(near):
@@ -136,7 +136,7 @@ def test_gradient_of_a_unit_is_that_of_finite_differences(expansion):
     assert difference == pytest.approx(slope, rel=1e-5)
 
 
-def test_features_of_the_level_before_get_a_gradient_and_their_weights_none():
+def test_features_of_the_previous_level_get_a_gradient_but_not_their_weights():
     unit = Unit(SMALL, seeded())
     points, near = draw(3, 2, 12), draw(unit.features.outputs, 2, 5, 12).requires_grad_()
     squared = draw(2, 5, 12).square().requires_grad_()

@@ -11,14 +11,14 @@ RNG = np.random.default_rng(1)
 POINTS = RNG.normal(size=(300, 3))
 
 
-def test_a_patch_has_the_nearest_points_of_its_seed_nearest_first():
+def test_a_patch_has_the_nearest_points_of_its_seed_in_order():
     found = cut(POINTS, np.array([4, 20]), 30)
     for seed, patch in zip((4, 20), found, strict=True):
         order = np.linalg.norm(POINTS - POINTS[seed], axis=1).argsort()
         np.testing.assert_array_equal(patch, order[:30])
 
 
-def test_normalised_patches_are_centred_in_the_unit_ball_and_come_back():
+def test_normalised_patches_are_in_the_unit_ball_and_can_be_restored():
     patches = POINTS.reshape(3, 100, 3) * 7 + 40
     normalised = normalise(patches)
     np.testing.assert_allclose(normalised.points.mean(axis=1), 0, atol=1e-12)
@@ -26,7 +26,7 @@ def test_normalised_patches_are_centred_in_the_unit_ball_and_come_back():
     np.testing.assert_allclose(normalised.restore(normalised.points), patches)
 
 
-def test_a_patch_of_one_point_many_times_is_not_scaled():
+def test_a_patch_of_copies_of_one_point_is_not_scaled():
     normalised = normalise(np.full((1, 5, 3), 0.1))
     assert normalised.radii.item() == 1 and np.abs(normalised.points).max() < 1e-15
 
@@ -53,9 +53,9 @@ def test_a_cloud_in_patches_has_the_exact_count(points):
 
 
 @pytest.mark.parametrize("used", [None, 10])
-def test_each_point_is_in_a_patch_however_uneven_the_cloud_is(used):
+def test_each_point_of_an_uneven_cloud_is_in_a_patch(used):
     crowd = RNG.normal(size=(900, 3)) * 1e-3
-    cloud = np.concatenate([POINTS, crowd, np.full((60, 3), 0.25)])  # and one point sixty times
+    cloud = np.concatenate([POINTS, crowd, np.full((60, 3), 0.25)])  # and sixty copies of one point
     patches = covering(cloud, 20, 3, used)
     assert set(patches[:, :used].ravel()) == set(range(len(cloud)))
     assert all(len(set(patch)) == 20 for patch in patches)
@@ -63,7 +63,7 @@ def test_each_point_is_in_a_patch_however_uneven_the_cloud_is(used):
     assert (np.diff(spread, axis=1) >= 0).all()
 
 
-def test_a_patch_along_the_surface_does_not_see_the_other_side():
+def test_a_geodesic_patch_does_not_reach_the_other_side():
     """Two strands of a narrow U: along it, the nearest points are those with the nearest arc length."""
     length = np.linspace(0, 4, 401)
     turned = length > 2
@@ -74,13 +74,13 @@ def test_a_patch_along_the_surface_does_not_see_the_other_side():
         assert len(np.unique(strand[near, 1])) == 2
 
 
-def test_a_patch_along_pieces_is_filled_up_from_others():
+def test_a_geodesic_patch_of_a_small_component_is_filled_from_others():
     pieces = np.concatenate([POINTS[:30], POINTS[:30] + 50, np.zeros((12, 3))])
     patches = covering(pieces, 40, 3, None, cut_along)
     assert all(len(set(patch)) == 40 for patch in patches) and set(patches.ravel()) == set(range(72))
 
 
-def test_centrality_counts_the_patches_that_have_a_point_nearer_their_seed():
+def test_centrality_counts_patches_in_which_a_point_is_nearer_the_seed():
     patches = covering(POINTS, 30, 3)
     rank = centrality(patches)
     for number, patch in enumerate(patches):
@@ -90,8 +90,8 @@ def test_centrality_counts_the_patches_that_have_a_point_nearer_their_seed():
 
 
 @pytest.mark.parametrize(("central", "used"), [(1, None), (1, 25)])
-def test_a_point_is_taken_from_the_patches_where_it_is_most_central(central, used):
-    """With distances to the seed as heights, the copies of a point are the lowest of all that its patches give."""
+def test_a_point_comes_from_the_patches_where_it_is_most_central(central, used):
+    """With distances to the seed as heights, the copies of a point are the lowest from all its patches."""
     flat = POINTS * (1, 1, 0)
 
     def lift(patches):
@@ -114,7 +114,7 @@ def test_the_order_of_the_input_makes_no_difference():
     np.testing.assert_array_equal(first, second)
 
 
-def test_strays_go_unless_nothing_else_is_left():
+def test_strays_are_removed_unless_nothing_else_is_left():
     grid = np.stack(np.meshgrid(*[np.arange(12.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
     cloud = np.concatenate([grid, [[6.0, 6.0, 9.0]]])
     np.testing.assert_array_equal(np.flatnonzero(strays(cloud)), [144])

@@ -58,7 +58,7 @@ def test_farthest_order_of_copies_is_a_permutation():
     assert farthest_order(torch.ones(3, 1, 9)).sort(1).values.tolist() == [list(range(9))]
 
 
-def test_farthest_order_of_its_own_beginning_is_the_same():
+def test_farthest_order_of_its_own_prefix_is_the_same():
     points = tensor(3, 1, 40)
     sorted_points = points[:, :, farthest_order(points)[0]]
     assert farthest_order(sorted_points[:, :, :20]).tolist() == [list(range(20))]
@@ -80,7 +80,7 @@ def test_ball_query_by_loops(count, trim):
     assert index.shape[1] == (fullest if trim else count)
 
 
-def test_trimming_changes_nothing_under_a_maximum():
+def test_trimming_does_not_change_a_maximum():
     module = SetAbstraction(0.5, 32, 0, (8, 8, 8), torch.Generator().manual_seed(0))
     points = tensor(3, 2, 50)
     with torch.no_grad():
@@ -112,7 +112,7 @@ def count(module):
     return sum(parameter.numel() for parameter in module.parameters())
 
 
-def test_parameters_are_those_of_the_paper():
+def test_the_number_of_parameters_is_that_of_the_paper():
     network = PuNetwork()
     assert count(network) == 814_307
     assert [count(level) for level in network.features.levels] == [3_296, 16_832, 66_432, 263_936]
@@ -122,7 +122,7 @@ def test_parameters_are_those_of_the_paper():
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 50])
-def test_features_do_not_depend_on_the_order_behind_the_first_point(n):
+def test_features_do_not_depend_on_the_order_after_the_first_point(n):
     features = PointFeatures((0.3, 0.5, 0.8, 1.0), generator=torch.Generator().manual_seed(0))
     points = tensor(3, 1, n)
     order = [0, *(1 + np.random.default_rng(1).permutation(n - 1))]
@@ -130,7 +130,7 @@ def test_features_do_not_depend_on_the_order_behind_the_first_point(n):
         torch.testing.assert_close(features(points)[:, :, order], features(points[:, :, order]), rtol=1e-4, atol=1e-5)
 
 
-def test_the_weights_decay_but_for_the_last_layer():
+def test_weight_decay_excludes_the_last_layer():
     network = PuNetwork()
     optimizer = adam(network, network.last, 1e-3, "cpu")
     decayed, spared = optimizer.param_groups
@@ -164,12 +164,12 @@ def test_the_auction_is_within_its_tolerance(kind):
     assert (auction(cost, 0.5) == found).all()
 
 
-def test_the_auction_of_ties_and_of_one_ends():
+def test_the_auction_of_ties_or_a_single_point_ends():
     assert auction(torch.zeros(2, 5, 5)).sort(1).values.tolist() == [list(range(5))] * 2
     assert auction(torch.ones(1, 1, 1)).tolist() == [[0]]
 
 
-def test_the_auction_completes_what_the_rounds_leave(monkeypatch):
+def test_the_auction_completes_an_unfinished_assignment(monkeypatch):
     monkeypatch.setattr("bench.methods.upsampling.losses.matching.ROUNDS", 2)
     found = auction(costs(tensor(3, 2, 30, seed=1), tensor(3, 2, 30, seed=2)))
     assert (found.sort(1).values == torch.arange(30)).all()
@@ -241,7 +241,7 @@ def test_the_loss_falls(examples):
     assert run.losses()[-1] < 0.5 * run.losses()[0]
 
 
-def test_a_killed_training_goes_on_to_the_same_weights(examples, weights):
+def test_an_interrupted_training_ends_with_the_same_weights(examples, weights):
     again = killed_and_resumed(TINY, examples, at=3)
     assert again.keys() == weights.keys()
     assert all((again[name] == weights[name]).all() for name in weights)
@@ -270,12 +270,12 @@ def test_tiny_clouds(weights, name):
     assert output.shape == (4 * len(points), 3) and np.isfinite(output).all()
 
 
-def test_points_in_one_place_are_refused(weights):
+def test_coincident_points_are_refused(weights):
     with pytest.raises(BadInput, match="coincide"):
         upsampled(TINY, weights, np.ones((9, 3)), 4)
 
 
-def test_published_parameters_are_accepted_and_nonsense_is_not():
+def test_published_parameters_are_accepted_and_invalid_ones_refused():
     thesis = PuNet(points=1024, subset=True, jitter=0.025, shift=0.1, batch=28, decay=1.0)
     assert thesis._widening() == 1.0
     for wrong in (

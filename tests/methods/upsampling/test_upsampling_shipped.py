@@ -1,4 +1,4 @@
-"""The weights that come with the upsamplers: what their headers say, and that they are worth their bytes."""
+"""The shipped weights of the upsamplers: their headers, sizes and usefulness."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from bench.plugins.weights import FACTS, facts_of, load, shipped
 
 METHODS = Path(__file__).resolve().parents[3] / "methods"
 FILES = sorted(METHODS.glob("*/weights/*.safetensors"))
-# What the others than those of clouds were trained on; those were on the mixture of families.
+# The training data of methods for meshes; methods for clouds were trained on the mixture of families.
 TRAINED_ON = {
     "neural_cages": "furniture[category=chair,same_parts=False]",
     "neural_cages_tables": "furniture[category=table,same_parts=False]",
@@ -32,7 +32,7 @@ def test_all_together_are_small():
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_a_header_says_all_of_the_training(file):
+def test_a_header_describes_the_training(file):
     facts = facts_of(file)
     assert set(facts) >= set(FACTS) - {"examples"}
     assert facts["cases"] == len(facts["shapes"]) > 8
@@ -52,7 +52,7 @@ def test_the_defaults_have_weights(name):
 
 @pytest.fixture(scope="module")
 def sparse():
-    """A test shape, which no training saw, as 625 points with noise of 0.25 %."""
+    """A test shape, not used in any training, as 625 points with noise of 0.25 %."""
     bumps = registry().find("dataset", "bumps").cls()
     shape, frame = next(iter(bumps.shapes("test"))).framed()
     rng = generator("shipped")
@@ -61,8 +61,8 @@ def sparse():
 
 
 @pytest.mark.parametrize("name", LEARNED)
-def test_they_are_nearer_to_the_truth_than_points_at_random(name, sparse):
-    """Four times as many points: better than noise of the spacing, which is what untrained networks make of them."""
+def test_they_are_nearer_to_the_truth_than_random_points(name, sparse):
+    """Four times as many points: better than noise of the spacing, the result of untrained networks."""
     plugin, values = plugin_and_values(name)
     run = Run(weights=load(shipped(plugin, values)), threads=1)
     output = plugin.cls().upsample(**sparse.input, run=run)

@@ -1,4 +1,4 @@
-"""The training of MPU: loss, schedule, patches of the examples, and that it goes on where it was killed."""
+"""The training of MPU: loss, schedule, patches of the examples, and resumption after an interruption."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def examples(levels=2, shapes=3, base=64):
 
 
 class Recorded(Run):
-    """A run that keeps what a training hands it."""
+    """A run that records the logs and checkpoints of a training."""
 
     def __init__(self, resumed=None, seed=0):
         super().__init__(seed=seed)
@@ -55,7 +55,7 @@ def test_identical_sets_have_no_loss():
     assert chamfer(points, points.flip(2)).abs().max() < 1e-12
 
 
-def test_loss_is_the_mean_squared_distance_both_ways():
+def test_loss_is_the_mean_squared_distance_in_both_directions():
     points, truth = torch.zeros(3, 1, 2), torch.zeros(3, 1, 1)
     points[0, 0] = torch.tensor([1.0, 2.0])
     assert chamfer(points, truth).item() == pytest.approx((1 + 4) / 2 + 1)
@@ -108,7 +108,7 @@ def test_higher_levels_are_drawn_more_often():
 def test_frozen_units_get_no_gradient(stages, step, frozen):
     trained = training(Mpu(**SMALL, steps=40, stages=stages))
     trained.prepare(step)
-    for number in range(8):  # joint stages draw one of the levels
+    for number in range(8):  # joint stages draw one level
         trained.loss(step + number).backward()
     for level in range(2):
         gradients = [p.grad for p in trained.network[level].parameters()]
@@ -118,7 +118,7 @@ def test_frozen_units_get_no_gradient(stages, step, frozen):
             assert sum(float(gradient.abs().sum()) for gradient in gradients) > 0
 
 
-def test_a_unit_begins_as_the_one_before_it():
+def test_a_unit_starts_with_the_weights_of_the_previous_one():
     trained = training(Mpu(**SMALL, steps=40))
     trained.prepare(10)
     first, second = (trained.network[level].state_dict() for level in range(2))
@@ -156,7 +156,7 @@ def test_patches_are_normalised_with_their_truth():
     assert 0.8 <= radius.min() < 0.85 and 1.15 < radius.max() <= 1.2
 
 
-def test_patches_of_clouds_of_different_sizes_are_those_of_each_alone():
+def test_clouds_of_different_sizes_can_share_a_batch():
     rng = np.random.default_rng(0)
     sizes = [30, 200, 7, 90]
     alone = [rng.normal(size=(size, 3)) * (1 + number) for number, size in enumerate(sizes)]
@@ -170,13 +170,13 @@ def test_patches_of_clouds_of_different_sizes_are_those_of_each_alone():
         assert np.abs(cloud - seed).max(axis=1).min() < 1e-3  # one of its points
         order = np.linalg.norm(cloud - seed, axis=1).argsort()[:16]
         distance, index = cKDTree(cloud).query(found[:, number].T.numpy())
-        assert distance.max() < 1e-3  # of rounding to 16 bits
-        # Seven points come again in turn; of the larger clouds the nearest come once.
+        assert distance.max() < 1e-3  # rounding to 16 bits
+        # Seven points are repeated in turn; of larger clouds the nearest occur once.
         times = np.bincount(index, minlength=len(cloud))
         assert set(index) == set(order) and times.max() == -(-16 // len(order))
 
 
-def test_shapes_held_out_are_in_no_batch():
+def test_held_out_shapes_are_in_no_batch():
     packed = examples(shapes=12)
     training_set, held_out = (Clouds(packed, lambda points: 16, "cpu", held_out=h) for h in (False, True))
     assert set(packed["shapes"][np.concatenate(held_out._groups)]) == {11}
@@ -190,7 +190,7 @@ def test_packed_clouds_are_precise_to_a_thirty_thousandth():
     np.testing.assert_allclose(packed["points"][:100] * packed["scales"][0], cloud, atol=3 / 60_000)
 
 
-def test_rotations_are_rotations_all_equally_likely():
+def test_rotations_are_uniform():
     turns = rotations(20_000, np.random.default_rng(0))
     np.testing.assert_allclose(turns @ turns.transpose(0, 2, 1), np.broadcast_to(np.eye(3), turns.shape), atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(turns), 1)
@@ -227,7 +227,7 @@ def test_a_training_lowers_the_validation(changes):
 
 
 class Clocked(Recorded):
-    """A run whose clock moves by a look."""
+    """A run whose clock advances with each reading."""
 
     def __init__(self, seconds, resumed=None, spent=0.0):
         super().__init__(resumed)
@@ -238,7 +238,7 @@ class Clocked(Recorded):
         return self.now
 
 
-def test_without_a_number_of_steps_the_stages_go_by_the_clock():
+def test_without_a_number_of_steps_the_stages_follow_the_clock():
     method = Mpu(**SMALL, steps=0, learning_rate=5e-3)
     run = Clocked(40.0)
     method.fit(examples(), run)
@@ -251,7 +251,7 @@ def test_without_a_number_of_steps_the_stages_go_by_the_clock():
         if torch.equal(*(trained.network[level].offset.weight for level in range(2))):
             opened.append(step)
     assert list(dict.fromkeys(seen)) == [(1, 1), (2, 2), (1, 2)] and opened
-    # Interrupted after 30 of 40 seconds it goes on in the last stage.
+    # Interrupted after 30 of 40 seconds, it resumes in the last stage.
     late = training(method, Clocked(10.0, spent=30.0))
     late.prepare(60)
     assert (late._now.first, late._now.level) == (1, 2)
@@ -265,7 +265,7 @@ def test_a_training_by_the_clock_reports_its_steps():
     assert all(done <= total for done, total in told) and told[-1][0] == run.lines[-1][0]
 
 
-def test_where_the_time_will_not_do_for_the_steps_the_stages_go_by_the_clock():
+def test_if_time_is_too_short_for_the_steps_the_stages_follow_the_clock():
     method = Mpu(**SMALL, steps=100_000, learning_rate=5e-3)
     trained = training(method, Clocked(40.0))
     seen, rates = [], []
@@ -274,13 +274,13 @@ def test_where_the_time_will_not_do_for_the_steps_the_stages_go_by_the_clock():
         seen.append((trained._now.first, trained._now.level))
         rates.append(trained.optimizer.param_groups[0]["lr"])
     assert list(dict.fromkeys(seen)) == [(1, 1), (2, 2), (1, 2)]
-    assert rates[-1] < 0.2 * max(rates)  # it falls at the end
+    assert rates[-1] < 0.2 * max(rates)  # the rate falls at the end
 
 
-def test_where_it_will_the_clock_changes_nothing():
+def test_if_time_is_long_enough_the_clock_changes_nothing():
     steps = 60
     in_time, without_clock = (training(Mpu(**SMALL, steps=steps), run) for run in (Clocked(20.0), None))
-    for step in range(steps):  # 60 looks at the clock, at most 15 of the 20 seconds
+    for step in range(steps):  # 60 readings of the clock, at most 15 of the 20 seconds
         for each in (in_time, without_clock):
             each.prepare(step)
         assert in_time._now == without_clock._now

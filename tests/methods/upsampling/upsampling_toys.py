@@ -1,4 +1,4 @@
-"""What the tests of the learned upsamplers share: two toy shapes, and methods that learn in seconds."""
+"""Shared by the tests of learned upsamplers: two toy shapes, and methods that learn in seconds."""
 
 from __future__ import annotations
 
