@@ -1,4 +1,4 @@
-"""D-SDF: a distance field that is read at displaced points, the displacement being any vector."""
+"""D-SDF: a distance field evaluated at displaced points, with arbitrary displacement vectors."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class DSdf(Supervised):
     """A ReLU network read at x + Delta(x), Delta in R^3 from a second one, fitted to true distances (thesis 4.1.2).
 
     "We follow network specs of D-NeRF, which contains 2 8-layer MLP networks with ReLU activation and positional
-    encodings": as there, ten bands 2^k without pi, the point itself included, width 256, the encoding joined again to
+    encodings": as there, ten bands 2^k without pi, the point itself included, width 256, the encoding concatenated to
     the output of the fifth layer. With e = 3 + 6 bands encoded coordinates and width w, a network of 8 layers and m
     outputs has (e + 1) w + 7 (w + 1) w + e w + (w + 1) m parameters: 493,313 + 493,827 = 987,140 for both.
 
-    The thesis leaves open the number of bands (it names eight for its Fourier features), how the networks begin (here:
+    The thesis does not specify the number of bands (it names eight for its Fourier features), the initialisation (here:
     a linear layer's default), the learning rate (here: D-NeRF's), and whether Delta is bounded or regularised (here:
     not; it speaks of a "lack of constraints"). The code is not in the release.
     """

@@ -1,4 +1,4 @@
-"""Progressive Fourier features: a network that is shown one frequency band after the other."""
+"""Progressive Fourier features: a network whose frequency bands are opened one after the other."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Fourier(Guided):
     training only; here the fitted field keeps the window that it was last trained with. At the end of a training it is
     open, and before that an intermediate result is the function that was trained.
 
-    How the thesis trained it is not released. Of rates of 1e-4 (as for the thesis's own networks) and 5e-4, each with
-    Adam's own betas and with IDF's (0.1, 0.9), and 1e-3 with Adam's own, 5e-4 with Adam's own left the least error on a
-    shape for training in equal time, so these are the defaults.
+    The thesis's training of it is not released. Of rates of 1e-4 (as for the thesis's own networks) and 5e-4, each with
+    Adam's default betas and with IDF's (0.1, 0.9), and 1e-3 with the default betas, 5e-4 with the default betas gave
+    the least error on a train shape in equal time, so these are the defaults.
     """
 
     steps: int = 250  # of training, at most
@@ -38,9 +38,9 @@ class Fourier(Guided):
     progressive: float = 0.8  # progress of the training at which the last band begins to open; 0: all from the start
     hidden_layers: int = 8  # of the network
     width: int = 256  # of each layer
-    sphere: float = 0.6  # radius of the sphere that the network begins as
+    sphere: float = 0.6  # radius of the initial sphere
 
-    free_on_load = ("sphere", "progressive")  # the window of a loaded field stays as it is
+    free_on_load = ("sphere", "progressive")  # the window of a loaded field does not change
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -55,7 +55,7 @@ class Fourier(Guided):
             raise ValueError(f"width: expected more than 3 + 6 bands = {3 + 6 * self.bands}, got {self.width}")
 
     def field(self, generator: torch.Generator) -> Field:
-        """The network, a sphere to begin with."""
+        """The network, initialised as a sphere."""
         from .fields.fourier_field import FourierField
 
         form = {"hidden_layers": self.hidden_layers, "width": self.width, "radius": self.sphere}

@@ -22,18 +22,18 @@ class HashSdf(Guided):
     """A multi-resolution hash grid and a small network, under the loss of SIREN (Eq. 4.4).
 
     The encoding is that of Mueller et al. (2022), and so are the betas of Adam; the loss is that of the other methods
-    here, because the input has no distances. That loss tells inside from outside at the points alone, and features do
-    not carry it far; so the field is first held to guesses of the distance, whose sign is that of a coarse Poisson
-    indicator of the points (``guided``; without, walls stay where the sphere was). Its gradients are those of the
-    trilinear interpolation, exact within a cell. The defaults are for two processor cores, measured on training
-    shapes: finer cells than the gaps between points learn noise, and tables of 2^17 or 2^19 rows were slower and no
-    better.
+    here, because the input has no distances. That loss distinguishes inside and outside only at the points, and
+    features do not propagate it far; so the field is first fitted to guesses of the distance, whose sign is that of a
+    coarse Poisson indicator of the points (``guided``; without it, walls remain from the sphere). Its gradients are
+    those of the trilinear interpolation, exact within a cell. The defaults are for two processor cores, measured on
+    training shapes: finer cells than the gaps between points learn noise, and tables of 2^17 or 2^19 rows were slower
+    and not better.
     """
 
     steps: int = 2000  # of training, at most
     batch: int = 1024  # surface points of a step; as many of the space are added
     learning_rate: float = 1e-2  # of Adam, for the features
-    betas: tuple[float, float] = (0.9, 0.99)  # of Adam, with a short memory: a row is met in few of the steps
+    betas: tuple[float, float] = (0.9, 0.99)  # of Adam, with a short memory: a row is used in few of the steps
     network_rate: float = 0.3  # of the network, relative to that of the features
     levels: int = 12  # of the grid (published: 16)
     coarsest: int = 8  # cells of the first level along each axis (published: 16)
@@ -42,10 +42,10 @@ class HashSdf(Guided):
     features: int = 2  # of a row
     width: int = 64  # of the network's hidden layers
     hidden_layers: int = 1  # of the network
-    guided: float = 0.1  # part of the training in which the sign of space is guessed from the points; 0 for none
-    sphere: float = 0.5  # radius of the sphere that it begins as
+    guided: float = 0.1  # share of the training in which the sign in space is guessed from the points; 0 for none
+    sphere: float = 0.5  # radius of the initial sphere
 
-    free_on_load = ("guided", "network_rate")  # not the sphere, which is a part of the field
+    free_on_load = ("guided", "network_rate")  # not the sphere, which is part of the field
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -57,7 +57,7 @@ class HashSdf(Guided):
         positive(self, "network_rate", "sphere")
 
     def field(self, generator: torch.Generator) -> Field:
-        """The grid and the network, a sphere to begin with."""
+        """The grid and the network, initialised as a sphere."""
         from ..learned.networks.hash_grid import HashGrid
         from .fields.hash_field import HashField
 

@@ -1,4 +1,4 @@
-"""HotSpot: a signed distance from points without normals, kept honest by the heat equation."""
+"""HotSpot: a signed distance from points without normals, regularised by the heat equation."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ if TYPE_CHECKING:
 class Hotspot(Fitted):
     """A sine network that is zero at the points, whose exp(-lambda |f|) is the heat around them; uses no normals.
 
-    Away from the surface h = exp(-lambda |f|) shall solve the screened Poisson equation laplace h = lambda^2 h: with
-    growing lambda, only distances do, while an eikonal term alone also allows other f. What is minimised is the
-    integral of (|grad h|^2 + lambda^2 h^2) / 2, so walls that no points ask for melt. The terms are the paper's, the
-    integral by uniform samples, with sine layers; the weights, and how lambda grows, were chosen here, for two
-    processor cores. Inside and outside come from the sphere that the network begins as, and from the radius beyond
-    which there are no points, where f shall be positive (our addition: without, some fits end inside out).
+    Away from the surface h = exp(-lambda |f|) should solve the screened Poisson equation laplace h = lambda^2 h: with
+    growing lambda, only distances do, while an eikonal term alone also allows other f. The minimised term is the
+    integral of (|grad h|^2 + lambda^2 h^2) / 2, so walls without points vanish. The terms are the paper's, the
+    integral by uniform samples, with sine layers; the weights, and the growth of lambda, were chosen here, for two
+    processor cores. Inside and outside are determined by the initial sphere, and by the radius beyond which there are
+    no points, where f should be positive (our addition: without it, some fits end inside out).
     """
 
     batch: int = 1024  # surface points of a step; as many of the space are added
     learning_rate: float = 2e-4  # of Adam
     omega: float = 30.0  # frequency of the sine layers
-    hidden_layers: int = 3  # sine layers behind the first
+    hidden_layers: int = 3  # sine layers after the first
     width: int = 256  # of each layer
     surface: float = 175.0  # weight of |f| on the points
     eikonal: float = 5.0  # weight of the gradient's length
-    heat: float = 30.0  # weight of the heat; higher melts more
-    absorption: float = 40.0  # lambda at the end, in 1 / radius: how sharply heat stays at the points
+    heat: float = 30.0  # weight of the heat; higher removes more
+    absorption: float = 40.0  # lambda at the end, in 1 / radius: how sharply heat decays from the points
     absorption_begin: float = 4.0  # lambda at the beginning; it grows by equal factors
-    sphere: float = 0.5  # radius of the sphere that the network begins as
+    sphere: float = 0.5  # radius of the initial sphere
 
     free_on_load = ("sphere", "surface", "eikonal", "heat", "absorption", "absorption_begin")
     sine_sphere = True
@@ -53,11 +53,11 @@ class Hotspot(Fitted):
         at_least(self, hidden_layers=1, width=1, surface=0, eikonal=0, heat=0)
 
     def reads(self) -> tuple[Path, ...]:
-        """The sphere that it begins as, where that is shipped."""
+        """The file of the initial sphere, if it is shipped."""
         return spheres_read(self.omega, self.hidden_layers, self.width, self.first_sphere)
 
     def field(self, generator: torch.Generator) -> Field:
-        """The network, a sphere to begin with."""
+        """The network, initialised as a sphere."""
         from ..learned.networks.sine_network import SineNetwork
         from ..learned.networks.sphere import begin_as_sphere
         from .fields.heat_field import HeatField
@@ -69,5 +69,5 @@ class Hotspot(Fitted):
 
     @property
     def uses_normals(self) -> bool:
-        """It is fitted to the points alone."""
+        """It is fitted only to the points."""
         return False

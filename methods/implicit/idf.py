@@ -29,15 +29,15 @@ class Idf(Guided):
     betas: tuple[float, float] = (0.1, 0.9)  # of Adam, as released: the thesis does not name them
     omega: float = 15.0  # frequency of the base, omega_B
     omega_detail: float = 60.0  # frequency of the displacement, omega_D
-    hidden_layers: int = 3  # sine layers behind the first, of both networks
+    hidden_layers: int = 3  # sine layers after the first, of both networks
     width: int = 256  # of each layer
     alpha: float = 0.05  # largest displacement, relative to the radius
     nu: float = 0.02  # distance to the base at which the displacement is halved (released: 0.05)
     bounded: bool = True  # bound the displacement by alpha tanh; without it, alpha times the network's output
-    attenuate: bool = True  # let the displacement fade away from the base, by chi
-    schedule: Literal["thesis", "released", "none"] = "released"  # how the weights pass from the base to the whole
-    sphere: float = 0.5  # radius of the sphere that the base begins as; 0 to begin at random
-    guided: float = 0.2  # part of the training in which the sign of space is guessed from the points (thesis: 0)
+    attenuate: bool = True  # let the displacement fade with the distance to the base, by chi
+    schedule: Literal["thesis", "released", "none"] = "released"  # of the loss weights, from the base to the whole
+    sphere: float = 0.5  # radius of the initial sphere of the base; 0 for random weights
+    guided: float = 0.2  # share of the training in which the sign in space is guessed from the points (thesis: 0)
 
     free_on_load = ("sphere", "schedule", "guided")
     begin_on_load = BASE_FROZEN
@@ -49,11 +49,11 @@ class Idf(Guided):
         positive(self, "alpha", "nu", "omega", "omega_detail")
 
     def reads(self) -> tuple[Path, ...]:
-        """The sphere that it begins as, where that is shipped."""
+        """The file of the initial sphere, if it is shipped."""
         return spheres_read(self.omega, self.hidden_layers, self.width, self.first_sphere)
 
     def field(self, generator: torch.Generator) -> Field:
-        """Both networks, the base a sphere to begin with."""
+        """Both networks; the base is initialised as a sphere."""
         from ..learned.networks.sphere import base_and_detail
         from .fields.displaced_field import DisplacedField
 

@@ -34,73 +34,73 @@ SHARES = (0.2, 0.2, 0.6)  # of the time: for the source's base, the target's bas
 class IdfTransfer(OrientedWeights):
     """Transferable implicit displacement: conditioned on a descriptor of the base, not on coordinates (Eq. 4.5).
 
-    1. A smooth sine network is fitted to the source's base, or to the source itself where no base is given: a low
+    1. A smooth sine network is fitted to the source's base, or to the source itself if no base is given: a low
        frequency keeps it from learning the details. 2. Likewise one to the target's base. 3. The displacement between
        the first and the source is learned as a function T(phi(x), f(x)) of the base's descriptor and distance.
-       4. With the target's base in the place of the source's, the same T gives the details there.
+       4. With the target's base instead of the source's, the same T gives the details there.
 
-    The thesis does 2 after 3, which makes no difference but to traces, which are transfers here. Its second scenario
-    has a target with details of its own; the task's target is always a base.
+    The thesis does 2 after 3, which only affects traces, which are transfers here. Its second scenario
+    has a target with its own details; the task's target is always a base.
 
-    Where thesis and released code differ, or both leave it open:
+    Choices where thesis and released code differ, or neither specifies them:
 
     * FiLM sin((w + w/2 gamma)(Wh + b) + beta) of the code, see :class:`film.FilmNetwork`; f-bar = tanh(f/nu) of the
       thesis (the code has tanh(0.8 f/nu), with the same nu in chi); the condition is phi and the base's normal, as in
-      the code, and phi alone with ``normals=False``.
-    * The released code shows the encoder the *detailed* source while it learns, and a bare base when it transfers: the
-      descriptor may learn to read details that will not be there. Here it sees the base in both, namely samples moved
-      onto the fitted base, with its normals, which are to be had without a given base, too;
-      ``cloud=detailed`` is the released way.
-    * The code adds noise whenever it encodes, so its transfer is random. Here, only while learning.
+      the code, and only phi with ``normals=False``.
+    * In the released code the encoder's input is the *detailed* source during training, and the bare base in the
+      transfer: the descriptor may learn to use details that are then missing. Here it is the base in both, namely
+      samples moved onto the fitted base, with its normals, which are available without a given base, too;
+      ``cloud=detailed`` is as released.
+    * The code adds noise at every encoding, so its transfer is random. Here, only during training.
     * Four sine layers make the base, as the code does, and 28,417 parameters; the thesis names three
       (``hidden_layers=2``, 19,105).
     * Lengths are relative to the farthest point, about 1, where the code has boxes with a side of 0.9: its alpha of
       0.1 is about 0.2 here, and its nu of 0.05 (vase) or 0.2 (shorts) 0.1 or 0.4. By default both are measured: alpha
-      from the largest distance of the source to its fitted base, because one that is too small cuts details off, and
-      a wide nu next to small details leaves f-bar with nothing to say.
+      from the largest distance of the source to its fitted base, because a smaller alpha cuts details off, and
+      with a wide nu and small details f-bar is nearly constant.
     * The loss is Eq. 4.4 with the thesis's weights for fitting one shape; the released ones (for the
       shorts 500, 5, 0.1 and 100, for the vase 200, 10, 1 and 50) let f^ fade around the surface, which T can do since
-      it sees f, and learn little else for long. Likewise a base's error is one of the transfer, so more weight lies on
-      the surface than in the released fits; and Adam's betas there, 0.1 and 0.9, left the bases a quarter more error
-      after 1,000 steps.
-    * All rates fall to a tenth in the last fifth; the released ones stay. A released base sees twice as many points a
-      step as its displacement, here both see ``batch``.
+      f is its input, and learn little else for long. Likewise a base's error adds to that of the transfer, so the
+      surface has more weight than in the released fits; and Adam's betas there, 0.1 and 0.9, gave the bases a quarter
+      more error after 1,000 steps.
+    * All rates fall to a tenth in the last fifth; the released ones are constant. A released base uses twice as many
+      points per step as its displacement, here both use ``batch``.
 
     The released training is 24,000 steps at a rate of 1e-4. The defaults are for two processor cores: a FiLM network
-    of a third of the frequency, with a mapping that begins stronger, learns details of some five periods around a body
-    in a few hundred steps (measured on ``reliefs``, train); those of eighteen it does not in so short a time: the
-    U-Net, fed with normals, varies slowly at first. Figure 4.11: ``mapping=False``, ``context=normal``; figure 4.12:
-    ``scale_f=False``. The plane of features of the thesis's faces (128^2, from the front) is not implemented.
+    of a third of the frequency, with a stronger initial mapping, learns details of some five periods around a body
+    in a few hundred steps (measured on ``reliefs``, train), but not those of eighteen periods: the
+    U-Net, whose input are normals, varies slowly at first. Figure 4.11: ``mapping=False``, ``context=normal``; figure
+    4.12: ``scale_f=False``. The plane of features of the thesis's faces (128^2, from the front) is not implemented.
     """
 
     steps: int = 400  # of the displacement's training (released: 24,000)
     base_steps: int = 700  # of the training of each base (released: 12,000)
-    seconds: float = 0.0  # train for so long by the clock, all networks together; 0 to count steps
-    batch: int = 512  # surface points of a step; as many beside the surface are added (released: 2,048)
+    seconds: float = 0.0  # train for this time by the clock, all networks together; 0 to count steps
+    batch: int = 512  # surface points of a step; as many near the surface are added (released: 2,048)
     learning_rate: float = 5e-4  # of Adam, of the displacement (released: 1e-4)
     base_rate: float = 1e-3  # of Adam, of the bases (released: 1e-4)
-    betas: tuple[float, float] = (0.9, 0.99)  # of Adam: how much of the past its two averages keep (released: 0.1, 0.9)
+    betas: tuple[float, float] = (0.9, 0.99)  # of Adam: decay rates of its two moving averages (released: 0.1, 0.9)
     base_loss: tuple[float, ...] = (1000.0, 50.0, 5.0, 40.0)  # Eq. 4.4's four for the bases (released: 100, 50, 2, 50)
     spread: float = 0.0  # of points near the surface, from it; 0 for nu (released: 0.1 in boxes of side 0.9)
     resolution: int = 128  # samples of the marching cubes along the shortest axis, 16 to 1024
-    traces: int = 0  # offer so many intermediate results, for error against time
+    traces: int = 0  # number of intermediate results, for error against time
     omega: float = 5.0  # frequency of the bases
-    hidden_layers: int = 3  # sine layers of a base behind the first
+    hidden_layers: int = 3  # sine layers of a base after the first
     width: int = 96  # of all layers
-    sphere: float = 0.5  # radius of the sphere that the bases begin as; 0 to begin at random
+    sphere: float = 0.5  # radius of the initial sphere of the bases; 0 for random weights
     alpha: float = 0.0  # largest displacement, relative to the radius; 0 for 1.5 times the source's from its base
     nu: float = 0.0  # distance to the base at which the displacement is halved; 0 for twice alpha
     mapping: bool = True  # condition by FiLM through a mapping network; without it, all are inputs side by side
-    context: Literal["grid", "normal"] = "grid"  # descriptor: features of a U-Net, or the base's normal alone
-    scale_f: bool = True  # show the displacement tanh(f/nu) rather than f
+    context: Literal["grid", "normal"] = "grid"  # descriptor: features of a U-Net, or only the base's normal
+    scale_f: bool = True  # condition the displacement on tanh(f/nu) rather than f
     normals: bool = True  # condition on the base's normal as well as on the features
     omega_detail: float = 10.0  # frequency of the displacement's sine layers (released: 30)
-    gain: float = 1.0  # of the mapping network's last weights at the beginning (released: 0.25)
-    cloud: Literal["base", "detailed"] = "base"  # what the encoder sees of the source (released: detailed)
-    points: int = 3000  # that the encoder sees
+    gain: float = 1.0  # of the mapping network's initial last weights (released: 0.25)
+    cloud: Literal["base", "detailed"] = "base"  # the encoder's input from the source (released: detailed)
+    points: int = 3000  # of the encoder's input
     cells: int = 32  # of the features' grid along each side, a multiple of 4
-    noise: float = 0.005  # of the points and normals that the encoder learns from
-    every: int = 2  # the encoder and the U-Net run, and learn, in one of so many steps (released: 1)
+    noise: float = 0.005  # of the encoder's points and normals during training
+    every: int = 2  # the encoder and the U-Net run, and learn, in one of this many steps (released: 1)
 
     def __post_init__(self) -> None:
         self.check_weights()
@@ -116,18 +116,18 @@ class IdfTransfer(OrientedWeights):
             raise ValueError(f"cells: expected a multiple of 4 from 8 on, got {self.cells}")
 
     def reads(self) -> tuple[Path, ...]:
-        """The sphere that it begins as, where that is shipped."""
+        """The file of the initial sphere, if it is shipped."""
         return spheres_read(self.omega, self.hidden_layers, self.width, self.sphere)
 
     def prepare(self) -> None:
-        """The sphere that the bases begin as is made once, off the clock, and kept."""
+        """Make and cache the initial sphere of the bases, once, off the clock."""
         from ..learned.networks.sphere import keep
 
         if self.sphere:
             keep(self.omega, self.hidden_layers, self.width, self.sphere)
 
     def detail_transfer(self, source: Trimesh, source_base: Trimesh | None, target_base: Trimesh, run: Run) -> Trimesh:
-        """The zero level of the target's base, displaced as the source is from its own."""
+        """The zero level of the target's base, displaced like the source from its base."""
         import torch
 
         from ..learned.meshing.marching import extract
@@ -167,7 +167,7 @@ class IdfTransfer(OrientedWeights):
             seconds=stages.next(reserve(field, theirs_known[0], self.resolution, run)),
             learning_rate=self.learning_rate,
             betas=self.betas,
-            chunk=2 * self.batch,  # the descriptor runs once a step
+            chunk=2 * self.batch,  # the descriptor runs once per step
             traces=self.traces + 1 if self.traces else 0,  # the last one would be the result
         )
         coarse = max(16, self.resolution // 2)
@@ -180,7 +180,7 @@ class IdfTransfer(OrientedWeights):
     def _base(
         self, known: Samples, weights: torch.Generator, draws: torch.Generator, stages: Stages
     ) -> tuple[SineNetwork, Fit]:
-        """A sine network fitted to samples of a base by Eq. 4.4, and what became of its training."""
+        """A sine network fitted to samples of a base by Eq. 4.4, and the outcome of its training."""
         from ..learned.networks.sphere import begin_as_sphere
         from ..learned.training.batches import Sampler
         from ..learned.training.loop import fit

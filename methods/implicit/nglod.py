@@ -28,8 +28,8 @@ class Nglod(Supervised):
     from it, one fifth in the box. That steps by 512 points at a rate of 1e-3 throughout; here the rate falls over the
     last fifth, as for all methods of this family.
 
-    Dense parameters, which are trained and in the results, and active ones, which a sparse grid would store (cells
-    with surface in them, here for a sphere of radius 1; NGLOD's authors count those):
+    Dense parameters, which are trained and reported in the results, and active ones, which a sparse grid would store
+    (cells that contain surface, here for a sphere of radius 1; NGLOD's authors count those):
 
     =====  ======  ===========  ==========  ==========
     base   levels  finest side  dense       active
@@ -47,13 +47,13 @@ class Nglod(Supervised):
     steps: int = 1500  # of training, at most
     learning_rate: float = 1e-3  # of Adam
     levels: int = 4  # of detail; each is twice as fine as the one before
-    base: int = 2  # the coarsest grid has 2^base cells a side
+    base: int = 2  # the coarsest grid has 2^base cells along each side
     lod: int = 0  # the level of detail that is extracted, 1 to levels; 0 for the finest
     # Adam of the grid; sparse: only vertices around the points of a step move, and the rest costs no time;
-    # auto: sparse where the finest grid has 128 cells a side or more
+    # auto: sparse if the finest grid has 128 cells along each side or more
     optimizer: Literal["auto", "dense", "sparse"] = "auto"
 
-    free_on_load = ("lod", "optimizer")  # a level of detail is chosen when a surface is made
+    free_on_load = ("lod", "optimizer")  # a level of detail is chosen when a surface is extracted
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -72,7 +72,7 @@ class Nglod(Supervised):
             raise ValueError(f"optimizer: expected auto, dense or sparse, got {self.optimizer!r}")
 
     def field(self, generator: torch.Generator) -> Field:
-        """The grids, with next to no features, and the decoders."""
+        """The grids, with features near 0, and the decoders."""
         from .fields.nglod_field import NglodField
 
         finest = self.base + self.levels - 1

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-MOST = 500_000  # points that are moved: a lattice of 256 nodes cannot use more, and each takes 700 bytes
+MOST = 500_000  # points to optimise: a lattice of 256 nodes cannot use more, and each takes 700 bytes
 
 
 def seconds_for(resolution: int) -> float:
-    """What the last surface takes, generously."""
+    """A generous estimate of the time for the last surface."""
     return 1 + 3e-7 * resolution**3
 
 
@@ -32,25 +32,25 @@ def seconds_for(resolution: int) -> float:
 class Sap:
     """Shape as Points by optimisation: points and normals are moved until their Poisson surface fits the input.
 
-    Each step solves Poisson's equation by Fourier transforms, takes the vertices of the surface, and sends their
-    Chamfer distance to the input back into the points and normals. It begins as the paper's optimisation does, with a
+    Each step solves Poisson's equation by Fourier transforms, takes the vertices of the surface, and back-propagates
+    their Chamfer distance to the input to the points and normals. It starts like the paper's optimisation, with a
     sphere of points, on coarse lattices that become finer (``begin=sphere``), or, by default, with the input itself and
-    its normals, given or estimated: then the first surface is right but for its detail, and only the finest lattice is
-    used. With ``steps=0`` it is one Poisson reconstruction.
+    its normals, given or estimated: then the first surface is right except for its detail, and only the finest lattice
+    is used. With ``steps=0`` it is one Poisson reconstruction.
     """
 
-    steps: int = 20  # of the optimisation, at most; 0 for the Poisson surface of the beginning
-    seconds: float = 0.0  # optimise for so long by the clock, with as many steps as that allows; 0 to count steps
+    steps: int = 20  # of the optimisation, at most; 0 for the initial Poisson surface
+    seconds: float = 0.0  # optimise for this time by the clock, with as many steps as it allows; 0 to count steps
     resolution: int = 256  # nodes of the finest lattice along each axis, 16 to 512 (some 8 GB)
     coarsest: int = 32  # nodes of the first lattice of begin=sphere; each has twice as many as the one before
     begin: Literal["normals", "sphere"] = "normals"  # the input and its normals, or a sphere of points
-    points: int = 20_000  # of the sphere; from every level to the next they are sampled anew
-    batch: int = 20_000  # points of the input whose distance to the surface counts; its distance to all counts always
+    points: int = 20_000  # of the sphere; they are sampled again for every level
+    batch: int = 20_000  # points of the input whose distance to the surface counts; its distance to them uses all
     learning_rate: float = 0.0  # of Adam, in sides of the lattice's cube; 0 for 1e-3, or 1e-2 from a sphere
     fall: float = 0.7  # factor of the learning rate from a level to the next
     sigma: float = 2.0  # smoothing: a Gaussian of standard deviation sigma / pi nodes (paper: 2; from 256 on, 3)
     sphere: float = 0.5  # radius of the sphere
-    traces: int = 0  # offer so many intermediate results, for error against time
+    traces: int = 0  # number of intermediate results, for error against time
 
     def __post_init__(self) -> None:
         if self.steps < (1 if self.begin == "sphere" else 0):
@@ -100,14 +100,14 @@ class Sap:
         return in_input(surface(x, n, resolution))
 
     def levels(self, resolution: int) -> list[int]:
-        """The lattices, one after the other, up to this one."""
+        """The resolutions of the lattices, one after the other, up to this one."""
         if self.begin == "normals":
             return [resolution]
         count = max(0, round(math.log2(resolution / self.coarsest)))
         return [min(resolution, max(self.coarsest, resolution >> (count - level))) for level in range(count + 1)]
 
     def _in_time(self, run: Run) -> int:
-        """The resolution, or a half, a quarter, ... of it where the surface alone would take half of the time."""
+        """The resolution, or a half, a quarter, ... of it if the surface alone would take half of the time."""
         resolution = self.resolution
         while resolution >= 32 and seconds_for(resolution) > run.seconds_left() / 2:
             resolution //= 2

@@ -26,9 +26,9 @@ class Siren(Guided):
 
     learning_rate: float = 1e-4  # of Adam
     omega: float = 30.0  # frequency of the sine layers: the thesis tries 30 and 60
-    hidden_layers: int = 3  # sine layers behind the first: 3 or 7 in the thesis
+    hidden_layers: int = 3  # sine layers after the first: 3 or 7 in the thesis
     width: int = 256  # of each layer
-    sphere: float = 0.5  # radius of the sphere that the network begins as; 0 to begin at random
+    sphere: float = 0.5  # radius of the initial sphere; 0 for random weights
     clip: float = 0.0  # largest norm of the gradient; 0 for none
 
     free_on_load = ("sphere", "clip")
@@ -40,11 +40,11 @@ class Siren(Guided):
         positive(self, "omega")
 
     def reads(self) -> tuple[Path, ...]:
-        """The sphere that it begins as, where that is shipped."""
+        """The file of the initial sphere, if it is shipped."""
         return spheres_read(self.omega, self.hidden_layers, self.width, self.first_sphere)
 
     def field(self, generator: torch.Generator) -> Field:
-        """The network, a sphere to begin with."""
+        """The network, initialised as a sphere."""
         from ..learned.networks.sphere import begin_as_sphere
         from .fields.sine_field import SineField
 
@@ -54,5 +54,5 @@ class Siren(Guided):
         return field
 
     def training(self) -> dict[str, Any]:
-        """Gradients are clipped where that is asked for."""
+        """Gradients are clipped if requested."""
         return {"clip": self.clip}

@@ -1,1 +1,1 @@
-"""The fields that are fitted."""
+"""The fitted fields."""

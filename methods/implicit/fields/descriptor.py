@@ -1,4 +1,4 @@
-"""The global context descriptor phi(x) of a transferable displacement: where a point is, relative to a base."""
+"""The global context descriptor phi(x) of a transferable displacement: the position of a point relative to a base."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class Cloud:
         return Cloud(self.points[:count], self.normals[:count])
 
 
-# Of smaller grids the coarsest level has one or two cells a side, and oneDNN 3.12 sums the gradients of its bfloat16
-# weights over memory that it has not set: two equal calls differ.
+# The coarsest level of smaller grids has one or two cells per side, and oneDNN 3.12 sums the gradients of its bfloat16
+# weights over uninitialised memory: two equal calls differ.
 LEAST_MIXED = 12
 
 
 class Descriptor(nn.Module):
-    """Point encoder, grid and U-Net: a cloud to features at the centres of the cells of a grid over [-1, 1]^3.
+    """Point encoder, grid and U-Net: maps a cloud to features at the cell centres of a grid over [-1, 1]^3.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ class Descriptor(nn.Module):
     generator : torch.Generator
         The weights are drawn from it, on the CPU.
     mixed : bool
-        Convolve in bfloat16 while training, where the processor or the GPU multiplies it; never otherwise, nor with
-        less than :data:`LEAST_MIXED` cells along a side.
+        Convolve in bfloat16 during training, if the processor or the GPU supports it; never otherwise, nor with
+        fewer than :data:`LEAST_MIXED` cells along a side.
     """
 
     def __init__(
@@ -86,10 +86,10 @@ def cell_numbers(points: Tensor, side: int) -> Tensor:
 
 
 class Query:
-    """Trilinear interpolation at points (n, 3), written out because its gradient by x is differentiated again.
+    """Trilinear interpolation at points (n, 3), written by hand because its gradient by x is differentiated again.
 
     The feature of a cell is the value at the cell's centre. (The released code puts the first and the last cell's
-    values on the faces of the box, half a cell away from where it has collected them.) Beyond the outermost centres
+    values on the faces of the box, half a cell away from where they were collected.) Beyond the outermost centres
     the value is constant, and the gradient across is 0.
 
     Attributes
@@ -103,7 +103,7 @@ class Query:
         along = (place - low).clamp(0, 1)
         inside = ((place >= 0) & (place <= side - 1)).to(x.dtype) * (side / 2)
         low = low.long()
-        # Of each of the eight corners: which of the two planes along each axis.
+        # For each of the eight corners: the first or the second plane along each axis.
         corners = torch.tensor([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)], device=x.device)
         numbers = ((low[:, None, 0] + corners[:, 0]) * side + low[:, None, 1] + corners[:, 1]) * side
         numbers = numbers + low[:, None, 2] + corners[:, 2]
@@ -115,5 +115,5 @@ class Query:
         self.values = torch.einsum("nk,nkc->nc", weight.prod(2), self._features)
 
     def pull(self, by_values: Tensor) -> Tensor:
-        """The gradient (n, 3) by x of something whose gradient by the values is given: (n, channels)."""
+        """The gradient (n, 3) by x, from the gradient (n, channels) by the values."""
         return torch.einsum("nk,nkd->nd", torch.einsum("nkc,nc->nk", self._features, by_values), self._slopes)

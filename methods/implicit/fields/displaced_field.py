@@ -15,15 +15,15 @@ from ...learned.training.schedules import stage
 from ..losses.guidance import guided_loss
 from ..losses.oriented import OrientedLoss
 
-# Where chi is below this, a point is not displaced: at alpha = 0.05 that is less than 5e-5.
+# If chi is below this, a point is not displaced: at alpha = 0.05 that is less than 5e-5.
 NEGLIGIBLE = 1e-3
-PROBE = 16  # one of so many points tells how many are near the base
+PROBE = 16  # every PROBE-th point is tested to estimate how many are near the base
 
 
 def attenuation(f: Tensor, nu: float) -> Tensor:
-    """chi = 1 / (1 + (f/nu)^4): 1 on the base surface, 1/2 at a distance of nu, then next to nothing.
+    """chi = 1 / (1 + (f/nu)^4): 1 on the base surface, 1/2 at a distance of nu, and soon negligible.
 
-    Without nu, which is 0 then, it is 1 everywhere.
+    With nu = 0 it is 1 everywhere.
     """
     return 1 / (1 + (f / nu) ** 4) if nu else torch.ones_like(f)
 
@@ -37,18 +37,18 @@ def bound(d: Tensor, by_x: Tensor) -> tuple[Tensor, Tensor]:
 class DisplacedField(Field):
     """Eq. 4.3: f^(x) = N_B(x + d n), with d = alpha tanh(N_D(x)) chi(N_B(x)) and n the base's unit normal at x.
 
-    As in the released code, n and the f inside chi are constants to the training: no loss reaches the base through
+    As in the released code, n and the f inside chi are constants in the training: no loss reaches the base through
     them, and grad f^ is that of the *frozen-normal form*, grad N_B(x^) + (grad N_B(x^) . n) chi alpha grad tanh(N_D),
-    without the second derivatives of the base. Finite differences of f^ differ from it; those with n and chi held do
-    not.
+    without the second derivatives of the base. Finite differences of f^ differ from it; those with constant n and chi
+    do not.
 
-    The displacement network is evaluated only where chi is not negligible; elsewhere x^ = x, and the base's value,
-    which chi needed, is f^. With a frozen base, points of the space teach nothing there and cost one evaluation.
+    The displacement network is evaluated only where chi is not negligible; elsewhere x^ = x, and f^ is the base's
+    value, which chi needed. With a frozen base, points of the space have no gradient there and cost one evaluation.
 
     Parameters
     ----------
     base, displacement : SineNetwork
-        A subclass that has a :meth:`detail` and a :meth:`forward` of its own may displace by another network.
+        A subclass with its own :meth:`detail` and :meth:`forward` may displace by another network.
     alpha : float
         Largest displacement.
     nu : float
@@ -58,7 +58,7 @@ class DisplacedField(Field):
     schedule : "thesis", "released" or "none"
         See :func:`...learned.training.schedules.stage`.
     guided : float
-        Part of the training in which both losses are guided (:mod:`..losses.guidance`).
+        Share of the training in which both losses are guided (:mod:`..losses.guidance`).
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class DisplacedField(Field):
         return [list(self.base.parameters()), list(self.displacement.parameters())]
 
     def rates(self, t: float) -> list[float]:
-        """As the schedule says."""
+        """The factors of the schedule."""
         now = stage(t, self._schedule)
         return [now.base_rate, now.rate]
 
@@ -105,7 +105,7 @@ class DisplacedField(Field):
         return loss
 
     def _loss_of_displacement(self, batch: Batch) -> Tensor:
-        """L_f^ under a frozen base, but for a constant: points that are not displaced are left out."""
+        """L_f^ under a frozen base, up to a constant: points that are not displaced are left out."""
         with torch.no_grad():
             near = self._may_move(self.base(batch.x[batch.on :]))
             near = torch.cat([near.new_ones(batch.on), near])
@@ -148,7 +148,7 @@ class DisplacedField(Field):
     def forward(self, x: Tensor) -> Tensor:
         """f^ at (n, 3) points, each network where it is needed."""
         if not self.nu or self._may_move(self.base(x[::PROBE])).float().mean() > 0.7:
-            f, gradient = self.base.value_and_gradient(x)  # one pass less than value first, gradient then
+            f, gradient = self.base.value_and_gradient(x)  # saves a pass over value and gradient separately
             rows = torch.nonzero(self._may_move(f))[:, 0]
             gradient = gradient[rows]
         else:

@@ -1,4 +1,4 @@
-"""A Fourier network as a field, whose bands open during the training."""
+"""A Fourier network as a field; its bands open during the training."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class FourierField(Field):
         return self.network(x)
 
     def loss(self, batch: Batch, t: float) -> Tensor:
-        """Eq. 4.4. A training step sets the window; the validation is of the field as it would be extracted."""
+        """Eq. 4.4. A training step sets the window; the validation uses the window of the extracted field."""
         if self._progressive and torch.is_grad_enabled():
             now = self.network.window
             now.copy_(now.new_tensor(window(t, len(now), self._progressive)))

@@ -21,8 +21,8 @@ class HashField(Field):
 
         f = s(x) + W_2 h(W_1 phi(x) + b_1) + b_2,   s(x) = sqrt(|x|^2 + e^2) - sqrt(r^2 + e^2)
 
-    with h = log(1 + exp(10 z)) / 10 (softplus), in one or several layers. Features begin near 0, so f begins as the
-    sphere, outside positive; e = 0.1 rounds the tip that |x| has at the origin, where the surface may pass.
+    with h = log(1 + exp(10 z)) / 10 (softplus), in one or several layers. Features start near 0, so f starts as the
+    sphere, outside positive; e = 0.1 smooths the kink of |x| at the origin, where the surface may pass.
 
     Parameters
     ----------
@@ -31,10 +31,9 @@ class HashField(Field):
     width, hidden_layers : int
     radius : float, of the sphere
     network_rate : float
-        The learning rate of the network, relative to that of the features: all points move with it.
+        The learning rate of the network, relative to that of the features: it affects all points.
     guided : float
-        Part of the training in which the distances of the batches, which are guesses, take the place of the term for
-        the space.
+        Share of the training in which the distances of the batches, which are guesses, replace the term for the space.
     """
 
     SHARPNESS, ROUNDING = 10.0, 0.1
@@ -60,7 +59,7 @@ class HashField(Field):
             bound = math.sqrt((1 if fan_out == 1 else 6) / fan_in)  # He's, for the layers with an h
             self.weights.append(nn.Parameter(torch.empty(fan_out, fan_in).uniform_(-bound, bound, generator=generator)))
             self.biases.append(nn.Parameter(torch.zeros(fan_out, 1)))
-        # h(0) is not 0: the last bias takes it away, or the sphere would have another radius.
+        # h(0) is not 0: the last bias subtracts it, otherwise the sphere would have another radius.
         with torch.no_grad():
             h = torch.zeros(sizes[0], 1)
             for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
@@ -95,7 +94,7 @@ class HashField(Field):
         return length - self._level_of_sphere, x / length[:, None]
 
     def loss(self, batch: Batch, t: float) -> Tensor:
-        """Eq. 4.4; at first with guessed distances in the place of its term for the space."""
+        """Eq. 4.4; at first with guessed distances instead of its term for the space."""
         return guided_loss(self._loss, *self.value_and_gradient(batch.x), batch, t < self._guided)
 
     def groups(self) -> list[list[nn.Parameter]]:
@@ -103,6 +102,6 @@ class HashField(Field):
         return [[self.grid.table], [*self.weights, *self.biases]]
 
     def rates(self, t: float) -> list[float]:
-        """Falling to a hundredth after the first third: what is left of the error then is the noise of the steps."""
+        """Falling to a hundredth after the first third: the remaining error is then the noise of the steps."""
         factor = late_decay(t, begin=0.3, final=0.01)
         return [factor, self._network_rate * factor]

@@ -18,8 +18,8 @@ class HeatField(Field):
     ----------
     network : SineNetwork
     surface, eikonal, heat : float
-        Weights of |f| on the points, of ||grad f| - 1| everywhere, and of the heat in space; each is summed over the
-        points that it concerns, and divided by all of them, as in Eq. 4.4. The first is also that of -f where f is
+        Weights of |f| on the points, of ||grad f| - 1| everywhere, and of the heat in space; each is summed over its
+        points, and divided by the number of all points, as in Eq. 4.4. The first is also the weight of -f where f is
         negative beyond radius 1: no point of the surface is there, so that is outside.
     absorption : pair of float
         lambda at the beginning and at the end.
@@ -53,7 +53,7 @@ class HeatField(Field):
         return loss / batch.total
 
     def groups(self) -> list[list[nn.Parameter]]:
-        """One."""
+        """One group."""
         return [list(self.network.parameters())]
 
     def rates(self, t: float) -> list[float]:

@@ -26,9 +26,9 @@ class NglodField(Field):
     """f_l(x) = decoder_l(x, sum of the features of grids 1 to l): two linear layers with a ReLU between.
 
     Outside of the box of the grids, f_l is its value at the nearest point of the box plus the distance to it. The
-    released code goes on with the border's features, and a surface that touches the border becomes a tube.
+    released code continues with the border's features, so that a surface that touches the border becomes a tube.
 
-    The loss is summed over all levels of detail; :attr:`lod` is the one that is the field's value.
+    The loss is summed over all levels of detail; :attr:`lod` is the level of the field's value.
     """
 
     def __init__(
@@ -66,11 +66,11 @@ class NglodField(Field):
         return [late_decay(t)] * 2
 
     def optimizer(self, training: Training) -> Any:
-        """Adam; for a sparse grid, one that touches the rows of the batch alone.
+        """Adam; for a sparse grid, a variant that updates only the rows of the batch.
 
-        It differs from Adam in what it leaves out: rows away from the points keep their momentum as it is and stay,
-        where Adam lets them move on for some ten steps. A vertex that is rarely met so learns more slowly in steps; a
-        step at six levels takes two fifths of the time, and none of its cost grows with the grid.
+        It differs from Adam for rows away from the points: they do not move and keep their momentum, while Adam lets
+        them move on for some ten steps. So a rarely used vertex needs more steps; but a step at six levels takes two
+        fifths of the time, and its cost does not grow with the grid.
         """
         if not self.grid.sparse:
             return super().optimizer(training)
@@ -116,12 +116,12 @@ class NglodField(Field):
         h = torch.addmm(self.bias[i], inputs, self.weight[i].t()).relu()
         return torch.addmv(self.out_bias[i], h, self.out_weight[i]), h
 
-    # -- what it costs ---------------------------------------------------------------------------------------------
+    # -- cost ------------------------------------------------------------------------------------------------------
 
     def count_active(self, points: Tensor) -> int:
         """Parameters that a sparse grid would store: features of cells with surface ``points`` (n, 3), and decoders.
 
-        This is how NGLOD's authors count (without their octree). Where points are sparser than the finest cells, it
+        This is how NGLOD's authors count (without their octree). If points are sparser than the finest cells, it
         is less than for the whole surface.
         """
         decoders = sum(p.numel() for p in self.groups()[1])
@@ -146,7 +146,7 @@ class Together:
 
     @property
     def param_groups(self) -> list[dict[str, Any]]:
-        """Those of all."""
+        """The groups of all optimizers."""
         return [group for optimizer in self._optimizers for group in optimizer.param_groups]
 
     def zero_grad(self, set_to_none: bool = True) -> None:

@@ -12,10 +12,10 @@ from .supervised_field import SupervisedField
 
 
 class ResidualField(SupervisedField):
-    """f^(x) = N_B(x) + alpha chi(N_B(x)) N_D(x), with tanh of N_D where ``bounded``.
+    """f^(x) = N_B(x) + alpha chi(N_B(x)) N_D(x), with tanh of N_D if ``bounded``.
 
-    As in :class:`~.displaced_field.DisplacedField`, the f inside chi is a constant to the training, and the gradient
-    of f^ is that with chi held. With ``nu = 0`` (the thesis's form) there is no chi.
+    As in :class:`~.displaced_field.DisplacedField`, the f inside chi is a constant in the training, and the gradient
+    of f^ is that with constant chi. With ``nu = 0`` (the thesis's form) there is no chi.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class ResidualField(SupervisedField):
         return f + self._strength(f) * (torch.tanh(d) if self.bounded else d)
 
     def value_and_gradient(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """f^ (n,) and its gradient (n, 3), chi held."""
+        """f^ (n,) and its gradient (n, 3), with constant chi."""
         f, g = self.base.value_and_gradient(x)
         d, by_x = self.residual.value_and_gradient(x)
         if self.bounded:

@@ -26,7 +26,7 @@ class SineField(Field):
         return self.network(x)
 
     def loss(self, batch: Batch, t: float) -> Tensor:
-        """Eq. 4.4, guided at first where that is asked for."""
+        """Eq. 4.4, guided at first if requested."""
         return guided_loss(self._loss, *self.network.value_and_gradient(batch.x), batch, t < self._guided)
 
     def rates(self, t: float) -> list[float]:

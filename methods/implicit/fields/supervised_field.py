@@ -1,4 +1,4 @@
-"""Fields that learn from true distances, or from oriented points where there are none."""
+"""Fields that learn from true distances, or from oriented points if there are none."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ..losses.oriented import OrientedLoss, squared_error
 
 
 class SupervisedField(Field):
-    """Base of the fields of :class:`..fitting.supervised.Supervised`: it looks at its batches to see what it is taught.
+    """Base of the fields of :class:`..fitting.supervised.Supervised`: the batches determine the loss.
 
-    A new one has :meth:`forward`, the values at points, and :meth:`value_and_gradient`.
+    A subclass defines :meth:`forward`, the values at points, and :meth:`value_and_gradient`.
     """
 
     def __init__(self, loss: OrientedLoss):

@@ -1,4 +1,4 @@
-"""The transferable displacement: it knows a base by descriptor and distance alone, so another can take its place."""
+"""The transferable displacement: it depends on a base only by descriptor and distance, so the base can be exchanged."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class TransferField(DisplacedField):
     """Eq. 4.5: f^(x) = N_B(x + d n), with d = alpha chi(f) tanh(T(f-bar, phi(x))) and f = N_B(x).
 
     The gradient by x is that of the frozen-normal form, as in :class:`.displaced_field.DisplacedField`: n, chi and the
-    normal in the condition are held, phi and f-bar are not:
+    normal in the condition are constant, phi and f-bar are not:
 
         grad T = (dT/dphi) grad phi + (dT/df-bar) (df-bar/df) grad f.
 
-    It is had by going backwards through T once, keeping the graph, and pulling dT/dphi back through the trilinear
-    weights: a reverse pass for one number is cheaper than three forward tangents.
+    It is computed by one backward pass through T, which keeps the graph, and by pulling dT/dphi back through the
+    trilinear weights: a reverse pass for one number is cheaper than three forward tangents.
 
     Parameters
     ----------
@@ -33,19 +33,19 @@ class TransferField(DisplacedField):
         Never trained here.
     displacement : FilmNetwork or JoinedNetwork
         T.
-    descriptor : Descriptor, or None for the base's normal in the place of phi
+    descriptor : Descriptor, or None for the base's normal instead of phi
     cloud : Cloud
-        What the descriptor sees of the base.
+        The points of the base for the descriptor.
     encoded : int
         Points of the cloud that it sees at once.
     normal : bool
-        Whether the condition is phi and the base's normal, or phi alone.
+        Whether the condition is phi and the base's normal, or only phi.
     scale : bool
         Whether T sees f-bar = tanh(f/nu), or f itself.
     every : int
-        The descriptor runs, and learns, in one of so many steps; in the others its features are constants.
+        The descriptor runs, and learns, in one of this many steps; in the others its features are constants.
     noise : float
-        Of positions and normals that the descriptor sees while it learns.
+        Of positions and normals for the descriptor during training.
     generator : torch.Generator
         Of that noise, on the device of the training.
     """
@@ -96,7 +96,7 @@ class TransferField(DisplacedField):
     # -- training --------------------------------------------------------------------------------------------------
 
     def groups(self) -> list[list[nn.Parameter]]:
-        """All networks but the base."""
+        """All networks except the base."""
         base = {id(p) for p in self.base.parameters()}
         return [[p for p in self.parameters() if id(p) not in base]]
 
@@ -105,15 +105,15 @@ class TransferField(DisplacedField):
         return [late_decay(t)]
 
     def loss(self, batch: Batch, t: float) -> Tensor:
-        """L_f^ but for the points that are not displaced, whose loss is constant. One batch is one step: no chunks."""
+        """L_f^ without points that are not displaced, whose loss is constant. One batch is one step: no chunks."""
         if self.descriptor is not None:
             self._features = self._learning() if torch.is_grad_enabled() else self.encode()
         loss = self._loss_of_displacement(batch)
-        self._features = None  # whoever asks for values between two steps gets the descriptor as it is then
+        self._features = None  # values between two steps use the current descriptor
         return loss
 
     def _learning(self) -> Tensor:
-        """Features of some of the cloud, with noise, through which the descriptor learns; or as they were of late."""
+        """Features of a part of the cloud, with noise, to train the descriptor; or the latest ones."""
         self._steps += 1
         if (self._steps - 1) % self._every and self._constant is not None:
             return self._constant
@@ -145,7 +145,7 @@ class TransferField(DisplacedField):
         return (value, by_x) if learning else (value.detach(), by_x.detach())
 
     def _condition(self, x: Tensor, normal: Tensor) -> tuple[list[Tensor], Tensor, Query | None]:
-        """phi(x), if there is a descriptor; all that T is conditioned on; and where phi comes from."""
+        """phi(x), if there is a descriptor; the condition of T; and the query of phi."""
         if self.descriptor is None:
             return [], normal, None
         if self._features is None:
@@ -178,14 +178,14 @@ class TransferField(DisplacedField):
         return f.index_copy(0, rows, self.base(near + d[:, None] * normal))
 
     def _along(self, x: Tensor, f: Tensor, normal: Tensor) -> Tensor:
-        """The displacement along normals that are known."""
+        """The displacement along given normals."""
         _, condition, _ = self._condition(x, normal)
         value = self.displacement(condition, self._scaled(f))
         return self.alpha * torch.tanh(value) * attenuation(f, self.nu)
 
 
 class NearSampler(Sampler):
-    """Half of a batch on the surface, half of it near: a displacement is nothing far away from its base.
+    """Half of a batch on the surface, half of it near: a displacement vanishes far away from its base.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""D-SDF: a field that is read where a second network says."""
+"""D-SDF: a field evaluated at points displaced by a second network."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .supervised_field import SupervisedField
 
 
 class ReluNetwork(nn.Module):
-    """ReLU layers on the positional encoding (x, sin(2^k x), cos(2^k x))_k, k = 0 to bands - 1, joined in the middle.
+    """ReLU layers on the positional encoding (x, sin(2^k x), cos(2^k x))_k, k = 0 to bands - 1, with a skip connection.
 
-    As in NeRF and D-NeRF, the encoding is joined to the output of layer ``layers // 2 + 1`` (the fifth of eight), and
-    the output is linear. Weights and biases come from U(+-1/sqrt(fan_in)), a linear layer's default.
+    As in NeRF and D-NeRF, the encoding is concatenated to the output of layer ``layers // 2 + 1`` (the fifth of eight),
+    and the output is linear. Weights and biases come from U(+-1/sqrt(fan_in)), a linear layer's default.
     """
 
     frequencies: Tensor
@@ -54,7 +54,7 @@ class ReluNetwork(nn.Module):
 
 
 class WarpedField(SupervisedField):
-    """f^(x) = f(x + Delta(x)), Delta in R^3 without any bound."""
+    """f^(x) = f(x + Delta(x)), Delta in R^3, unbounded."""
 
     def __init__(self, loss: OrientedLoss, base: ReluNetwork, warp: ReluNetwork):
         super().__init__(loss)

@@ -1,4 +1,4 @@
-"""Guidance as a parameter of methods that are fitted by Eq. 4.4."""
+"""Guidance as a parameter of methods fitted by Eq. 4.4."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Guided(OrientedWeights, Fitted):
-    """Fitted by Eq. 4.4, and in the beginning, where that is asked for, by guesses: see :mod:`..losses.guidance`."""
+    """Fitted by Eq. 4.4, and optionally at the beginning by guesses: see :mod:`..losses.guidance`."""
 
-    guided: float = 0.0  # part of the training in which the sign of space is guessed from the points; 0 for none
+    guided: float = 0.0  # share of the training in which the sign in space is guessed from the points; 0 for none
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -29,7 +29,7 @@ class Guided(OrientedWeights, Fitted):
             raise ValueError(f"guided: expected 0 to 1, got {self.guided}")
 
     def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
-        """Oriented points; those of the space with a guess of their distance, unless the field is already fitted."""
+        """Oriented points; points of the space have a guessed distance, unless the field is already fitted."""
         from ..losses.guidance import GuidedSampler
 
         if self.load or not self.guided:

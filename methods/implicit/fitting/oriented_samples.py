@@ -1,4 +1,4 @@
-"""Meshes as samples in one frame, and samples as what a descriptor sees of a base."""
+"""Meshes as samples in one frame, and samples of a base as input of a descriptor."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 Samples = tuple[np.ndarray, np.ndarray]  # positions (n, 3) in the frame, and unit normals (n, 3)
 
 SAMPLES = 200_000  # of each mesh (released: a million)
-CLOUD = 30_000  # points of a base that the encoder's are drawn from
+CLOUD = 30_000  # points of a base, from which those of the encoder are drawn
 PROBES = 5000  # vertices at which the height of the details is measured
 UNKNOWN_REACH = 0.1  # height of the details of a source without a base, relative to the source's radius
-FILL = 0.98  # where the farthest detail is in the frame; the box ends at 1
+FILL = 0.98  # position of the farthest detail in the frame; the box ends at 1
 
 
 def frame_of(source: Trimesh, source_base: Trimesh | None, target_base: Trimesh) -> Frame:
@@ -52,7 +52,7 @@ def cloud_of(known: Samples, device: str | torch.device) -> Cloud:
 
 @torch.no_grad()
 def on_base(base: SineNetwork, cloud: Cloud) -> Cloud:
-    """A cloud moved onto a fitted base, which may be smoother than it is, with the base's normals."""
+    """A cloud moved onto a fitted base, which may be smoother, with the base's normals."""
     x = cloud.points
     for _ in range(2):  # Newton's steps; a signed distance would need one
         f, gradient = base.value_and_gradient(x)

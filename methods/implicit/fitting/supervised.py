@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Supervised(OrientedWeights, Fitted):
-    """Fits true distances to the reference, as the thesis says, or, where there are none, oriented points by Eq. 4.4.
+    """Fits true distances to the reference, as in the thesis, or, if there are none, oriented points by Eq. 4.4.
 
-    A field of such a method looks at its batches: those with distances get the squared error, others Eq. 4.4. Adam's
-    own betas serve these methods better than IDF's (0.1, 0.9); no others are published for them.
+    The loss of such a field depends on the batch: the squared error for distances, otherwise Eq. 4.4. Adam's
+    default betas suit these methods better than IDF's (0.1, 0.9); no others are published for them.
     """
 
     supervision: Literal["distances", "oriented"] = "distances"  # true distances (thesis), or the points and Eq. 4.4
     samples: int = 500_000  # points whose true distances are sampled beforehand
-    redraw: int = 0  # draw them anew after so many steps (NGLOD: ten epochs, 9,770); 0 to keep them
+    redraw: int = 0  # draw them again after this many steps (NGLOD: ten epochs, 9,770); 0 to keep them
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -38,7 +38,7 @@ class Supervised(OrientedWeights, Fitted):
 
     @property
     def uses_normals(self) -> bool:
-        """Distances have no need of them."""
+        """Distances do not need them."""
         return self.supervision == "oriented"
 
     def sampler(self, points: np.ndarray, normals: np.ndarray, frame: Frame, run: Run) -> Sampling:
@@ -55,8 +55,8 @@ class Supervised(OrientedWeights, Fitted):
             return super().sampler(points, normals, frame, run)
         if not run.has_truth:
             raise UsageError(
-                f"{self.name}: trained on true distances to a reference, and there is none here; "
-                "say method.supervision=oriented to fit the points and normals of the input instead"
+                f"{self.name}: is trained on true distances to a reference, but there is no reference; "
+                "use method.supervision=oriented to fit the points and normals of the input instead"
             )
 
         def distances(x: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The weights of Eq. 4.4, as parameters of the methods that are fitted by it."""
+"""The weights of Eq. 4.4, as parameters of the methods fitted by it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class OrientedWeights:
     normal: float = 40.0  # of Eq. 4.4: weight of the normals, lambda_2
 
     def check_weights(self) -> None:
-        """Raise ValueError unless they are weights."""
+        """Raise ValueError unless the weights are valid."""
         at_least(self, surface=0, space=0, eikonal=0, normal=0)
 
     def oriented_loss(self) -> OrientedLoss:

@@ -1,7 +1,7 @@
-"""Guidance: guesses of the distance in space, which tell a field early which side is inside.
+"""Guidance: guesses of the distance in space, by which a field learns early which side is inside.
 
-Eq. 4.4 tells inside from outside at the points alone; in space, exp(-100 |f|) is as content with a wrong sign as with
-the right one. Walls that the initial sphere leaves there, or that a high frequency grows, cost little, and stay.
+Eq. 4.4 distinguishes inside and outside only at the points; in space, exp(-100 |f|) does not depend on the sign. Walls
+that remain there from the initial sphere, or that arise from a high frequency, cost little, and stay.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ WEIGHT = 400.0  # of the guessed distances
 
 
 def guided_loss(loss: OrientedLoss, f: Tensor, gradient: Tensor, batch: Batch, guided: bool) -> Tensor:
-    """Eq. 4.4; where ``guided``, the error of guessed distances takes the place of its term for the space.
+    """Eq. 4.4; if ``guided``, the error of guessed distances replaces its term for the space.
 
-    What is not known (NaN) costs nothing. A batch without guesses is judged by Eq. 4.4 alone.
+    Unknown distances (NaN) cost nothing. The loss of a batch without guesses is Eq. 4.4.
     """
     if not guided or batch.distances is None:
         return loss(f, gradient, batch)
@@ -36,8 +36,8 @@ def guided_loss(loss: OrientedLoss, f: Tensor, gradient: Tensor, batch: Batch, g
 class GuidedSampler(Sampler):
     """Oriented points, and uniform points of space with guesses of their distances.
 
-    The distance is that to the nearest point, the sign that of a coarse Poisson indicator of the points. Both are told
-    at the nodes of a lattice and interpolated between them; a guess is NaN where its sign is not clear.
+    The distance is that to the nearest point, the sign that of a coarse Poisson indicator of the points. Both are
+    computed at the nodes of a lattice and interpolated between them; a guess is NaN if its sign is not clear.
     """
 
     LATTICE, UNCLEAR = 64, 0.1  # nodes along an axis; the indicator is +-1/2 away from the surface
@@ -50,7 +50,7 @@ class GuidedSampler(Sampler):
         self._chi = indicator(known, self._normals[some] * evenly(known)[:, None], self.LATTICE, sigma=2.0)
         nodes = from_lattice(torch.cartesian_prod(*3 * [torch.arange(self.LATTICE)]), self.LATTICE)
         distances = OrderedPoints(nodes.numpy()).nearest_in(OrderedPoints(known.cpu().numpy())).distance
-        # With its sign a distance is straight across the surface, where its amount has a kink.
+        # A signed distance is linear across the surface, where its absolute value has a kink.
         self._distances = torch.as_tensor(distances).to(self._chi).view_as(self._chi) * self._chi.sign()
 
     def draw(self) -> Batch:

@@ -17,10 +17,10 @@ STEEPNESS = 100.0  # of exp(-100 |f|)
 class OrientedLoss:
     """Eq. 4.4: an eikonal field that vanishes on the points, with their normals, and nowhere else.
 
-    Each term is summed over the points that it concerns and divided by *all* points of the step, as in the released
-    code. The term for the space is exp(-100 |f|): the thesis prints it without the absolute value, which would reward
-    points far inside. Normals are compared by cosine, as in the released code; the thesis prints the inner product
-    with the gradient itself.
+    Each term is summed over its points and divided by the number of *all* points of the step, as in the released code.
+    The term for the space is exp(-100 |f|): the thesis prints it without the absolute value, which would reward points
+    far inside. Normals are compared by cosine, as in the released code; the thesis prints the inner product with the
+    gradient itself.
     """
 
     surface: float = 400.0  # lambda_1

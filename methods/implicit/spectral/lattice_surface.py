@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def vertices(chi: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Where chi, linear along the edges of the lattice, is zero: the vertices of marching cubes.
+    """The zeros of chi, which is linear along the edges of the lattice: the vertices of marching cubes.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def vertices(chi: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     places : (v, 3) tensor, in cells
     gradient : (v, 3) tensor, of chi there, per cell, by central differences
     values : (v,) tensor
-        chi at the places, 0; by them a loss of the places goes on to chi, see :func:`pull`.
+        chi at the places, 0; through them a loss of the places reaches chi, see :func:`pull`.
     """
     fixed, r = chi.detach(), len(chi)
     negative = fixed < 0
@@ -46,7 +46,7 @@ def vertices(chi: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     node, number = node[near], number[near]
     axis = torch.nn.functional.one_hot(number, 3)
     if not len(node):
-        raise InvalidOutput("the indicator has no zero crossing any more; try a smaller learning_rate")
+        raise InvalidOutput("the indicator no longer has a zero crossing; try a smaller learning_rate")
     first, flat = (node * strides).sum(1), chi.reshape(-1)
     second = first + strides[number]
     a, b = fixed.reshape(-1)[first], fixed.reshape(-1)[second]
@@ -59,7 +59,7 @@ def vertices(chi: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 def _within(resolution: int) -> tuple[int, int]:
     """The first and the last node of the box of the shape.
 
-    What is farther out is nobody's surface: around an open scan the indicator, being periodic, must change its sign
+    Zeros farther out do not belong to the surface: around an open scan the periodic indicator must change its sign
     once more, and does so at the lattice's border.
     """
     places = to_lattice(torch.tensor([-REACH, REACH]), resolution)
@@ -77,10 +77,10 @@ def _slope(chi: Tensor, node: Tensor) -> Tensor:
 
 
 def pull(values: Tensor, gradient: Tensor, by_place: Tensor) -> Tensor:
-    """A number whose derivative by chi is that of a loss with the derivatives ``by_place`` (v, 3) by the vertices.
+    """A scalar whose derivative by chi is that of a loss with the derivatives ``by_place`` (v, 3) by the vertices.
 
     A vertex stays on the surface: chi(p) = 0 gives dp = -n dchi / |grad chi|, along the normal n. (Shape as Points
-    leaves the length out, which for its chi is about the same everywhere.)
+    omits the length, which for its chi is about the same everywhere.)
     """
     square = gradient.square().sum(1).clamp(min=1e-12)
     return -((by_place * gradient).sum(1) / square * values).sum()

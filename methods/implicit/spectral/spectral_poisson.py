@@ -2,8 +2,8 @@
 
 Oriented points are spread onto a periodic lattice as a vector field v, and the indicator is the function whose gradient
 fits it, laplace chi = div v: in frequencies, one product. Everything is differentiable by the points and the normals.
-Here chi is negative inside, as all fields of this family, and normals point outwards. (Numbers are looked up by
-``gather``: on CPUs the gradient of ``[...]`` is summed by several threads in the order in which they come.)
+Here chi is negative inside, as all fields of this family, and normals point outwards. (Values are read by
+``gather``: on CPUs the gradient of ``[...]`` is summed by several threads in random order.)
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from operator import add
 import torch
 from torch import Tensor
 
-SIDE = 2.4  # of the cube about the origin that the lattice fills: the shape has radius 1, and its copies stay away
+SIDE = 2.4  # of the cube of the lattice about the origin: the shape has radius 1, and its periodic copies are far away
 
 
 def to_lattice(points: Tensor, resolution: int) -> Tensor:
@@ -29,7 +29,7 @@ def from_lattice(places: Tensor, resolution: int) -> Tensor:
 
 
 def _corners(places: Tensor, resolution: int) -> tuple[Tensor, Tensor]:
-    """Of the cells around points (n, 3): the numbers of the nodes, and their trilinear weights: (8, n) each."""
+    """The numbers of the nodes of cells around points (n, 3), and their trilinear weights: (8, n) each."""
     low = places.detach().floor()
     w = places - low
     low = low.long()
@@ -48,7 +48,7 @@ def _corners(places: Tensor, resolution: int) -> tuple[Tensor, Tensor]:
 
 
 def spread(places: Tensor, values: Tensor, resolution: int) -> Tensor:
-    """Values (n, c) at places (n, 3), shared out to the corners of their cells: (c, r, r, r)."""
+    """Values (n, c) at places (n, 3), distributed to the corners of their cells: (c, r, r, r)."""
     rows, weights = _corners(places, resolution)
     rows = rows.view(-1)
     empty = weights.new_zeros(resolution**3)
@@ -88,8 +88,8 @@ def solve(v: Tensor, sigma: float) -> Tensor:
 def indicator(points: Tensor, normals: Tensor, resolution: int, sigma: float) -> Tensor:
     """chi (r, r, r) of oriented points: 0 on average at the points, and of size 1/2 at half of the nodes.
 
-    Away from a closed surface that is +-1/2. (Shape as Points takes the size in the corner of the cube, which is next
-    to nothing for an open sheet, on either side of which chi has another sign.)
+    Away from a closed surface that is +-1/2. (Shape as Points scales by the value in the corner of the cube, which is
+    near 0 for an open sheet, whose two sides have opposite signs of chi.)
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def indicator(points: Tensor, normals: Tensor, resolution: int, sigma: float) ->
 
 
 def evenly(points: Tensor, resolution: int = 64) -> Tensor:
-    """Weights (n,) of mean 1 that undo an uneven density of points, as it is over two cells."""
+    """Weights (n,) of mean 1 that compensate an uneven density of points, measured over two cells."""
     places = to_lattice(points, resolution)
     counts = spread(places, torch.ones_like(points[:, :1]), resolution)
     k = frequencies(resolution, points.device)

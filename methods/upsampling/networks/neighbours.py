@@ -81,7 +81,7 @@ def _smallest(squared: Tensor, k: int) -> Tensor:
 
 
 def gather(x: Tensor, index: Tensor) -> Tensor:
-    """The members of sets (c, b, n) that an index (b, k, m) names: (c, b, k, m); the gradient flows back to them."""
+    """The members of sets (c, b, n) at an index (b, k, m): (c, b, k, m); the gradient flows back to them."""
     c, b, n = x.shape
     flat = index + torch.arange(0, b * n, n, device=x.device)[:, None, None]
     return x.reshape(c, -1).index_select(1, flat.reshape(-1)).reshape(c, *index.shape)
