@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 class Idr(FromImages):
     """A sine network fitted to images at points found by ray tracing: the baseline of the thesis's table 4.5.
 
-    Rays through random pixels are traced against the field as it is. Where they meet it within the mask, its normals
-    are to explain the colours; where they do not, it is to come nearer; outside of the mask it is to go. The tracer,
-    the loss and its weights are those of implicit differentiable rendering; network and lights are the thesis's, where
-    the lights are known, and a small network has the colours, where they are not.
+    Rays through random pixels are traced against the current field. If they meet it within the mask, its normals
+    should explain the colours; if they do not, it should come nearer; outside of the mask it should recede. The tracer,
+    the loss and its weights are those of implicit differentiable rendering; network and lights are the thesis's if
+    the lights are known; otherwise a small network predicts the colours.
     """
 
     def sampler(self, field: ImageField, scene: Scene, run: Run) -> Sampling:

@@ -1,4 +1,4 @@
-"""A field from images by iso-points, more of them where the surface is curved."""
+"""A field from images by iso-points, denser where the surface is curved."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .images.guided import ByIsoPoints
 class IsoCurvature(ByIsoPoints):
     """``iso_uniform``, with a fifth of the samples beside those iso-points where the surface is curved (thesis 4.2.1).
 
-    Curvature is how far an iso-point is from the mean of its neighbours.
+    Curvature is the distance of an iso-point from the mean of its neighbours.
     """
 
     importance = "curvature"

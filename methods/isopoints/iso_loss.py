@@ -1,4 +1,4 @@
-"""A field from images by iso-points, more of them where the images are not explained."""
+"""A field from images by iso-points, denser where the loss is high."""
 
 from __future__ import annotations
 

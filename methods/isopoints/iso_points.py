@@ -1,4 +1,4 @@
-"""Points on the zero level of a field, for whoever wants a cloud."""
+"""Points on the zero level of a field, as a cloud."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 @register("method", cite="Yifan et al. 2021", requires=("torch", "trimesh", "igl", "skimage", "scipy"))
 @dataclass(frozen=True)
 class IsoPoints:
-    """Evenly spread points on the zero level of a field: of one that was saved, or of one that is fitted to the cloud.
+    """Evenly spread points on the zero level of a field: a saved one, or one that is fitted to the cloud.
 
-    Any method of the bench that fits a field to a cloud will do (``siren``, ``idf``, ``siren_iso``, ...): its name and
-    its parameters are ``of``, or are read from the file that it saved. A saved field lives in the frame of its cloud:
-    give the same cloud. The iso-points replace the cloud's: as many (denoise), or ``ratio`` times as many (upsample).
+    Any method of the bench that fits a field to a cloud is possible (``siren``, ``idf``, ``siren_iso``, ...): its name
+    and its parameters are ``of``, or are read from the file that it saved. A saved field is in the frame of its cloud:
+    use the same cloud. The iso-points replace the cloud's: as many (denoise), or ``ratio`` times as many (upsample).
     """
 
     load: str = ""  # a field that a method saved (method.save=FILE)
-    of: Any = "siren_iso"  # else the method that fits one: a name, or {name: {parameter: value}}
+    of: Any = "siren_iso"  # otherwise the method that fits one: a name, or {name: {parameter: value}}
     edges: float = 0.0  # more points where normals differ: the exponent of edge-aware resampling; 0 for an even spread
     rounds: int = 3  # of thinning, spreading and inserting
     tolerance: float = 1e-5  # the largest value of the field at a point
@@ -35,7 +35,7 @@ class IsoPoints:
             if not getattr(self, name) >= least:
                 raise ValueError(f"{name}: expected at least {least}, got {getattr(self, name)}")
         if not self.load and not hasattr(self._part.made, "fit_to"):
-            raise ValueError(f"of: {self._part.plugin.name} fits no field to a cloud; expected siren, idf or the like")
+            raise ValueError(f"of: {self._part.plugin.name} does not fit a field to a cloud; expected siren or similar")
 
     @cached_property
     def _part(self) -> Any:
@@ -52,7 +52,7 @@ class IsoPoints:
         return self._part.plugins
 
     def prepare(self) -> None:
-        """Whatever the method that fits the field prepares."""
+        """Prepare the method that fits the field."""
         if hasattr(self._part.made, "prepare"):
             self._part.made.prepare()
 
@@ -68,7 +68,7 @@ class IsoPoints:
         from .sampling.extraction import Extraction, NoLevel, iso_cloud
 
         if not hasattr(self._part.made, "fit_to"):
-            raise BadInput(f"{self.load}: was saved by {self._part.plugin.name}, whose field is of no cloud")
+            raise BadInput(f"{self.load}: was saved by {self._part.plugin.name}, whose field is not fitted to a cloud")
         field, frame = self._part.made.fit_to(cloud, run)
         how = Extraction(count, self.rounds, edges=self.edges or None, tolerance=self.tolerance)
         try:

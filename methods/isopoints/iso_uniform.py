@@ -14,8 +14,8 @@ from .images.guided import ByIsoPoints
 class IsoUniform(ByIsoPoints):
     """A sine network fitted to images at iso-points, evenly spread over its surface (thesis 4.2, figure 4.18 right).
 
-    Iso-points that a view sees are samples of the surface where the mask holds them, and are to go where it does not.
-    On rays of the mask, between the first and the last iso-point around, the least value is to be inside. Network,
+    Iso-points that a view sees are samples of the surface if they lie in the mask, and should recede if they do not.
+    On rays of the mask, between the first and the last nearby iso-point, the least value should be inside. Network,
     loss, number of samples and everything else are those of ``idr``.
     """
 

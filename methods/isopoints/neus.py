@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 class Neus(FromImages):
     """A sine network fitted to images by volume rendering, with weights that are unbiased about its zero level (NeuS).
 
-    The colour of a pixel is a sum over samples of its ray, by opacities that follow from the field and a sharpness that
-    is learned. No ray is traced; the whole ray learns from its pixel. Network, lights and time are those of ``idr``,
-    with fewer rays, each of which has many samples. Unlike the publication, colours are known shading where the lights
-    are known, the network is the thesis's, and the background is the mask's.
+    The colour of a pixel is a sum over samples of its ray, by opacities that follow from the field and a learned
+    sharpness. Rays are not traced; the whole ray learns from its pixel. Network, lights and time are those of ``idr``,
+    with fewer rays, each of which has many samples. Unlike in the publication, colours are known shading if the lights
+    are known, the network is the thesis's, and the background is given by the mask.
     """
 
     samples: int = 256  # rays of a step, through all its images
@@ -37,7 +37,7 @@ class Neus(FromImages):
         at_least(self, coarse=2, fine=2)
 
     def kind_of_field(self) -> Any:
-        """With a sharpness."""
+        """A field with a sharpness."""
         from .images.volume import VolumeField
 
         return VolumeField

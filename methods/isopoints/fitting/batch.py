@@ -1,4 +1,4 @@
-"""What a step sees: points of the cloud with weights, iso-points, points of the space, points of false sheets."""
+"""The points of a step: points of the cloud with weights, iso-points, points of the space, points of false sheets."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ class RegularisedBatch(Batch):
     Attributes
     ----------
     weights : (on,) tensor
-        Eq. 4.15: how much a point of the cloud counts.
+        Eq. 4.15: the weights of the points of the cloud.
     iso : int
     iso_normals : (iso, 3) tensor
         From the iso-points around, up to the sign.
     counts : (int, int, int, int)
         Points of the four kinds in the whole step.
     bounds : (m,) tensor
-        For points of sheets that the cloud does not confirm: what the field is at least (at most, where negative).
+        For points of sheets that the cloud does not confirm: a lower bound of the field (an upper one if negative).
     facing : (s, 3) tensor
-        For points of the space: the normals of the points of the cloud nearest to them, times exp(-2 d^2), d the
-        distance in between.
+        For points of the space: the normals of the nearest points of the cloud, times exp(-2 d^2), d the distance to
+        them.
     """
 
     weights: Tensor

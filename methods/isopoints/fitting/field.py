@@ -13,12 +13,12 @@ from ...learned.networks.sine_network import SineNetwork
 from ...learned.training.field import Field
 from .batch import RegularisedBatch
 
-MANY = 8000  # iso-points of a step against which those that there are count (released)
+MANY = 8000  # number of iso-points of a step at which their weight is one half (released)
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Of the terms of the loss, each a mean over the points that it concerns."""
+    """Weights of the terms of the loss, each a mean over its points."""
 
     surface: float = 1000.0  # |f| on the cloud, and on iso-points (Eq. 4.13)
     normal: float = 100.0  # normals of the cloud, and of iso-points (Eq. 4.14)
@@ -27,17 +27,17 @@ class Weights:
     steepness: float = 100.0
     steepening: float = 0.0  # the steepness grows by this factor more until the end (released: 1)
     squared: bool = False  # the square of the gradient's length less 1, instead of its absolute value (released)
-    hold: float = 1.0  # how much the terms of the iso-points count
-    # iso-points count as much as the cloud, or by how many there are
+    hold: float = 1.0  # weight of the terms of the iso-points
+    # iso-points count as much as the cloud, or by their number
     mixing: Literal["equal", "by_count"] = "equal"
-    facing: float = 50.0  # in space the gradient is not to point against the nearest point's normal (released: 2)
+    facing: float = 50.0  # in space, penalises gradients opposite to the nearest point's normal (released: 2)
     facing_until: float = 1.0  # until this share of the training is done (released: 1/30)
 
 
 class RegularisedField(Field):
     """f with f = 0 on a cloud, as far as iso-points confirm it, and on the iso-points.
 
-    The rate of learning halves after a third and after two thirds of the training (released).
+    The learning rate halves after a third and after two thirds of the training (released).
     """
 
     def __init__(self, weights: Weights, omega: float, **form: Any):
@@ -53,7 +53,7 @@ class RegularisedField(Field):
         return [0.5 ** int(3 * min(t, 0.999))]
 
     def loss(self, batch: RegularisedBatch, t: float) -> Tensor:  # type: ignore[override]
-        """The sum of the weighted terms; a part of a step has its part of each mean."""
+        """The sum of the weighted terms; a part of a step has its share of each mean."""
         weights = self._weights
         f, gradient = self.network.value_and_gradient(batch.x)
         on, end, last = batch.on, batch.on + batch.iso, len(batch.x) - len(batch.bounds)

@@ -1,4 +1,4 @@
-"""The iso-points of a training: made after a warm-up, and again from time to time."""
+"""The iso-points of a training: extracted after a warm-up, and again at intervals."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from ..sampling.wlop import wlop
 from .batch import RegularisedBatch
 from .sheets import Sheets, split
 
-JITTER = 0.05  # of the last iso-points, before they are projected anew
-RADIUS = 0.1  # a point of the cloud farther than this from all iso-points counts nothing
-THINNING = 4  # the first iso-points begin at a quarter of their number, at points that WLOP moved
+JITTER = 0.05  # of the last iso-points, before they are projected again
+RADIUS = 0.1  # a point of the cloud farther than this from all iso-points has weight 0
+THINNING = 4  # the first iso-points start from a quarter of their number, at points moved by WLOP
 SPREAD = 0.1  # of the points near the cloud
 CORNER = 1.8  # a little farther than the corners of the box of the space's points
-WIDTH = 2.0  # standard deviations of the cloud's noise in that of the outlier weight
-MAD = 1.4826  # standard deviations of a Gaussian in its median absolute value
+WIDTH = 2.0  # ratio of the standard deviation of the outlier weight to that of the cloud's noise
+MAD = 1.4826  # ratio of the standard deviation of a Gaussian to its median absolute value
 
 Bandwidth = Literal["noise", "spacing"]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """When there are iso-points, how many, and what they are used for."""
+    """Times, number and use of iso-points."""
 
     batch: int
     iso: bool
@@ -44,25 +44,25 @@ class Plan:
     pca: int  # neighbours of an iso-point's normal
     outliers: bool  # the cloud's points are weighted
     sigma: float  # degrees: sigma_n of Eq. 4.16
-    bandwidth: Bandwidth  # what sigma_p of Eq. 4.15 is taken from
+    bandwidth: Bandwidth  # the source of sigma_p of Eq. 4.15
     sheets: bool  # iso-points of sheets that the cloud does not confirm are pushed away from the level
     lobes_after: int  # steps before lobes are pushed away as well; 0: never
     near: float  # share of the points of space that are near the cloud
-    facing: float  # weight of the normals of the points nearest to those of space; 0: they are not looked for
+    facing: float  # weight of the normals of the points nearest to those of space; 0: they are not searched
 
 
 class GuidedSampler:
-    """Draws steps for a field and keeps its iso-points.
+    """Draws the steps of a field, and maintains its iso-points.
 
     Parameters
     ----------
     field : Differentiable
-        As it is trained.
+        The trained one.
     points, normals : (n, 3) arrays
         The cloud, in the frame of radius 1.
     plan : Plan
     run : Run
-        A note says when no iso-points were found.
+        Receives a note if no iso-points were found.
     generator : torch.Generator
         On the device of the field.
     """
@@ -85,7 +85,7 @@ class GuidedSampler:
         self._tree = cKDTree(np.asarray(points, dtype=float))
         self._iso_normals = torch.zeros(0, 3, device=device)
         self._extraction = Extraction(plan.count, reach=CORNER) if plan.sheets else Extraction(plan.count)
-        self._step = -1  # the first batch may be held out
+        self._step = -1  # the first batch may be for validation
         self._false = Sheets(torch.zeros(0, 3, device=device), torch.zeros(0, device=device))
         self.iso: IsoPoints | None = None
         self.refreshed = 0
@@ -130,7 +130,7 @@ class GuidedSampler:
         return torch.cat([uniform, self._points[self._rows(len(self._points), near)] + noise])
 
     def _facing(self, space: Tensor) -> Tensor:
-        """The normals of the nearest points; they count less where those are far."""
+        """The normals of the nearest points; farther ones count less."""
         if not self._plan.facing:
             return torch.zeros_like(space)
         distances, rows = self._tree.query(space.double().cpu().numpy())
@@ -139,7 +139,7 @@ class GuidedSampler:
         return shares[:, None] * self._normals[torch.from_numpy(rows).to(device)]
 
     def _renew(self) -> None:
-        """New iso-points, from the last ones or from the cloud."""
+        """Extract new iso-points, from the last ones or from the cloud."""
         device = self._generator.device
         if self.iso is None:
             some = torch.randperm(len(self._points), generator=self._generator, device=device)[: self._plan.count]
@@ -147,7 +147,7 @@ class GuidedSampler:
         else:
             shift = torch.rand(len(self.iso.points), 3, generator=self._generator, device=device) * 2 - 1
             starts = self.iso.points + JITTER * shift
-        if self._plan.sheets:  # sheets far from the cloud are met from anywhere
+        if self._plan.sheets:  # sheets far from the cloud are found from random starts
             anywhere = torch.rand(self._plan.count, 3, generator=self._generator, device=device) * 2 - 1
             starts = torch.cat([starts, anywhere])
         try:
@@ -177,17 +177,17 @@ def pca_normals(points: Tensor, neighbours: int) -> Tensor:
 def outlier_weights(
     points: Tensor, normals: Tensor, iso: IsoPoints, sigma: float = 60.0, bandwidth: Bandwidth = "spacing"
 ) -> Tensor:
-    """How much each point of a cloud counts: (n,), from 0 to 1 (Eq. 4.15 and 4.16).
+    """The weight of each point of a cloud: (n,), from 0 to 1 (Eq. 4.15 and 4.16).
 
     The product of two weights at the nearest iso-point p: ``exp(-(n_p . (p - q))^2 / sigma_p)``, and
-    ``exp(-((1 - n_p . n_q) / (1 - cos(sigma)))^2)``. The text takes the minimum over all iso-points, which those of
-    the other side make 0; and it prints the last exponent as ``(1 - ...)^2``, which is largest for normals that differ
-    by 60 degrees. Both are taken as the released code has them. A point farther than 0.1 from all iso-points counts
-    nothing.
+    ``exp(-((1 - n_p . n_q) / (1 - cos(sigma)))^2)``. The text takes the minimum over all iso-points, which is 0 due to
+    those of the other side; and it prints the last exponent as ``(1 - ...)^2``, which is largest for normals that
+    differ by 60 degrees. Both are as in the released code here. A point farther than 0.1 from all iso-points has weight
+    0.
 
-    With ``bandwidth="spacing"``, ``sigma_p = 16 D / |P|`` as published: the square of the spacing, whatever the noise.
+    With ``bandwidth="spacing"``, ``sigma_p = 16 D / |P|`` as published: the squared spacing, independent of the noise.
     With ``"noise"``, ``sigma_p = 2 (2 s)^2``, s the robust standard deviation of ``n_p . (p - q)`` over the cloud: a
-    point at s has the weight 0.88, at 4 s 0.14, at 6 s 0.01; and the 0.1 grows to 6 s where that is more.
+    point at s has the weight 0.88, at 4 s 0.14, at 6 s 0.01; and the 0.1 grows to 6 s if that is more.
     """
     near = nearest(points, 1, iso.points)
     rows, distance = near.rows[:, 0], near.distances[:, 0]

@@ -1,4 +1,4 @@
-"""Which sheets of a level the cloud confirms, which lobes hang on them, and how far all others must go."""
+"""Sheets of a level that the cloud confirms, lobes attached to them, and bounds for all others."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from ..sampling.extraction import IsoPoints
 from ..sampling.neighbours import nearest
 from ..sampling.sheets import connected, sheets_of
 
-LEAST = 0.02  # of the cloud's points: a sheet that is nearest to fewer is not of the surface
+LEAST = 0.02  # of the cloud's points: a sheet that is nearest to fewer is not part of the surface
 PART = 0.5  # of the distance to the surface: the bound
-AROUND = 8  # neighbours of an iso-point whose points of the cloud hold it, too
-HELD = 0.2  # of the points around the iso-points that the cloud is nearest to (median): with fewer it is bare
+AROUND = 8  # neighbours of an iso-point whose points of the cloud support it, too
+HELD = 0.2  # of the median number of cloud points around supported iso-points: with fewer an iso-point is bare
 SHUT = 0.5  # of the area of a bare patch: with less vector area it is a lobe
-SMALLEST = 8  # iso-points of a patch that has a form
+SMALLEST = 8  # iso-points of a patch that is tested
 FEWEST = 4  # iso-points of a rim
 MARGIN = 2.0  # spacings beyond the hull of the rims
 TUBE = 0.1  # of a patch with several rims: with more beyond their hull it is a lobe
 
 
 class Sheets(NamedTuple):
-    """Iso-points where there should be none."""
+    """Iso-points of false sheets."""
 
     points: Tensor  # (m, 3)
-    bounds: Tensor  # (m,) half the distance to the confirmed parts, negative where the field is to be
+    bounds: Tensor  # (m,) half the distance to the confirmed parts, negative where the field should be negative
 
 
 def split(iso: IsoPoints, cloud: Tensor, *, with_lobes: bool = False) -> tuple[IsoPoints, Sheets]:
     """Iso-points of the sheets to which enough points (n, 3) of a cloud are nearest, and the others.
 
-    A network that is fitted to points also vanishes elsewhere: at clumps of outliers, and far from all points, where
-    little says that it should not. Held there, such sheets would stay. A hole does not cut a sheet off. With lobes,
-    the bags that hang on a sheet are among the others (:func:`lobes`).
+    A network fitted to points also vanishes elsewhere: at clumps of outliers, and far from all points, where few terms
+    prevent it. Iso-points would fix such sheets. A hole does not disconnect a sheet. With lobes,
+    the bags attached to a sheet are among the others (:func:`lobes`).
     """
     sheet = sheets_of(iso.points)
     voted = nearest(cloud, 1, iso.points).rows[:, 0]
@@ -57,16 +57,16 @@ def split(iso: IsoPoints, cloud: Tensor, *, with_lobes: bool = False) -> tuple[I
 def lobes(iso: IsoPoints, voted: Tensor) -> Tensor:
     """The lobes among iso-points: 1 where one encloses the inside, -1 where it encloses the outside, else 0; (n,).
 
-    A patch of the surface without points of the cloud either spans a hole or is a bag that hangs on its rim, say
-    around a clump of outliers. Its vector area, the sum of its normals, depends on the rim alone: it is nearly the area
-    where the patch spans the rim, and little of it where it is a bag with a narrow neck. A tube between two parts that
-    have points has no vector area either, but two rims, and it lies within their convex hull. Normals that point
-    away from the middle say that the inside is in the bag; the field there is to be positive.
+    A patch of the surface without points of the cloud either spans a hole or is a bag attached to its rim, for example
+    around a clump of outliers. Its vector area, the sum of its normals, depends only on the rim: it is nearly the area
+    if the patch spans the rim, and a small part of it for a bag with a narrow neck. A tube between two parts with
+    points has no vector area either, but two rims, and it lies within their convex hull. If normals point
+    away from the middle, the bag encloses the inside, and the field there should be positive.
 
     Parameters
     ----------
     iso : IsoPoints
-        Evenly spaced, so that their number stands for the area.
+        Evenly spaced, so that their number measures the area.
     voted : (m,) tensor
         For each point of the cloud, the iso-point nearest to it.
     """
@@ -94,9 +94,9 @@ def lobes(iso: IsoPoints, voted: Tensor) -> Tensor:
 
 
 def rims(patch: Tensor, around: Tensor, near: Tensor) -> tuple[Tensor, int]:
-    """The rim (n,) bool of a patch of points (n,) bool among others (n,) bool, and how many parts of it are linked."""
+    """The rim (n,) bool of a patch of points (n,) bool among others (n,) bool, and the number of its components."""
     rim = patch
-    for _ in range(2):  # as wide as that: a ring of single points may have gaps
+    for _ in range(2):  # two points wide: a ring of single points may have gaps
         reached = rim[near].any(1)
         reached[near[rim].flatten()] = True
         rim = rim | (reached & around)
@@ -106,7 +106,7 @@ def rims(patch: Tensor, around: Tensor, near: Tensor) -> tuple[Tensor, int]:
 
 
 def beyond(points: Tensor, rim: Tensor) -> Tensor:
-    """Which points (n, 3) are outside the convex hull of a rim (m, 3), by more than the spacing of that: (n,) bool."""
+    """Which points (n, 3) are outside the convex hull of a rim (m, 3) by more than the rim's spacing: (n,) bool."""
     from scipy.spatial import ConvexHull
 
     spacing = float(nearest(rim, 1).distances.median())

@@ -1,4 +1,4 @@
-"""What a surface looks like where the lights are not known: a small network."""
+"""The appearance of a surface under unknown lights: a small network."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torch.nn import functional as F
 
 
 class Appearance(nn.Module):
-    """Colours of points from place, normal and direction of view (Yariv et al. 2020, without features of the field).
+    """Colours of points from position, normal and viewing direction (Yariv et al. 2020, without features of the field).
 
     Parameters
     ----------
@@ -20,8 +20,8 @@ class Appearance(nn.Module):
         The weights are drawn from it, on the CPU.
     """
 
-    FASTER = 10.0  # than the field: its rate of learning is so many times higher
-    BANDS = 4  # of the place's encoding: sines and cosines of 1, 2, 4 and 8 pi
+    FASTER = 10.0  # times the learning rate of the field
+    BANDS = 4  # of the encoding of positions: sines and cosines of 1, 2, 4 and 8 pi
 
     def __init__(self, width: int, generator: torch.Generator):
         super().__init__()

@@ -1,4 +1,4 @@
-"""Sheets of the zero level within the shape, which no image shows."""
+"""Sheets of the zero level within the shape, which are not visible in any image."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from ..sampling.sheets import sheets_of
 from .scene import Scene
 from .visibility import Visible
 
-MOST_SEEN = 0.02  # of a sheet's points may seem to be seen, through the gaps between discs
-FRONTAL = 0.5  # cosine of ray and normal from which on that is believed: depths of slanted discs are doubtful
+MOST_SEEN = 0.02  # of a sheet's points may appear visible, through the gaps between discs
+FRONTAL = 0.5  # cosine of ray and normal above which visibility counts: depths of slanted discs are inaccurate
 
 
 @torch.no_grad()
 def buried(scene: Scene, points: Tensor, normals: Tensor, seen: Visible) -> Tensor:
-    """Whether points (n, 3) are of a sheet that no view sees, though all masks hold it: (n,) bool.
+    """Whether points (n, 3) belong to a sheet that no view sees, although all masks contain it: (n,) bool.
 
-    Images say nothing of a void within the shape, so it may grow there; nothing that they show is lost when it is
-    closed. A sheet outside of a mask, or that lies in no image, is left alone.
+    Images do not constrain a void within the shape, so it may grow; closing it does not change what they show. A sheet
+    outside of a mask, or outside of all images, is not changed.
 
     Parameters
     ----------
     points, normals : (n, 3) tensors
         Evenly spaced; unit normals outwards.
     seen : Visible
-        Which of them all views of the scene see.
+        The points that the views of the scene see.
     """
     shown = torch.zeros(len(points), dtype=torch.bool, device=points.device)
     held = torch.ones_like(shown)

@@ -1,4 +1,4 @@
-"""Samples by iso-points: evenly spread over the surface, or denser where it matters (thesis, figure 4.18 right)."""
+"""Samples by iso-points: evenly spread over the surface, or denser at salient points (thesis, figure 4.18 right)."""
 
 from __future__ import annotations
 
@@ -26,50 +26,50 @@ from .tracing import Tracing, ball_span, trace
 from .visibility import Visible, visible
 
 TOLERANCE = 1e-4  # of iso-points (thesis: from 1e-4 to 1e-5)
-GROWTH = 1.2  # of the number of iso-points, each time they are made anew, up to the most (released: 2, less often)
-NEWTON = 4  # steps back onto the surface from beside it
-STARTS = 4  # first iso-points begin at so many times as many places of the ball (released)
+GROWTH = 1.2  # of the number of iso-points at each extraction, up to the maximum (released: 2, less often)
+NEWTON = 4  # steps back onto the surface
+STARTS = 4  # random positions in the ball for each of the first iso-points (released)
 MOST_MEASURED = 5000  # iso-points of which the saliency is computed (released)
 OCCUPIED = 0.1  # samples within masks that should be inside, for each sample of the surface (released: at most that)
-STRAYS = 4  # among the starts of new iso-points are a quarter as many random places of the ball
-SOON = 10  # steps after which the first iso-points are made anew; then after as many steps as there were
-SLANTED = 0.1  # cosine of normal and ray below which a point's pixel may show what is beside it: no colour is compared
+STRAYS = 4  # the starts of new iso-points include a quarter as many random positions in the ball
+SOON = 10  # steps between the first two extractions of iso-points; later as many as since the first
+SLANTED = 0.1  # cosine of normal and ray below which a point's pixel may show its surroundings: no colour is compared
 FAST: dict[str, Any] = {"resampling": Resampling(iterations=1), "neighbours": 8}  # of an extraction
 SAMPLED = Tracing(steps=0, secants=0, polish=0)  # whether a ray meets the surface at all
-SOME = 4000  # iso-points about which rays are searched
-INNER, OUTER = 16, 8  # places there, on rays within masks (released: 64) and outside
+SOME = 4000  # iso-points around which rays are searched
+INNER, OUTER = 16, 8  # samples there, on rays within masks (released: 64) and outside
 Importance = Literal["uniform", "curvature", "loss"]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """When there are iso-points, and how many; the fields are parameters of the methods."""
+    """Times and numbers of iso-points; the fields are parameters of the methods."""
 
     importance: Importance
     points: int
     most_points: int
     warm_up: int
     refresh: int
-    surface: float  # share of the samples that are of the surface
-    share: float  # of those the share that is salient
-    inner: float  # weight of a place within the surface that is to stay inside
-    lowest: int  # places on a ray outside of a mask, besides those near iso-points
+    surface: float  # share of the samples on the surface
+    share: float  # the salient share of those
+    inner: float  # weight of a sample within the surface that should stay inside
+    lowest: int  # samples on a ray outside of a mask, besides those near iso-points
     rim: float  # share of the rays that are near the rim of a mask
-    fill: bool  # sheets within the shape that no view sees are to be inside
+    fill: bool  # sheets within the shape that no view sees should be inside
 
 
 class PointSampler:
-    """Draws iso-points that views see; before the first ones are there, it traces rays.
+    """Draws iso-points that views see; before the first extraction, it traces rays.
 
     Parameters
     ----------
     field : ImageField
-        As it is trained.
+        The trained one.
     scene, views, samples, space, generator
         As of :class:`.by_rays.RaySampler`.
     plan : Plan
     run : Run
-        A note says when no iso-points were found.
+        Receives a note if no iso-points were found.
     """
 
     def __init__(
@@ -112,15 +112,15 @@ class PointSampler:
         return Samples(surface, occupied, free, space, self._samples)
 
     def _renew(self) -> None:
-        """New iso-points, from the last ones; which views see them, and which are salient."""
+        """Extract new iso-points from the last ones; find the views that see them, and salient ones."""
         plan = self._plan
         if self.iso is None:
             starts = in_ball(STARTS * plan.points, 1.0, self._generator)
         else:
-            # and some new ones: the surface may have grown where there were none
+            # and some random ones: the surface may have grown elsewhere
             strays = in_ball(self._count // STRAYS, 1.0, self._generator)
             starts = torch.cat([self.iso.points, strays])
-            if self._step > plan.warm_up + plan.refresh:  # at first the surface is coarse, and they are made often
+            if self._step > plan.warm_up + plan.refresh:  # at first the surface is coarse, and extractions are frequent
                 self._count = min(plan.most_points, round(GROWTH * self._count))
         how = Extraction(self._count, tolerance=TOLERANCE, reach=1.0, **FAST)
         try:
@@ -140,7 +140,7 @@ class PointSampler:
         self._more = None if plan.importance == "uniform" else self._salient(seen)
 
     def _salient(self, seen: Visible) -> _ByView | None:
-        """Points beside those where the metric is high, and which views see them."""
+        """Points near those where the metric is high, and the views that see them."""
         assert self.iso is not None
         points, normals = self.iso.points, self.iso.normals
         metric = curvatures(points) if self._plan.importance == "curvature" else self._losses(seen)
@@ -165,7 +165,7 @@ class PointSampler:
         return averaged(off, point, len(points))
 
     def _drawn(self, views: Tensor) -> _Drawn:
-        """Iso-points that views see, some of them where it matters."""
+        """Iso-points that views see, some of them at salient points."""
         count = round(self._plan.surface * self._samples / len(views))
         more = 0 if self._more is None else round(self._plan.share * count)
         base = self._base.drawn(views, count - more, self._spacing, self._generator)
@@ -175,7 +175,7 @@ class PointSampler:
         return _Drawn(*(torch.cat(parts) for parts in zip(base, salient, strict=True)))
 
     def _moved(self, drawn: _Drawn) -> tuple[Surface, Wanted]:
-        """Points beside those drawn, on the surface as it is now, as samples; and those that lie outside of a mask."""
+        """The drawn points, moved along the current surface, as samples; and those that lie outside of a mask."""
         scene, view = self._scene, drawn.view
         shift = torch.rand(drawn.points.shape, generator=self._generator, device=view.device) * 2 - 1
         shift = drawn.spacing[:, None] * (shift - (shift * drawn.normals).sum(1, keepdim=True) * drawn.normals)
@@ -187,7 +187,7 @@ class PointSampler:
         rows = torch.nonzero(kept & ~self._base.depths.hidden(view, at.points, normals))[:, 0]
         inside = scene.inside(view[rows], place[rows])
         outer, rows = rows[~inside], rows[inside & (cosine[rows] > SLANTED)]
-        # a point counts as the pixels that it stands for
+        # a point counts as the pixels that it represents
         pixels = (drawn.area * cosine * (scene.focal[view] / depth).square())[outer]
         share = self._samples / (self._rays.views * int(scene.size.prod()))
         free = Wanted(at.points[outer], share * pixels)
@@ -195,7 +195,7 @@ class PointSampler:
         return Surface(at.points[rows], at.gradients[rows], view[rows], directions[rows], colors), free
 
     def _outside(self, views: Tensor, count: int) -> Wanted:
-        """Places on rays outside of the masks."""
+        """Samples on rays outside of the masks."""
         view, place, weight = self._pixels.outside(views, max(2, count))
         rays = self._scene.rays(view, place)
         drawn = len(view)
@@ -209,12 +209,12 @@ class PointSampler:
         return Wanted(points, weight)
 
     def _occupied(self, views: Tensor, count: int) -> Wanted:
-        """Places on rays within the masks."""
+        """Samples on rays within the masks."""
         view, place, weight = self._pixels.inside(views, max(2, count))
         rays = self._scene.rays(view, place)
         t = about(rays, self._some(SOME), self._spacing, INNER)
         found = least(self._field, rays, t)
-        # a ray that seems to miss the surface may meet a part that moved since there were iso-points: it is traced
+        # a ray that seems to miss the surface may meet a part that moved since the extraction: it is traced
         misses = torch.nonzero(found.values > 0)[:, 0]
         traced = trace(self._field, Rays(rays.origins[misses], rays.directions[misses]), SAMPLED)
         found.points[misses] = traced.points
@@ -239,7 +239,7 @@ class PointSampler:
         return points[torch.randperm(len(points), generator=self._generator, device=points.device)[:count]]
 
     def _covered(self, views: Tensor) -> float:
-        """The share of pixels that masks hold: each kind counts as if pixels were drawn all over the images."""
+        """The share of pixels within masks: each kind counts as if pixels were drawn from the whole images."""
         return float(self._scene.masks[views].float().mean())
 
 
@@ -250,7 +250,7 @@ class _Drawn(NamedTuple):
     points: Tensor  # (n, 3)
     normals: Tensor  # (n, 3)
     spacing: Tensor  # (n,), of the points around
-    area: Tensor  # (n,), of the surface that one stands for
+    area: Tensor  # (n,), of the surface that a point represents
 
 
 class _ByView:
@@ -263,7 +263,7 @@ class _ByView:
         self._begin = self._count.cumsum(0) - self._count
 
     def drawn(self, views: Tensor, count: int, spacing: float, generator: torch.Generator) -> _Drawn:
-        """``count`` of the points of each of some views (with replacement), where it sees any."""
+        """``count`` of the points of each of some views (with replacement), if it sees any."""
         views = views[self._count[views] > 0].repeat_interleave(count)
         seen = self._count[views]
         share = torch.rand(len(views), generator=generator, device=views.device)

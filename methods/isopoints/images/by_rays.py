@@ -14,13 +14,13 @@ from .tracing import Tracing, trace
 class RaySampler:
     """Traces rays through random pixels of a few views.
 
-    Within the mask a hit is a point of the surface; a ray without one has its least value there, which should be
-    inside. Outside of the mask hits and least values should be outside.
+    Within the mask a hit is a point of the surface; on a ray without a hit, the point of the least value should be
+    inside. Outside of the mask hits and points of least values should be outside.
 
     Parameters
     ----------
     network : Differentiable
-        As it is trained.
+        The trained one.
     scene : Scene
     views : int
         Of a step.

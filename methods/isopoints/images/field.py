@@ -1,4 +1,4 @@
-"""A sine network that is to look like the images."""
+"""A sine network fitted to images."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ DOUBLINGS = 5  # of the steepness, over the training (IDR: at epochs 250 to 1,25
 
 @dataclass(frozen=True)
 class Terms:
-    """Weights of the loss, and how its parts are made; the fields are parameters of the methods."""
+    """Weights and settings of the loss; the fields are parameters of the methods."""
 
     color: float  # of the difference of colours, summed over channels
     mask: float  # of the cross entropy of -steepness f against inside or outside, divided by the steepness
     eikonal: float  # of (|gradient| - 1)^2
     steepness: float  # it doubles five times
     motion: Motion
-    most: float  # the longest derivative by a surface point, before the mean
+    most: float  # largest norm of the derivative by a surface point, before the mean
 
 
 class ImageField(Field):
@@ -40,7 +40,7 @@ class ImageField(Field):
     scene : Scene
     terms : Terms
     appearance : Appearance, optional
-        Learned, where the lights are not known.
+        Learned, if the lights are not known.
     """
 
     def __init__(self, scene: Scene, terms: Terms, appearance: Appearance | None, omega: float, **form: Any):
@@ -54,29 +54,29 @@ class ImageField(Field):
         return self.network(x)
 
     def groups(self) -> Sequence[list[nn.Parameter]]:
-        """The network, and what colours it."""
+        """The network, and the appearance."""
         groups = [list(self.network.parameters())]
         return groups if self.appearance is None else [*groups, list(self.appearance.parameters())]
 
     def rates(self, t: float) -> list[float]:
-        """They halve after a third and after two thirds of the training; colours are learned faster."""
+        """The rates halve after a third and after two thirds of the training; that of colours is higher."""
         factor = 0.5 ** int(3 * min(t, 0.999))
         return [factor] if self.appearance is None else [factor, Appearance.FASTER * factor]
 
     def steepness(self, t: float) -> float:
-        """Of the cross entropy, at some progress of the training."""
+        """The steepness of the cross entropy, at a progress of the training."""
         return self._terms.steepness * 2 ** min(DOUBLINGS, int(8 * t))
 
     def colors(self, views: Tensor, points: Tensor, normals: Tensor, directions: Tensor) -> Tensor:
-        """What a surface looks like: (n, 3), 0..1."""
+        """The colours of a surface: (n, 3), 0..1."""
         if self.appearance is None:
             return self._scene.shaded(views, normals)
         return self.appearance(points, normals, directions)
 
     def loss(self, batch: Samples, t: float) -> Tensor:  # type: ignore[override]
-        """Colours of the surface, inside or outside of the others, and the gradient's length."""
+        """Colours of the surface, inside or outside of the other points, and the gradient's length."""
         terms, surface = self._terms, batch.surface
-        # a point counts as much in each step, however many were found
+        # a point has the same weight in each step, independent of their number
         share = 1 / max(1, batch.pixels)
         loss = torch.zeros((), device=batch.space.device)
         if len(surface):

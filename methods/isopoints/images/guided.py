@@ -23,15 +23,15 @@ class ByIsoPoints(FromImages):
     importance: ClassVar[str] = "uniform"
 
     points: int = 4000  # iso-points, at first (thesis)
-    most_points: int = 20_000  # and in the end: a fifth more each time (thesis)
+    most_points: int = 20_000  # in the end: a fifth more each time (thesis)
     warm_up: int = 0  # steps by ray tracing, before the first iso-points (thesis: 500)
     refresh: int = 100  # steps between new iso-points
-    surface: float = 0.65  # share of the samples that are of the surface
-    share: float = 0.2  # of those the share that is drawn where it matters (released)
-    inner: float = 0.1  # weight of places on rays within masks that are inside already, and are to stay it
-    lowest: int = 2  # random places on a ray outside of a mask, besides those near iso-points; the least value counts
+    surface: float = 0.65  # share of the samples on the surface
+    share: float = 0.2  # of those, the share at salient points (released)
+    inner: float = 0.1  # weight of samples on rays within masks that are inside already, and should stay inside
+    lowest: int = 2  # random samples on a ray outside of a mask, besides those near iso-points; the least value counts
     rim: float = 0.5  # share of the rays, inside and outside of masks, that are near a rim; they count less
-    fill: bool = True  # voids within the shape, which no view sees, are to be inside
+    fill: bool = True  # voids within the shape, which no view sees, should be inside
 
     def __post_init__(self) -> None:
         super().__post_init__()

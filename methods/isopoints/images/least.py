@@ -11,17 +11,17 @@ from torch import Tensor
 from ..sampling.fields import values_at
 from .scene import Rays
 
-NEAREST = 16  # iso-points nearest to a ray: they are of all layers that it passes through
+NEAREST = 16  # iso-points nearest to a ray: they belong to all layers that it passes through
 
 
 def about(rays: Rays, points: Tensor, slack: float, samples: int) -> Tensor:
     """Distances (n, samples) along rays, from the first to the last of the iso-points (m, 3) nearest to each.
 
-    Where the surface has not grown to a ray yet, that is beside the part of it that is nearest to the ray. The part is
-    longer by ``slack`` at both ends.
+    If the surface does not reach the ray yet, that is near the part of it nearest to the ray. The interval is extended
+    by ``slack`` at both ends.
     """
     along = rays.directions @ points.T - (rays.directions * rays.origins).sum(1, keepdim=True)
-    # squared distances from the origins; those of the points across the rays are what is left of them
+    # squared distances from the origins; subtracting the part along the rays leaves that across them
     whole = rays.origins.square().sum(1, keepdim=True) - 2 * rays.origins @ points.T + points.square().sum(1)
     closest = (whole - along.square()).topk(min(NEAREST, len(points)), dim=1, largest=False).indices
     near = along.gather(1, closest)
@@ -30,7 +30,7 @@ def about(rays: Rays, points: Tensor, slack: float, samples: int) -> Tensor:
 
 
 class Least(NamedTuple):
-    """What was found on rays."""
+    """The samples found on rays."""
 
     points: Tensor  # (n, 3)
     values: Tensor  # (n,)
@@ -38,13 +38,13 @@ class Least(NamedTuple):
 
 @torch.no_grad()
 def least(values: Callable[[Tensor], Tensor], rays: Rays, t: Tensor, first: bool = False) -> Least:
-    """Of places at distances (n, k) along rays those with the least value, or (``first``) the first one inside.
+    """The samples of least value among distances (n, k) along rays, or (``first``) the first one inside.
 
     Parameters
     ----------
     values : function of points (n, 3) to values (n,), negative inside
     first : bool
-        Where a ray enters the surface, its place is the first with a value below 0 instead: samples that are to be
+        If a ray enters the surface, take its first sample with a value below 0 instead: samples that should be
         outside push the surface away from there.
     """
     if not len(t):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 FORM = ("omega", "hidden_layers", "width", "appearance", "appearance_width")
-BALL = 1.02  # surface beyond this radius is cut off: no sample is there
+BALL = 1.02  # surface beyond this radius is cut off: no samples are there
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,17 @@ class FromImages(Trained):
     samples: int = 1024  # of a step, on rays through all its images
     space: int = 512  # points of a step anywhere in the ball, for the gradient's length
     omega: float = 30.0  # frequency of the sine layers
-    hidden_layers: int = 3  # sine layers behind the first
+    hidden_layers: int = 3  # sine layers after the first
     width: int = 256  # of each layer
-    sphere: float = 0.5  # radius of the sphere that the network begins as
+    sphere: float = 0.5  # radius of the initial sphere
     color: float = 1.0  # weight of the colours' difference
     mask: float = 30.0  # weight of inside and outside (IDR: 100, of colours from -1 to 1)
     eikonal: float = 0.1  # weight of the gradient's length (IDR)
-    steepness: float = 50.0  # of the sigmoid that says what is inside; it doubles five times (IDR)
-    motion: Literal["normal", "ray"] = "normal"  # how points of the surface move with the network
+    steepness: float = 50.0  # of the sigmoid of inside and outside; it doubles five times (IDR)
+    motion: Literal["normal", "ray"] = "normal"  # direction in which points of the surface move with the network
     most: float = 0.1  # the largest derivative of the colours by a point (released); 0 for any
     clip: float = 1.0  # largest norm of the gradient; 0 for none
-    # what a surface looks like: as the lights of the views say, or learned; auto: learned where they have no lights
+    # of the surface: by the lights of the views, or learned; auto: learned if the views have no lights
     appearance: Literal["auto", "lights", "learned"] = "auto"
     appearance_width: int = 128  # of the learned one's layers
 
@@ -63,27 +63,27 @@ class FromImages(Trained):
                 raise ValueError(f"{name}: expected {', '.join(known)}, got {getattr(self, name)!r}")
 
     def reads(self) -> tuple[Path, ...]:
-        """The sphere that it begins as, where that is shipped."""
+        """The file of the initial sphere, if it is shipped."""
         return spheres_read(self.omega, self.hidden_layers, self.width, self.first_sphere)
 
     def form(self) -> dict[str, Any]:
-        """The parameters that say which function the weights make."""
+        """The parameters that determine the function of the weights."""
         return {name: getattr(self, name) for name in FORM}
 
     def training(self) -> dict[str, Any]:
-        """The mean of the last states counts: samples follow the surface, so that losses of two do not compare."""
+        """The mean of the last states is the result: samples follow the surface, so losses are not comparable."""
         return {"clip": self.clip, "keep": "mean"}
 
     # -- what a method adds ----------------------------------------------------------------------------------------
 
     def sampler(self, field: ImageField, scene: Scene, run: Run) -> Sampling:
-        """What draws the steps."""
+        """The sampler of the steps."""
         raise NotImplementedError
 
     # -- what they share -------------------------------------------------------------------------------------------
 
     def kind_of_field(self) -> type[ImageField]:
-        """Its class."""
+        """The class of the field."""
         from .field import ImageField
 
         return ImageField
@@ -94,7 +94,7 @@ class FromImages(Trained):
         return self.extract_in_time(field, Frame(), run)
 
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
-        """Iso-points of a field that was fitted to the images: as many as the cloud has; it is not used."""
+        """Iso-points of a field fitted to the images: as many as the cloud has, which is not used otherwise."""
         from ..sampling.extraction import iso_cloud
 
         field = self.fit_to_views(views, run)
@@ -113,12 +113,12 @@ class FromImages(Trained):
             return replace(self, appearance="lights" if scene.lit else "learned").fit_to_views(views, run)
         self.check_files()
         field = self._of_images(scene, self.first_weights(run)).to(run.device)
-        about = 0.7 * golden_spiral(4096)  # where the surface may be: nothing of it is known yet
+        about = 0.7 * golden_spiral(4096)  # a guess of the unknown surface
         self.train(field, lambda: self.sampler(field, scene, run), about, Frame(), run)
         return field
 
     def _of_images(self, scene: Scene, generator: torch.Generator) -> ImageField:
-        """The field before the training, a sphere."""
+        """The initial field, a sphere."""
         from ...learned.networks.sphere import begin_as_sphere
         from .appearance import Appearance
         from .field import Terms
@@ -131,7 +131,7 @@ class FromImages(Trained):
         return field
 
     def extract(self, field: Field, frame: Frame, resolution: int, seconds: float = float("inf")) -> Trimesh:
-        """The zero level of a field within the ball; coarser where that would take more seconds."""
+        """The zero level of a field within the ball; coarser if it would take more than ``seconds``."""
         from ...learned.meshing.marching import REACH, extract
 
         def values(points: np.ndarray) -> np.ndarray:
@@ -141,6 +141,6 @@ class FromImages(Trained):
 
     def _check(self, views: Views) -> None:
         if not views.masks.any():
-            raise BadInput(f"{self.name}: no mask of the {len(views)} views holds a pixel: there is nothing to find")
+            raise BadInput(f"{self.name}: the masks of all {len(views)} views are empty; expected masks of a shape")
         if self.appearance == "lights" and views.light_directions is None:
-            raise BadInput(f"{self.name}: the views have no lights; say method.appearance=learned")
+            raise BadInput(f"{self.name}: the views have no lights; use method.appearance=learned")

@@ -7,7 +7,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-FLAT = 1e-2  # the least slope along a ray that is divided by: a grazing ray would throw a point far away
+FLAT = 1e-2  # the least divisor, a slope along a ray: a grazing ray would move a point far away
 Motion = Literal["normal", "ray"]
 
 
@@ -27,7 +27,7 @@ def moving(
         Of the field there, and of the rays; taken as constant.
     motion : "normal" or "ray"
     most : float
-        The longest derivative of a loss by one of the points; longer ones are shortened. 0: any.
+        The largest norm of the derivative of a loss by a point; longer ones are shortened. 0: any.
     """
     if motion == "normal":
         away = gradients / gradients.square().sum(1, keepdim=True).clamp(min=FLAT)

@@ -1,4 +1,4 @@
-"""Where more samples are wanted: high curvature, or a high loss (thesis 4.2.1, figure 4.15)."""
+"""Salient points, which get more samples: those of high curvature, or high loss (thesis 4.2.1, figure 4.15)."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from ..sampling.neighbours import nearest
 from ..sampling.resampling import area_unit
 
 NEIGHBOURS = 8
-FEW = 50  # points that are salient, at least, where so many are a twentieth of all
+FEW = 50  # largest number of salient points, which are at most a twentieth of all
 
 
 def curvatures(points: Tensor) -> Tensor:
-    """The norm of the Laplacian (n,): how far points (n, 3) are from the mean of their neighbours."""
+    """The norm of the Laplacian (n,): the distance of points (n, 3) from the mean of their neighbours."""
     near = nearest(points, NEIGHBOURS)
     return (points - points[near.rows].mean(1)).norm(dim=1)
 
 
 def averaged(loss: Tensor, point: Tensor, count: int) -> Tensor:
-    """The mean loss of points (count,), of losses (m,) of views that see some of them; 0 of a point that none sees."""
+    """The mean loss of points (count,) from losses (m,) of views that see them; 0 for points that no view sees."""
     total = torch.zeros(count, device=loss.device).index_add_(0, point, loss)
     seen = torch.zeros(count, device=loss.device).index_add_(0, point, torch.ones_like(loss))
     return total / seen.clamp(min=1)
@@ -30,7 +30,7 @@ def averaged(loss: Tensor, point: Tensor, count: int) -> Tensor:
 def salient(metric: Tensor) -> Tensor:
     """The rows of the points that count as salient, of a metric (n,).
 
-    Those above ``min(2 median, max / 2)``; where these are none, or too many, the highest (released).
+    Those above ``min(2 median, max / 2)``; if these are none, or too many, the highest (released).
     """
     some = max(1, min(FEW, len(metric) // 20))
     rows = torch.nonzero(metric > torch.minimum(2 * metric.median(), 0.5 * metric.max()))[:, 0]

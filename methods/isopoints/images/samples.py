@@ -1,4 +1,4 @@
-"""What a step of the training sees, whoever has chosen it."""
+"""The points of a training step, for all samplers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from torch import Tensor
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Points of the zero level with what images show of them."""
+    """Points of the zero level with their colours in the images."""
 
     points: Tensor  # (n, 3)
     gradients: Tensor  # (n, 3), of the field there
@@ -33,18 +33,18 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """Points that should be inside, or outside, and how much each counts: 1 is a pixel that was drawn."""
+    """Points that should be inside, or outside, and their weights: 1 is a drawn pixel."""
 
     points: Tensor  # (n, 3)
     weights: Tensor  # (n,)
 
     @staticmethod
     def alike(points: Tensor, weight: float = 1.0) -> Wanted:
-        """All count the same."""
+        """Points of equal weight."""
         return Wanted(points, torch.full_like(points[:, 0], weight))
 
     def and_also(self, other: Wanted) -> Wanted:
-        """Those of both."""
+        """The points of both."""
         return Wanted(torch.cat([self.points, other.points]), torch.cat([self.weights, other.weights]))
 
     def __getitem__(self, rows: Tensor | slice) -> Wanted:

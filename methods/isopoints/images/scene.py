@@ -13,7 +13,7 @@ from torch.nn import functional as F
 
 from bench import Views
 
-RIM = 0.03  # of an image's longer side: a pixel so near to the other kind is at the rim of a mask
+RIM = 0.03  # of an image's longer side: a pixel within this distance of the other kind is at the rim of a mask
 
 
 class Rays(NamedTuple):
@@ -24,14 +24,14 @@ class Rays(NamedTuple):
 
 
 class Scene:
-    """Views on a device, for many pixels of many views at once; a pixel is a view and a place (column, row) in it.
+    """Views on a device, for many pixels of many views at once; a pixel is a view and a position (column, row) in it.
 
     Parameters
     ----------
     views : Views
     device : str or torch.device
     dtype : torch.dtype
-        Of everything but masks.
+        Of everything except masks.
     """
 
     def __init__(self, views: Views, device: str | torch.device, dtype: torch.dtype = torch.float32):
@@ -56,7 +56,7 @@ class Scene:
 
     @property
     def focal(self) -> Tensor:
-        """Of each view, in pixels: (v,)."""
+        """The focal length of each view, in pixels: (v,)."""
         return (self._intrinsics[:, 0, 0] * self._intrinsics[:, 1, 1]).sqrt()
 
     def rays(self, view: Tensor, place: Tensor) -> Rays:
@@ -69,7 +69,7 @@ class Scene:
     def project(self, view: Tensor, points: Tensor) -> tuple[Tensor, Tensor]:
         """Places (n, 2) and depths (n,) along the optical axis, of points (n, 3) in views (n,).
 
-        A point that is not in front of its camera has a place far outside of the image.
+        A point that is not in front of its camera is placed far outside of the image.
         """
         camera = torch.einsum("nij,nj->ni", self._rotation[view], points) + self._shift[view]
         depth = camera[:, 2]
@@ -83,14 +83,14 @@ class Scene:
         return ((place >= 0) & (place < self.size)).all(1)
 
     def inside(self, view: Tensor, place: Tensor) -> Tensor:
-        """Whether the mask holds places (n, 2), which are shown: (n,) bool."""
+        """Whether the mask contains places (n, 2) within the image: (n,) bool."""
         column, row = place.floor().long().unbind(1)
         return self.masks[view, row, column]
 
     def colors(self, view: Tensor, place: Tensor) -> Tensor:
-        """The colours (n, 3) of places (n, 2): bilinear between those pixels around that the mask holds.
+        """The colours (n, 3) of places (n, 2): bilinear between the surrounding pixels within the mask.
 
-        Pixels beyond the silhouette would mix the background into what the surface looks like at its rim.
+        Pixels beyond the silhouette would mix the background into the colours at its rim.
         """
         corner = place - 0.5
         low = corner.floor()
@@ -108,7 +108,7 @@ class Scene:
         return total / weights.clamp(min=1e-9)
 
     def shaded(self, view: Tensor, normals: Tensor) -> Tensor:
-        """What a white diffuse surface looks like: colours (n, 3), 0..1, of unit normals (n, 3) in views (n,)."""
+        """The colours of a white diffuse surface: (n, 3), 0..1, of unit normals (n, 3) in views (n,)."""
         facing = torch.einsum("nki,ni->nk", self.light_directions[view], normals).clamp(min=0)
         colors = torch.einsum("nk,nkc->nc", facing, self.light_colors[view]) + self.ambient[view]
         return colors.clamp(max=1)
@@ -119,14 +119,14 @@ class Drawn(NamedTuple):
 
     view: Tensor  # (n,)
     place: Tensor  # (n, 2), of their middles
-    weight: Tensor  # (n,), how many pixels one stands for, over the mean
+    weight: Tensor  # (n,), the number of pixels that each represents, over the mean
 
 
 class Pixels:
     """Draws random pixels of one kind: of a mask, outside of it, or any.
 
-    Of one kind, a share of ``rim`` is drawn near the rim of the mask, and these count accordingly less: pixels farther
-    away say little, for nobody doubts that they are inside, or outside.
+    For one kind, a share of ``rim`` is drawn near the rim of the mask, and these have accordingly less weight: pixels
+    farther away carry little information, because they are clearly inside, or outside.
     """
 
     def __init__(self, scene: Scene, generator: torch.Generator, rim: float = 0.0):
@@ -134,11 +134,11 @@ class Pixels:
 
     @cached_property
     def _kinds(self) -> list[list[tuple[Tensor, Tensor]]]:
-        """Of each view; who draws any pixels alone does not wait for the distances to the rims."""
+        """The kinds of each view, computed on first use: drawing any pixels does not need the distances to the rims."""
         return [_kinds(mask) for mask in self._scene.masks]
 
     def views(self, count: int) -> Tensor:
-        """So many different views, or all."""
+        """``count`` different views, or all."""
         device = self._generator.device
         return torch.randperm(len(self._scene), generator=self._generator, device=device)[:count]
 
@@ -149,7 +149,7 @@ class Pixels:
         return self._placed(views, rows, torch.ones(count * len(views), device=views.device))
 
     def inside(self, views: Tensor, count: int) -> Drawn:
-        """The same, of the masks (at least two); nothing of a view whose mask is empty."""
+        """The same, within the masks (at least two); none of a view whose mask is empty."""
         return self._of(0, views, count)
 
     def outside(self, views: Tensor, count: int) -> Drawn:
@@ -162,7 +162,7 @@ class Pixels:
             near, far = self._kinds[view][kind]
             share = len(near) / max(1, len(near) + len(far))
             some = round(count * (self._rim + (1 - self._rim) * share))
-            # of a part with pixels at least one, however few are drawn
+            # at least one from each part with pixels, even if few are drawn
             some = count if not len(far) else 0 if not len(near) else min(max(1, some), count - 1)
             for pixels, drawn, part in ((near, some, share), (far, count - some, 1 - share)):
                 number = drawn if len(pixels) else 0
@@ -187,7 +187,7 @@ def _kinds(mask: Tensor) -> list[tuple[Tensor, Tensor]]:
     held = mask.cpu().numpy()
     kinds: list[tuple[Tensor, Tensor]] = []
     for kind in (held, ~held):
-        # an image that is all of one kind has no rim; the function would measure to a place that it makes up
+        # an image with only one kind has no rim; the function would measure to an arbitrary place
         distance = distance_transform_edt(kind) if not kind.all() else np.full(kind.shape, np.inf)
         near, far = kind & (distance <= RIM * max(kind.shape)), kind & (distance > RIM * max(kind.shape))
         numbers = [torch.as_tensor(np.flatnonzero(some), device=mask.device) for some in (near, far)]

@@ -1,4 +1,4 @@
-"""Rays against a field: sphere tracing from both ends, and a search where that does not arrive (Yariv et al. 2020)."""
+"""Rays against a field: sphere tracing from both ends, and a search if that does not converge (Yariv et al. 2020)."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ Values = Callable[[Tensor], Tensor]  # points (n, 3) to values (n,), negative in
 
 @dataclass(frozen=True)
 class Tracing:
-    """How rays are traced; the numbers are those of the released code."""
+    """The settings of ray tracing; the numbers are those of the released code."""
 
-    radius: float = 1.0  # of the ball around the origin that holds the shape
+    radius: float = 1.0  # of the ball around the origin that contains the shape
     steps: int = 10  # of sphere tracing, from either end
     tolerance: float = 5e-5  # a value below counts as 0
     halvings: int = 3  # of a step that went through the surface
-    samples: int = 100  # of a ray on which sphere tracing does not arrive
+    samples: int = 100  # of a ray on which sphere tracing does not converge
     secants: int = 8  # steps of regula falsi between two of them
-    polish: int = 2  # secant steps where sphere tracing arrived
+    polish: int = 2  # secant steps after sphere tracing has converged
 
 
 class Traced(NamedTuple):
-    """What rays meet."""
+    """The results of rays."""
 
-    points: Tensor  # (n, 3): the hit; else the place of the least value; else the place nearest to the origin
+    points: Tensor  # (n, 3): the hit; else the point of least value; else the point nearest to the origin
     hit: Tensor  # (n,) bool
     reaches: Tensor  # (n,) bool: whether the ray meets the ball
     evaluations: int  # of the field
@@ -51,16 +51,15 @@ def trace(values: Values, rays: Rays, how: Tracing = Tracing(), search: Tensor |
     """The first places at which rays meet the zero level of a field.
 
     Sphere tracing runs from the near and from the far end of a ray's part in the ball, at the same time. A step that
-    lands inside is taken back by halves. Where the near end does not arrive, equidistant samples between both ends
-    show the first change of the sign, and regula falsi finds the place. A ray without a hit gets the sample with the
-    least value.
+    ends inside is taken back by halves. If the near end does not converge, equidistant samples between both ends
+    show the first sign change, and regula falsi refines it. A ray without a hit gets the sample with the least value.
 
     Parameters
     ----------
     values : function
     rays : Rays
     search : (n,) bool tensor, optional
-        The rays on which samples with a change of the sign may become hits; all by default. (IDR: in training those
+        The rays on which samples with a sign change may become hits; all by default. (IDR: in training those
         within the mask.)
     """
     tracer = _Tracer(values, rays, how)
@@ -113,7 +112,7 @@ class _Tracer:
         self._passed[rows] = near >= far
 
     def _stepped(self, t: Tensor, f: Tensor, rows: Tensor, moving: Tensor, sign: int) -> tuple[Tensor, Tensor]:
-        """One step of the rays that move, and taken back by halves where it lands inside."""
+        """One step of the moving rays, taken back by halves if it ends inside."""
         moves = torch.nonzero(moving)[:, 0]
         step, found = f[moves], t[moves] + sign * f[moves]
         value = self.f(found, rows[moves])
@@ -128,7 +127,7 @@ class _Tracer:
         return t, f
 
     def sample(self, search: Tensor) -> None:
-        """Equidistant samples of the rays whose near end has not arrived."""
+        """Equidistant samples of the rays whose near end has not converged."""
         how = self._how
         rows = torch.nonzero(self.reaches & ~self.hit)[:, 0]
         if not len(rows):

@@ -1,4 +1,4 @@
-"""Which points of a surface a camera sees: discs in their tangent planes, and the nearest one of each pixel."""
+"""Visibility of surface points in a camera: discs in their tangent planes, and the nearest one of each pixel."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from torch.nn import functional as F
 
 from .scene import Scene
 
-REACH = 1.0  # pixels from the middle of a disc to its rim: depth images are as coarse as that allows
+REACH = 1.0  # pixels from the middle of a disc to its rim: determines the resolution of depth images
 
 
 class Depths(NamedTuple):
@@ -19,14 +19,14 @@ class Depths(NamedTuple):
 
     scene: Scene
     views: Tensor  # (m,)
-    nearest: Tensor  # (m, h, w): depth along the optical axis; infinite where nothing is
-    scale: float  # pixels of these images for one of the views'
+    nearest: Tensor  # (m, h, w): depth along the optical axis; infinite for the background
+    scale: float  # pixels of these images per pixel of the views
     radius: float  # of the discs
 
     def hidden(self, row: Tensor, points: Tensor, normals: Tensor) -> Tensor:
-        """Whether points (n, 3) are behind a disc, as the views in rows (n,) see them: (n,) bool.
+        """Whether points (n, 3) are behind a disc in the views of rows (n,): (n,) bool.
 
-        Behind it by more than a disc's radius, and by what a slanted surface gains in depth within a pixel.
+        Behind it by more than a disc's radius plus the change in depth of a slanted surface within a pixel.
         """
         view = self.views[row]
         place, depth = self.scene.project(view, points)
@@ -49,7 +49,7 @@ class Depths(NamedTuple):
 class Visible(NamedTuple):
     """Pairs of a view and a point that it sees."""
 
-    row: Tensor  # (n,) of the views that were asked for
+    row: Tensor  # (n,) of the requested views
     point: Tensor  # (n,)
     place: Tensor  # (n, 2) in the view
     depths: Depths
@@ -59,7 +59,7 @@ class Visible(NamedTuple):
 def visible(scene: Scene, views: Tensor, points: Tensor, normals: Tensor, radius: float) -> Visible:
     """The points that views (m,) see: those that face a camera, with no disc in front of them.
 
-    A point stands for a disc of its tangent plane; discs that are as wide as points are apart close the surface.
+    A point represents a disc of its tangent plane; discs as wide as the spacing of the points cover the surface.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def _draw(
     scale: float,
     radius: float,
 ) -> None:
-    """The discs at places (n, 2) of the depth images, within two pixels around."""
+    """Draw the discs at places (n, 2) of the depth images, within two pixels around."""
     height, width = nearest.shape[1:]
     line = torch.arange(-math.ceil(REACH), math.ceil(REACH) + 1, device=place.device)
     offsets = torch.cartesian_prod(line, line)

@@ -24,7 +24,7 @@ class RayBatch:
     """Rays of a step, or of a part of it, with the places of their samples."""
 
     rays: Rays
-    t: Tensor  # (n, k + 1), rising: the borders of k parts of each ray
+    t: Tensor  # (n, k + 1), increasing: the borders of k parts of each ray
     views: Tensor  # (n,)
     colors: Tensor  # (n, 3)
     inside: Tensor  # (n,) bool, by the mask
@@ -32,7 +32,7 @@ class RayBatch:
 
     @property
     def x(self) -> Tensor:
-        """Where the rays begin."""
+        """The origins of the rays."""
         return self.rays.origins
 
     def chunks(self, size: int) -> Iterator[RayBatch]:
@@ -46,35 +46,35 @@ class RayBatch:
 
 
 def opacities(before: Tensor, after: Tensor, sharpness: Tensor | float) -> Tensor:
-    """How opaque parts of rays are, of the field's values at their two ends: ``max(0, 1 - s(after) / s(before))``.
+    """The opacities of parts of rays, from the field's values at their two ends: ``max(0, 1 - s(after) / s(before))``.
 
-    s is the logistic function of ``sharpness`` times the value. Where the field falls along the ray from above 0 to
-    below, the weights of the parts are those of the logistic density about its zero: unbiased, and blind to what is
-    behind (equation 13 of the paper).
+    s is the logistic function of ``sharpness`` times the value. If the field falls along the ray from above 0 to
+    below, the weights of the parts are those of the logistic density about its zero: unbiased, and independent of what
+    is behind (equation 13 of the paper).
     """
     first, last = F.logsigmoid(sharpness * before), F.logsigmoid(sharpness * after)
     return -torch.expm1((last - first).clamp(max=0))
 
 
 def weights_of(opacity: Tensor) -> Tensor:
-    """How much each part of a ray is seen: its opacity times the transparency of those before it, (n, k)."""
+    """The weight of each part of a ray: its opacity times the transparency of those before it, (n, k)."""
     clear = torch.cumprod(torch.cat([torch.ones_like(opacity[:, :1]), 1 - opacity + 1e-7], dim=1), dim=1)
     return opacity * clear[:, :-1]
 
 
 class VolumeSampler:
-    """Draws rays through random pixels, and places on them: even ones, and more where the weights are.
+    """Draws rays through random pixels, and samples on them: even ones, and more where the weights are large.
 
     Parameters
     ----------
     values : function of points (n, 3) to values (n,)
     sharpness : function without arguments
-        Of now.
+        Returns the current one.
     scene : Scene
     views, count : int
         Images and rays of a step.
     coarse, fine : int
-        Parts of a ray that are even, and those that are added by the weights, in two halves.
+        Numbers of even parts of a ray, and of parts added by the weights, in two halves.
     generator : torch.Generator
     """
 
@@ -94,7 +94,7 @@ class VolumeSampler:
         self._views, self._count, self._coarse, self._fine = views, count, coarse, fine
 
     def draw(self) -> RayBatch:
-        """The next step's rays; those that miss the ball are left out, and count."""
+        """The next step's rays; those that miss the ball are left out, but count in the total."""
         views = self._pixels.views(self._views)
         view, place, _ = self._pixels.any(views, max(1, self._count // len(views)))
         rays = self._scene.rays(view, place)
@@ -120,7 +120,7 @@ class VolumeSampler:
         return t
 
     def _by_weight(self, t: Tensor, weights: Tensor, count: int) -> Tensor:
-        """Places (n, count) at even steps of the accumulated weights of parts between ``t`` (n, k + 1)."""
+        """Samples (n, count) at even steps of the accumulated weights of parts between ``t`` (n, k + 1)."""
         sums = torch.cat([torch.zeros_like(weights[:, :1]), weights.cumsum(1)], dim=1)
         sums = sums / sums[:, -1:]
         shift = torch.rand(len(t), 1, generator=self._generator, device=t.device)
@@ -137,27 +137,27 @@ class VolumeSampler:
 
 
 class VolumeField(ImageField):
-    """A sine network that looks like the images by sums along rays, with a sharpness that is learned.
+    """A sine network fitted to images by sums along rays, with a learned sharpness.
 
-    The sharpness is ``exp(10 s)``, s = 0.3 to begin with (published).
+    The sharpness is ``exp(10 s)``, initially s = 0.3 (published).
     """
 
-    FASTER = 5.0  # than the network, the sharpness
+    FASTER = 5.0  # times the learning rate of the network, for the sharpness
 
     def __init__(self, scene: Scene, terms: Terms, appearance: Appearance | None, omega: float, **form: object):
         super().__init__(scene, terms, appearance, omega, **form)
         self.sharp = nn.Parameter(torch.tensor(0.3))
 
     def sharpness(self) -> Tensor:
-        """Of the logistic density about the surface."""
+        """The sharpness of the logistic density about the surface."""
         return torch.exp(10 * self.sharp).clamp(max=1e4)
 
     def groups(self) -> list[list[nn.Parameter]]:
-        """The network, what colours it, the sharpness."""
+        """The network, the appearance, the sharpness."""
         return [*super().groups(), [self.sharp]]
 
     def rates(self, t: float) -> list[float]:
-        """As the others'."""
+        """As in the other methods."""
         rates = super().rates(t)
         return [*rates, self.FASTER * rates[0]]
 
@@ -170,7 +170,7 @@ class VolumeField(ImageField):
         points = (batch.rays.origins[:, None] + middle[..., None] * batch.rays.directions[:, None]).reshape(-1, 3)
         directions = batch.rays.directions[:, None].expand(n, k, 3).reshape(-1, 3)
         f, gradients = self.network.value_and_gradient(points)
-        # values at both ends, by the slope along the ray; a surface that faces away hides nothing
+        # values at both ends, by the slope along the ray; a surface that faces away occludes nothing
         slope = -F.relu(-(gradients * directions).sum(1)).reshape(n, k)
         half = slope * length / 2
         weights = weights_of(opacities(f.reshape(n, k) - half, f.reshape(n, k) + half, self.sharpness()))

@@ -16,13 +16,13 @@ from .resampling import Resampling, resample
 from .thinning import thinned
 from .upsampling import NEIGHBOURS, upsample
 
-BASE = 0.75  # of the wanted points are spread first, the others inserted where those leave gaps
-MOST = 4  # more starts than this many times the wanted points are not projected
+BASE = 0.75  # of the wanted points are spread first, the others are inserted into gaps
+MOST = 4  # at most this many times the wanted points are projected
 
 
 @dataclass(frozen=True)
 class Extraction:
-    """How iso-points are extracted."""
+    """The settings of an extraction of iso-points."""
 
     count: int
     rounds: int = 1  # of thinning, spreading and inserting
@@ -40,11 +40,11 @@ class IsoPoints:
 
     points: Tensor  # (n, 3)
     normals: Tensor  # (n, 3), unit gradients of the field
-    evaluations: int  # of the field, that they took
+    evaluations: int  # of the field
 
 
 class NoLevel(ValueError):
-    """No start has found the zero level."""
+    """No start reached the zero level."""
 
 
 def extract(of: Differentiable, starts: Tensor, how: Extraction) -> IsoPoints:
@@ -61,7 +61,7 @@ def extract(of: Differentiable, starts: Tensor, how: Extraction) -> IsoPoints:
         stages.thin()
         stages.spread()
         stages.fill()
-        if how.edges is None:  # inserted points settle; at edges they stay dense
+        if how.edges is None:  # spread inserted points; at edges they stay dense
             stages.spread()
     stages.fill()  # where some have left the level on the way
     return IsoPoints(stages.at.points, F.normalize(stages.at.gradients, dim=1), stages.evaluations)
@@ -75,7 +75,7 @@ def iso_cloud(field: object, count: int, generator: torch.Generator, how: Extrac
     field : a field of the bench, or any function of points (n, 3) to values (n,)
     count : int
     generator : torch.Generator
-        Draws the places that begin, on the device of the field.
+        Draws the starts, on the device of the field.
     how : Extraction, optional
         Three rounds by default.
 
@@ -107,7 +107,7 @@ class _Stages:
         self.at: Projection
 
     def take(self, result: Projection) -> None:
-        """Keep those of a stage's points that have arrived, and are not too far away."""
+        """Keep those of a stage's points that have converged, and are not too far away."""
         self.evaluations += result.evaluations
         rows = result.values.abs() <= self._how.tolerance
         rows &= torch.linalg.vector_norm(result.points, dim=1) <= self._how.reach
@@ -116,15 +116,15 @@ class _Stages:
         self.at = result.at(rows)
 
     def thin(self) -> None:
-        """Crowded points go."""
+        """Remove crowded points."""
         self.at = self.at.at(thinned(self.at.points, max(2, round(BASE * self._how.count))))
 
     def spread(self) -> None:
-        """Even spacing."""
+        """Space the points evenly."""
         self.take(resample(self._of, self.at, self._how.resampling, self._how.tolerance))
 
     def fill(self) -> None:
-        """As many as are wanted."""
+        """Insert points up to the wanted number."""
         how = self._how
         if len(self.at.points) < how.count:
             self.take(

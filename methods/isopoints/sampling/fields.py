@@ -1,4 +1,4 @@
-"""What is sampled: a function with values and gradients."""
+"""The sampled fields: functions with values and gradients."""
 
 from __future__ import annotations
 

@@ -11,11 +11,11 @@ from .fields import Differentiable, evaluated
 
 STEPS = 10
 LONGEST = 0.1  # of a step, in a frame of radius 1 (released; the thesis's D / (2 |Q|) is 4e-4 for 4,000 points)
-FLAT = 1e-12  # the least squared length of a gradient that a step is divided by
+FLAT = 1e-12  # the least divisor of a step, a squared length of a gradient
 
 
 class Projection(NamedTuple):
-    """Points where Newton's method has left them, and the field there."""
+    """Points after Newton's method, and the field there."""
 
     points: Tensor  # (n, 3)
     gradients: Tensor  # (n, 3), of the field at the points
@@ -37,8 +37,8 @@ def project(
 ) -> Projection:
     """Move points (n, 3) onto the zero level: ``q - clip(f(q) g(q) / |g(q)|^2)``, until ``|f| <= tolerance``.
 
-    A point that has arrived is not evaluated again. Points that have not arrived after ``steps`` are returned too:
-    their values say so.
+    A converged point is not evaluated again. Points that have not converged after ``steps`` are returned too:
+    their values show it.
 
     Parameters
     ----------

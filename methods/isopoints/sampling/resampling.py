@@ -18,7 +18,7 @@ NEWTON = 3  # steps back onto the zero level after each move (released)
 
 @dataclass(frozen=True)
 class Resampling:
-    """How points are spread.
+    """The settings for spreading points.
 
     Lengths are those of a frame in which a shape has about the radius 1. ``D / |Q|``, D the diagonal of the points'
     box, is used as an area.
@@ -36,9 +36,9 @@ def resample(
 ) -> Projection:
     """Points on the zero level, moved along it to an even spacing.
 
-    The text calls the direction a weighted average, and Eq. 4.8 is a weighted sum: of the sum, the spacing of points on
-    a sphere hardly becomes more even (coefficient of variation 0.52 to 0.47 in ten moves), of the average it does
-    (0.54 to 0.20). The average is taken.
+    The text calls the direction a weighted average, and Eq. 4.8 is a weighted sum: with the sum, the spacing of points
+    on a sphere hardly becomes more even (coefficient of variation 0.52 to 0.47 in ten moves), with the average it does
+    (0.54 to 0.20). The average is used.
     """
     evaluations = 0
     for _ in range(how.iterations):

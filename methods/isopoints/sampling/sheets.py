@@ -1,4 +1,4 @@
-"""The parts of a surface that hang together, told from points on it."""
+"""The connected components of a surface, found from points on it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from torch import Tensor
 
 from .neighbours import nearest
 
-NEIGHBOURS = 8  # of a point, that may be of its sheet
-GAP = 4.0  # neighbours farther than this many median spacings are not
+NEIGHBOURS = 8  # of a point, that may belong to its sheet
+GAP = 4.0  # neighbours farther than this many median spacings do not
 
 
 def sheets_of(points: Tensor) -> Tensor:
@@ -21,7 +21,7 @@ def sheets_of(points: Tensor) -> Tensor:
 
 
 def connected(near: Tensor, linked: Tensor) -> Tensor:
-    """The part of each of n points, a number from 0, from their neighbours (n, k) and which of those it hangs on."""
+    """The component of each of n points, a number from 0, from their neighbours (n, k) and which of them are linked."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

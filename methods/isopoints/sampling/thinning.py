@@ -1,4 +1,4 @@
-"""Fewer points, evenly spaced: the crowded ones go."""
+"""Fewer points, evenly spaced: crowded ones are removed."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from torch import Tensor
 
 from .neighbours import nearest
 
-SHARE = 8  # an eighth of the points at most goes at once
+SHARE = 8  # at most an eighth of the points is removed at once
 
 
 def thinned(points: Tensor, count: int) -> Tensor:
-    """The rows (count,) of points (n, 3) that stay, in order, when again and again those nearest to another one go.
+    """The rows (count,) of points (n, 3) that remain, in order, after repeated removal of those nearest to another one.
 
-    Of two points that are each other's nearest one stays for that turn, so that no place is emptied.
+    Of two points that are mutually nearest, one stays in that round, so that no region is emptied.
     """
     rows = torch.arange(len(points), device=points.device)
     while len(rows) > count:

@@ -1,4 +1,4 @@
-"""More points where there are few, or where an edge is: the insertions of edge-aware resampling (thesis 4.2.1)."""
+"""More points in sparse regions or at edges: the insertions of edge-aware resampling (thesis 4.2.1)."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from .neighbours import nearest
 from .projection import Projection, project
 
 NEIGHBOURS = 16
-SHARE = 10  # a tenth of the points at most is inserted at once
+SHARE = 10  # at most a tenth of the points is inserted at once
 PART = 2048  # points whose candidates are compared at once
 
 
 class Candidates(NamedTuple):
-    """Where each point's best new neighbour would be."""
+    """The best new neighbour of each point."""
 
     priority: Tensor  # (n,), a distance; larger where points are sparse, or normals differ
     places: Tensor  # (n, 3)
 
 
 def candidates(points: Tensor, normals: Tensor | None, edges: float = 0.0, neighbours: int = NEIGHBOURS) -> Candidates:
-    """The priority of each point, ``P(p) = max_i B(p, p_i)``, and the place ``(2 p + p_i) / 3`` that has it.
+    """The priority of each point, ``P(p) = max_i B(p, p_i)``, and the position ``(2 p + p_i) / 3`` of the maximum.
 
     Without normals B is the distance from that place to the nearest point (of p's neighbours). With them it is that of
     Huang et al. 2013, ``B^2 = (2 - n . n_i)^edges min_j (|m - p_j|^2 - ((m - p_j) . n_j)^2)`` at the middle m: distance
@@ -71,14 +71,14 @@ def upsample(
     neighbours: int = NEIGHBOURS,
     tolerance: float = 1e-5,
 ) -> Projection:
-    """Points on the zero level until there are ``count``; those there were stay, in their order, and come first.
+    """Insert points on the zero level until there are ``count``; the old ones stay, in their order, and come first.
 
     Parameters
     ----------
     at : Projection
         At least two points on the zero level.
     edges : float, optional
-        Without it new points go where points are sparse; with it the field's normals count: see :func:`candidates`.
+        Without it new points are set in sparse regions; with it the field's normals count: see :func:`candidates`.
     """
     result, evaluations = at, 0
     while len(result.points) < count:

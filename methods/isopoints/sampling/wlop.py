@@ -12,7 +12,7 @@ from .resampling import area_unit
 
 ROUNDS = 6
 NEIGHBOURS = 60
-REPULSION = 0.3  # mu: how strongly points that stand close push each other away (released: 0.5, 0.65)
+REPULSION = 0.3  # mu: the weight of the repulsion between close points (released: 0.5, 0.65)
 WIDE = (
     4.0  # squares of lengths over which points of the cloud are averaged, relative to the spacing of the moved points
 )
@@ -26,17 +26,17 @@ def wlop(
     neighbours: int = NEIGHBOURS,
     repulsion: float = REPULSION,
 ) -> Tensor:
-    """Up to ``count`` points that lie where those of a cloud (n, 3), in any order, are densest, and keep a distance.
+    """Up to ``count`` points where those of a cloud (n, 3), in any order, are densest, at a distance from each other.
 
-    Each round moves a point to the median-like average of the cloud around it, where crowded points of the cloud count
-    less, and away from its own kind.
+    Each round moves a point to the median-like average of the cloud around it, with less weight for crowded points of
+    the cloud, and away from the other moved points.
     """
     unit = area_unit(cloud)
-    # any part of the cloud: an evenly spaced one would be made of its outliers
+    # a random part of the cloud: an evenly spaced one would consist of its outliers
     points = cloud[:: max(1, len(cloud) // count)][:count].clone()
     near = nearest(cloud, neighbours)
     crowd = 1 + _theta(near.distances, unit).sum(1)
-    # much wider than the noise, or points near a stray one stay there
+    # much wider than the noise, otherwise points near a stray one stay there
     wide = WIDE * unit * max(1.0, len(cloud) / max(1, len(points)))
     for _ in range(rounds):
         data = nearest(points, neighbours, cloud)
