@@ -107,7 +107,7 @@ def test_the_area_of_awkward_polygons(name, scale):
     ],
     ids=["one point", "a line", "crossing", "pentagram"],
 )
-def test_a_polygon_without_an_interior_becomes_as_many_triangles(polygon):
+def test_a_polygon_without_an_interior_is_triangulated_as_well(polygon):
     assert np.isfinite(area_of(polygon))
 
 

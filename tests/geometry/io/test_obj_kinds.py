@@ -1,4 +1,4 @@
-"""OBJ files as programs write them, each against what a plain reading of its lines gives."""
+"""OBJ files as programs write them, each against a plain reading of its lines."""
 
 from __future__ import annotations
 

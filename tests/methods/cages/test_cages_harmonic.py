@@ -51,7 +51,7 @@ def test_on_the_cage_coordinates_are_barycentric(ball):
 
 
 def test_coordinates_are_within_the_bounds_of_harmonic_functions():
-    """In a box, xy is harmonic and bilinear on the faces but for their diagonals; at the centre it is the mean."""
+    """In a box, weights are within the range on the cage, and at the centre all are of similar size."""
     cage = box((2, 2, 2))
     vertices, faces = np.array(cage.vertices), np.array(cage.faces)
     weights = HarmonicCoordinates(vertices, faces, cells=10)(np.random.default_rng(1).uniform(-0.7, 0.7, (300, 3)))

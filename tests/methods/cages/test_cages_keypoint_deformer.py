@@ -190,7 +190,7 @@ def test_in_the_warm_up_only_keypoints_learn():
 
 
 @pytest.mark.parametrize("at", [1, 4])
-def test_a_training_that_was_killed_ends_with_the_same_weights(at):
+def test_an_interrupted_training_ends_with_the_same_weights(at):
     method = KeypointDeformer(keypoints=5, points=64, code=16, batch=2, steps=6, warm_up=0.4)
     data = examples()
     whole = method.fit(data, Run(seed=3))

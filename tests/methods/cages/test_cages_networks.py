@@ -150,7 +150,7 @@ def test_negative_weights_and_asymmetry_in_closed_form():
 # --- training and deformation -----------------------------------------------------------------------------------------
 
 
-def test_a_training_that_was_killed_ends_with_the_same_weights():
+def test_an_interrupted_training_ends_with_the_same_weights():
     data = examples()
     whole = TINY.fit(data, Run(seed=3))
     again = killed_and_resumed(TINY, data, 3)

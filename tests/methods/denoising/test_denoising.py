@@ -184,7 +184,7 @@ def test_the_exact_score_has_zero_loss_and_errors_are_at_most_one():
 
 
 @pytest.mark.parametrize("method", [SCORE, CLEAN], ids=LEARNED[::-1])
-def test_a_training_that_was_killed_ends_with_the_same_weights(method):
+def test_an_interrupted_training_ends_with_the_same_weights(method):
     data = examples()
     whole = method.fit(data, Run(seed=3))
     again = killed_and_resumed(method, data, 3)

@@ -172,7 +172,7 @@ def test_distances_are_in_the_unit_of_the_cloud():
 # --- training and reconstruction --------------------------------------------------------------------------------------
 
 
-def test_a_training_that_was_killed_ends_with_the_same_weights():
+def test_an_interrupted_training_ends_with_the_same_weights():
     data = examples()
     whole = SMALL.fit(data, Run(seed=3))
     again = killed_and_resumed(SMALL, data, 3)

@@ -201,7 +201,7 @@ def test_rotations_are_uniform():
 # --- fit --------------------------------------------------------------------------------------------------------------
 
 
-def test_a_training_that_was_killed_ends_with_the_same_weights():
+def test_an_interrupted_training_ends_with_the_same_weights():
     method = Mpu(**SMALL, steps=24)
     whole = Recorded()
     wanted = method.fit(examples(), whole)
