@@ -17,7 +17,7 @@ BY_CGAL = {"advancing_front", "alpha_wrap", "jet", "bilateral", "wlop", "ear"}
 POINTS = 600
 COARSE = {"resolution": 40}  # instead of 200 cells, for both calls: marching cubes would take half a minute
 # Open3D's solver computes in single precision. MeshLab stops the projection of APSS early, at an accuracy that depends
-# on uninitialised memory (see mls.py); the method does not use it. Half of the points agree to 1e-3, all to a
+# on uninitialised memory (see mls.py); the method avoids that stop. Half of the points agree to 1e-3, all to a
 # tenth of their spacing.
 TOLERANCE = {"poisson": 1e-6, "apss": 1e-2}
 TYPICAL = {"apss": 1e-3}

@@ -53,7 +53,7 @@ def errors(found, exact):
 
 @functools.cache
 def exact_sums(oriented):
-    """Points far from the origin in a unit of 1/40; their moments and values; and the exact sums in unit 1."""
+    """Points scaled by 40 far from the origin, their moments and values, and the exact sums of the unscaled ones."""
     points, normals, area = torus(2000)
     rng = np.random.default_rng(1)
     moments = normals * area if oriented else rng.standard_normal(points.shape) * area
