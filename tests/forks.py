@@ -98,8 +98,7 @@ def become_command(request: dict[str, Any], out: int, err: int) -> None:
     os.chdir(request["folder"])
     same_path = os.environ.get("PYTHONPATH") == request["environment"].get("PYTHONPATH")  # of libraries, too
     calls_methods = request["words"][:1] not in [[name] for name in CALL_NO_METHOD]
-    os.environ.clear()
-    os.environ.update(request["environment"])
+    use_environment(request["environment"])
     Path("/proc/self/comm").write_text(request["mark"])
     from bench import cli
 
@@ -109,6 +108,13 @@ def become_command(request: dict[str, Any], out: int, err: int) -> None:
         with_warm_servers()
     sys.argv = ["detailbench", *request["words"]]
     end(cli.main)
+
+
+def use_environment(environment: dict[str, str]) -> None:
+    """Replace the environment of this process."""
+    os.environ.clear()
+    os.environ.update(environment)
+    tempfile.tempdir = None  # what TMPDIR was is kept there
 
 
 def with_warm_servers() -> None:
@@ -219,8 +225,7 @@ def _work_for_joblib(told: socket.socket, servers: bool) -> NoReturn:
     for fd, number in zip(aside, fds, strict=True):
         os.dup2(fd, number)
         os.close(fd)
-    os.environ.clear()
-    os.environ.update(environment)
+    use_environment(environment)
     if deaf:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     if servers:
@@ -237,8 +242,7 @@ def _serve(told: socket.socket) -> None:
     if words:
         channel, printed = fds
         os.dup2(printed, 2)
-        os.environ.clear()
-        os.environ.update({**json.loads(words), **dict.fromkeys(THREAD_VARIABLES, "1")})
+        use_environment({**json.loads(words), **dict.fromkeys(THREAD_VARIABLES, "1")})
         sys.argv = ["-c", str(channel), "1"]
         serve()
     os._exit(0)

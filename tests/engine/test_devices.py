@@ -16,6 +16,7 @@ from bench.engine import affinity, devices, forkserver
 from bench.engine.meter import Meter
 from bench.errors import UsageError
 from bench.plan.devices import check_name
+from bench.plugins.registry import registry
 
 
 class Cuda:
@@ -248,6 +249,7 @@ def said(shell, plugin_file, monkeypatch, capsys):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "")
     monkeypatch.chdir(shell.work)
     monkeypatch.setattr(forkserver, "prestart", lambda threads: None)  # for nothing will be run
+    monkeypatch.setattr(registry(), "broken", [])  # no warnings about what other tests of this process have loaded
     plugin_file(TOYS)
     return lambda *words, **_: (main(list(map(str, words))), *capsys.readouterr())
 
