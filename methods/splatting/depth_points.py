@@ -1,4 +1,4 @@
-"""The naive renderer of the comparison: points drawn by projection, as smoothed depths."""
+"""The naive renderer of the comparison: points rendered by projection, as smoothed depths."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from bench import PointCloud, Run, Views, register
 @register("method", cite="Yifan et al. 2019, baseline", requires=("numba", "scipy"))
 @dataclass(frozen=True)
 class DepthPoints:
-    """Points drawn by projection as smoothed depth values: the baseline of thesis figure 3.24, which is to fail.
+    """Points rendered by projection as smoothed depth values: the baseline of thesis figure 3.24, which should fail.
 
-    The thesis says of it: pixel intensities are sums of smoothed depth values, after Insafutdinov and Dosovitskiy
-    (2018) and Roveri et al. (2018); gradients are confined to where a point is, and normals are not used. So here: a
+    From the thesis: pixel intensities are sums of smoothed depth values, after Insafutdinov and Dosovitskiy
+    (2018) and Roveri et al. (2018); gradients are local to a point's pixels, and normals are not used. So here: a
     point adds its depth, times a Gaussian in the image, to the pixels around its projection where it is in front, and
-    learns only there: by its depth, and by the Gaussian. Where the Gaussians of a pixel sum to more than 1, it is the
-    mean instead, so that it does not depend on how dense the points are. The thesis compares with depth images of the
-    target. The views have none, so those of the visual hull of the masks are taken: concave parts are filled. Colours
-    are not used; the cloud that is returned has no normals.
+    gets gradients only there: by its depth, and by the Gaussian. If the Gaussians of a pixel sum to more than 1, it is
+    the mean instead, so that it does not depend on the density of the points. The thesis compares with depth images of
+    the target. The views have none, so those of the visual hull of the masks are used: concave parts are filled.
+    Colours are not used; the returned cloud has no normals.
     """
 
     steps: int = 300  # of the descent
-    views: int = 6  # that a step looks at
+    views: int = 6  # images of a step
     rate: float = 0.01  # of Adam; it falls to a tenth
     sigma: float = 2.0  # of a point's Gaussian, in pixels
-    depth_limit: float = 0.1  # what lies behind the front of a pixel by more is hidden there
+    depth_limit: float = 0.1  # points behind the front of a pixel by more are hidden there
     cells: int = 96  # of the visual hull, along each axis
 
     def __post_init__(self) -> None:
@@ -47,7 +47,7 @@ class DepthPoints:
         draw_back(place, one, one, blur, drawn, np.ones((4, 4)))
 
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
-        """As many points as the cloud to begin with, without normals."""
+        """As many points as the initial cloud, without normals."""
         from .projected.depth_image import Blur
         from .projected.fitting import DepthImages, fit
         from .projected.hull import hull_depths

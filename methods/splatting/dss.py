@@ -1,4 +1,4 @@
-"""DSS: points that are drawn until they look like the images."""
+"""DSS: oriented points fitted to images by differentiable rendering."""
 
 from __future__ import annotations
 
@@ -14,41 +14,39 @@ class Dss:
     """Differentiable surface splatting (thesis 3.2): oriented points follow the differences between images.
 
     Cycles of two descents over some of the views: of the normals through the shading, then of the positions through
-    what becomes visible and what hides (Eq. 3.12), with repulsion and projection. Lengths of the regularisers are in
-    spacings of the points to begin with, so that other counts of points need no other numbers.
+    changes of visibility (Eq. 3.12), with repulsion and projection. Lengths of the regularisers are in
+    spacings of the initial points, so that they do not depend on the number of points.
     """
 
     cycles: int = 8  # each with other views
     normal_steps: int = 15  # of a cycle
     point_steps: int = 25  # of a cycle
-    views: int = 6  # images that a cycle looks at (thesis: 12)
-    normal_rate: float = 0.25  # of the descent, for each point: of 8,003 points it is the released 2,000
+    views: int = 6  # images of a cycle (thesis: 12)
+    normal_rate: float = 0.25  # of the descent, for each point: for 8,003 points it is the released 2,000
     point_rate: float = 1.0  # of the descent (thesis: 5)
-    largest: float = 0.01  # of a gradient, number by number; times the rate it is the largest step
+    largest: float = 0.01  # of a gradient, entry by entry; times the rate it is the largest step
     rate_decay: float = 0.75  # factor of both rates, and of projection, from cycle to cycle (released: 1)
     momentum: float = 0.1
-    width: float = (
-        0.8  # standard deviation of a point's Gaussian, in spacings of the cloud to begin with (released: 0.5)
-    )
+    width: float = 0.8  # standard deviation of a point's Gaussian, in spacings of the initial cloud (released: 0.5)
     cutoff: float = 1.0  # C of Eq. 3.7
-    depth_limit: float = 0.05  # T: what lies behind by more is hidden
-    layers: int = 5  # K: splats that a pixel remembers
+    depth_limit: float = 0.05  # T: splats behind the front by more are hidden
+    layers: int = 5  # K: splats stored for a pixel
     gradient: Literal["dss", "rbf"] = "dss"  # of positions: by visibility, or by the Gaussians' derivative
     weights: bool = False  # also the derivative of the weights (thesis: in the equations; released code: not)
-    window: float = 0.25  # pixels farther from a point than this pull no more, in widths of the image; 0: all pull
+    window: float = 0.25  # pixels farther from a point than this have no effect, in widths of the image; 0: all have
     window_decay: float = 0.8  # factor of the window from cycle to cycle (released: 0.9)
     window_least: float = 0.0625  # widths of the image
-    opening: float = 2.0  # pixels are taken together in blocks from this distance on, in sizes of the block; 0: never
+    opening: float = 2.0  # pixels are grouped into blocks beyond this distance, in sizes of the block; 0: never
     repulsion: float = 0.03  # weight of Eq. 3.17 (thesis: 0.05)
     repulsion_distance: float = 1.25  # spacings
     projection: float = 0.05  # weight of Eq. 3.18 (thesis: 0.02)
     projection_distance: float = 2.5  # spacings (released: 7.5, of which 32 neighbours fill 3)
     project_every: int = 2  # steps
-    silhouettes: float = 1.0  # part of the way to the silhouette that points outside of it move (thesis: 0)
-    refinements: int = 0  # cycles that look closely at where the images differ most (released fine-tuning: 15)
-    refined_part: float = 0.35  # widths of the images that they look at
+    silhouettes: float = 1.0  # share of the way to the silhouette that points outside of it move (thesis: 0)
+    refinements: int = 0  # cycles on the parts where the images differ most (released fine-tuning: 15)
+    refined_part: float = 0.35  # size of these parts, in widths of the images
     loss_epsilon: float = 1.0  # of Eq. 3.19 (thesis: 1e-5, released: 0.01)
-    regularisers: Literal["released", "thesis"] = "released"  # which form, where the two differ
+    regularisers: Literal["released", "thesis"] = "released"  # their form, where the two differ
 
     def __post_init__(self) -> None:
         for name in ("cycles", "views", "project_every", "layers"):
@@ -74,7 +72,7 @@ class Dss:
         load_compiled()
 
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
-        """As many points as the cloud to begin with, with normals."""
+        """As many points as the initial cloud, with normals."""
         from bench.geometry.spacing import mean_spacing
 
         from .fitting.cycles import Schedule, fit
@@ -83,9 +81,9 @@ class Dss:
         from .renderer.settings import Drawing
 
         if views.light_directions is None:
-            raise BadInput("the views have no lights; it matches diffuse shading under known lights")
+            raise BadInput("the views have no lights; this method matches diffuse shading under known lights")
         if cloud.normals is None:
-            raise BadInput("the cloud to begin with has no normals")
+            raise BadInput("the initial cloud has no normals; this method needs them")
         spacing = mean_spacing(cloud.points)
         drawing = Drawing(
             cutoff=self.cutoff,

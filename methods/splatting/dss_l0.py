@@ -1,4 +1,4 @@
-"""Denoising by images whose gradients are sparse."""
+"""Denoising by images with sparse gradients."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .filtering.denoiser import FilteredImages
 class DssL0(FilteredImages):
     """Surface splatting with L0 smoothing: shaded images become piecewise constant, and the normals follow them."""
 
-    smoothing: float = 0.05  # lambda: more is smoother
+    smoothing: float = 0.05  # lambda: larger is smoother
 
     def __post_init__(self) -> None:
         super().__post_init__()

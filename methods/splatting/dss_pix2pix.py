@@ -1,4 +1,4 @@
-"""Denoising by images that a network translates."""
+"""Denoising by images translated by a network."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class DssPix2pix(FilteredImages):
     """
 
     ngf: int = 16  # channels of the first layer (published: 64)
-    smoothing: float = 6.0  # pixels; the network corrects the image smoothed so much (published: 0, it makes the image)
+    smoothing: float = 6.0  # pixels; the network corrects the image smoothed by this (published: 0, it makes the image)
     normalisation: Literal["pixel", "batch"] = "batch"  # of features (published: pixel, which learns more slowly)
     dropout: float = 0.0  # share of the numbers in the blocks that is set to zero in training (published: 0.5)
-    adversarial: float = 0.0  # weight of the discriminator's objection beside the L1 distance (published: 0.01)
-    neighbours: int = 32  # normals are estimated anew from so many points before anything is drawn; 0 keeps them
+    adversarial: float = 0.0  # weight of the adversarial loss, relative to the L1 distance (published: 0.01)
+    neighbours: int = 32  # points for estimating the normals again before rendering; 0 keeps them
     examples_views: int = 20  # pairs of images of each shape in training
     examples_pixels: int = 256  # along each side of these
     steps: int = 3000  # of training; 0 for as many as its seconds allow
@@ -101,7 +101,7 @@ class DssPix2pix(FilteredImages):
         return Training(network, discriminator, examples, plan, run).weights()
 
     def pictured(self, cloud: PointCloud) -> PointCloud:
-        """With rough normals, like those that the network learned from."""
+        """The cloud with rough normals, like those of the training."""
         from .translation.anew import with_rough_normals
 
         return with_rough_normals(cloud, self.neighbours)

@@ -16,8 +16,8 @@ from .filtering.denoiser import FilteredImages
 class DssSlic(FilteredImages):
     """Surface splatting with superpixels: shaded images get regions of one colour each, and the shape gets facets."""
 
-    segments: int = 150  # regions of an image, about
-    compactness: float = 20.0  # more makes them rounder
+    segments: int = 150  # approximate number of regions of an image
+    compactness: float = 20.0  # larger makes them rounder
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -10,7 +10,7 @@ from bench import BadInput, PointCloud, Run, Views, register
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-SPARE = 0.2  # of the seconds there are, at most 20: they are left for the mesh
+SPARE = 0.2  # of the available seconds, at most 20, are left for the mesh
 LATER = {"since": "0.2"}  # parameters of `multiview`; cells of `fit_shape` keep their ids
 
 
@@ -19,20 +19,20 @@ LATER = {"since": "0.2"}  # parameters of `multiview`; cells of `fit_shape` keep
 class Surfels:
     """2-D Gaussian splatting: surfels with two scales and opacity descend on the images; their centres are the cloud.
 
-    Drawn by exact ray-splat intersection and composited front to back. Each step looks at one view: L1 of colours and
-    mask, depth distortion and normal consistency, by Adam. Unlike the publication, colours come from diffuse shading of
+    Drawn by exact ray-splat intersection and composited front to back. Each step uses one view: L1 of colours and
+    mask, depth distortion and normal consistency, by Adam. Unlike in the publication, colours are diffuse shading of
     the normals under the known lights (as for ``dss``), so there are no spherical harmonics and no D-SSIM; surfels have
-    one side; and their number stays: instead of densification, pruning and resets of opacity, surfels that are
-    transparent, unseen or (``carve``) outside a mask take the places of halves of those that are pulled most.
+    one side; and their number is constant: instead of densification, pruning and resets of opacity, surfels that are
+    transparent, unseen or (``carve``) outside a mask become halves of those with the largest gradients.
 
-    For ``multiview`` it begins with oriented points on the visual hull: depths at which the rays of pixels enter it,
+    For ``multiview`` it starts from oriented points on the visual hull: depths at which the rays of pixels enter it,
     normals of planes through neighbours, turned to the cameras. The fit is the same, and the mesh is that of the
-    surfels that are left, by screened Poisson (Kazhdan and Hoppe 2013); the publication fuses rendered depths instead.
+    remaining surfels, by screened Poisson (Kazhdan and Hoppe 2013); the publication fuses rendered depths instead.
     """
 
-    steps: int = 2000  # each looks at one view
-    scale: float = 0.6  # standard deviations to begin with, in spacings of the cloud
-    opacity: float = 0.7  # to begin with, below 0.99
+    steps: int = 2000  # each with one view
+    scale: float = 0.6  # initial standard deviations, in spacings of the cloud
+    opacity: float = 0.7  # the initial one, below 0.99
     position_rate: float = 0.15  # of Adam, in spacings
     turn_rate: float = 0.02  # of Adam, in radians
     scale_rate: float = 0.01  # of Adam, for the logarithms of standard deviations
@@ -44,12 +44,10 @@ class Surfels:
     relocate_every: int = 100  # steps
     relocate_until: float = 0.7  # of the steps
     relocated: float = 0.2  # of all surfels, at most, each time
-    transparent: float = 0.05  # less opaque ones are moved, and left out in the end
-    carve: float = 2.0  # so are those that lie outside a mask by more pixels; 0: only by opacity, as published
-    points: int = field(default=4000, metadata=LATER)  # for multiview: surfels to begin with
-    trim: float = field(
-        default=0.0, metadata=LATER
-    )  # for multiview: share of the least supported vertices to leave out
+    transparent: float = 0.05  # less opaque ones are moved, and omitted from the result
+    carve: float = 2.0  # as are those outside a mask by more pixels than this; 0: only by opacity, as published
+    points: int = field(default=4000, metadata=LATER)  # for multiview: initial number of surfels
+    trim: float = field(default=0.0, metadata=LATER)  # for multiview: share of the least supported vertices to remove
 
     def __post_init__(self) -> None:
         for name in ("steps", "relocate_every"):
@@ -90,10 +88,10 @@ class Surfels:
         return poisson_mesh(self._fitted(views, start, run, min(SPARE * run.seconds, 20.0)), self.trim)
 
     def fit_shape(self, views: Views, cloud: PointCloud, run: Run) -> PointCloud:
-        """At most as many points as the cloud to begin with, with normals."""
+        """At most as many points as the initial cloud, with normals."""
         self._check_lights(views)
         if cloud.normals is None:
-            raise BadInput("the cloud to begin with has no normals")
+            raise BadInput("the initial cloud has no normals; this method needs them")
         return self._fitted(views, cloud, run)
 
     def _fitted(self, views: Views, cloud: PointCloud, run: Run, spare: float = 0.0) -> PointCloud:
@@ -113,4 +111,4 @@ class Surfels:
     @staticmethod
     def _check_lights(views: Views) -> None:
         if views.light_directions is None:
-            raise BadInput("the views have no lights; it matches diffuse shading under known lights")
+            raise BadInput("the views have no lights; this method matches diffuse shading under known lights")

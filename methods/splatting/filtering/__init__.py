@@ -1,1 +1,1 @@
-"""Clouds that are filtered through images of them."""
+"""Clouds filtered by filtering their images."""

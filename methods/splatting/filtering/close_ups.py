@@ -1,4 +1,4 @@
-"""Cameras that look at parts of a cloud from outside."""
+"""Cameras that view parts of a cloud from outside."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import numpy as np
 from ..fitting.views import Lights
 from ..renderer.camera import Camera
 
-AROUND = 100  # neighbours whose normals say from where a point is looked at
-WOBBLE = 0.01  # of that direction
+AROUND = 100  # neighbours whose mean normal is the viewing direction of a point
+WOBBLE = 0.01  # random change of that direction
 SUN, AMBIENT = 0.9, 0.3
 
 
 def close_ups(
     points: np.ndarray, normals: np.ndarray, count: int, pixels: int, span: float, rng: np.random.Generator
 ) -> tuple[list[Camera], Lights]:
-    """Cameras that look at points far from each other, along the normals there; each brings three lights.
+    """Cameras that view points far from each other, along the normals there; each has three lights.
 
     The lights are red, green and blue, at right angles to each other, the first along the view, as those of the images
     of a rig. (As released: farthest points of the cloud, mean normals of 100 neighbours.)
@@ -27,14 +27,14 @@ def close_ups(
     pixels : int
         Along each side of the images.
     span : float
-        What a camera sees across, in the unit of the points.
+        Width of the field of view, in the unit of the points.
     rng : numpy Generator
     """
     from scipy.spatial import cKDTree
 
     from bench.geometry.farthest import farthest_points
 
-    # From another point each time: a random one goes first.
+    # From another point each time: the first one is random.
     order = np.roll(np.arange(len(points)), -int(rng.integers(len(points))))
     targets = points[order[farthest_points(points[order], min(count, len(points)), taken=1)]]
     _, around = cKDTree(points).query(targets, min(AROUND, len(points)))

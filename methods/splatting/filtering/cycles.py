@@ -21,7 +21,7 @@ Filter = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Filtering:
-    """How long, and how; the fields are those of the methods."""
+    """The settings of the cycles; the fields are those of the methods."""
 
     cycles: int
     views: int
@@ -47,18 +47,18 @@ def filtered(
     regular: Regularity,
     run: Run,
 ) -> PointCloud:
-    """The cloud after its images were filtered, or as far as it came in time.
+    """The cloud after filtering its images, in all cycles or as many as the time allows.
 
-    In each cycle the cloud as it was given (with ``recursive``, as it is) is drawn from new cameras, the images are
-    filtered but for their background, the normals descend to look like them, and the points move by repulsion and
-    projection alone.
+    In each cycle the input cloud (with ``recursive``, the current one) is rendered from new cameras, the images are
+    filtered except for their background, the normals descend to match them, and the points move only by repulsion and
+    projection.
 
     Parameters
     ----------
     cloud : PointCloud
         With normals.
     pictured : PointCloud
-        What is drawn and filtered, with normals; with ``recursive`` only in the first cycle.
+        The rendered and filtered cloud, with normals; with ``recursive`` only in the first cycle.
     spacing : float
         Of the points.
     image_filter : function of an image (h, w, 3)
@@ -98,7 +98,7 @@ def filtered(
             else:
                 around = Neighbours(points, regular, run.threads)
                 if regular.repulsion:
-                    # 1 / d^2 in spacings: a step is a part of the spacing, whatever the number of points.
+                    # 1 / d^2 in spacings: a step is a share of the spacing, for any number of points.
                     apart = around.repulsion(points, normals, hidden)[1] * len(points) * spacing**3
                     points = points - np.clip(apart, -LEAP * spacing, LEAP * spacing)
                 points = around.projected(points, normals, hidden)
@@ -110,11 +110,11 @@ def filtered(
 
 
 LEAP = 0.1  # spacings that a point moves by repulsion at most, along each axis
-AVERAGED = 16  # nearest points as they came, whose mean a point is drawn to
+AVERAGED = 16  # nearest input points, to whose mean a point is attracted
 
 
 def _averaged(points: np.ndarray, normals: np.ndarray, given: np.ndarray, spacing: float, weight: float) -> np.ndarray:
-    """Points, moved along their normals towards the mean of those that were given near them.
+    """Points, moved along their normals towards the mean of the input points near them.
 
     As in the released code (there with the weight 0.01): without it, projection moves convex parts outwards step by
     step. Weights of the mean are exp(-d^2 / 4 D^2), with D twice the spacing.

@@ -1,4 +1,4 @@
-"""What the denoisers by filtered images share."""
+"""The common part of the denoisers by filtered images."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FilteredImages:
-    """A denoiser that filters images of the cloud; a subclass has :meth:`filter_image`."""
+    """A denoiser that filters images of the cloud; a subclass defines :meth:`filter_image`."""
 
     cycles: int = 4  # each with other cameras (released: 8)
     views: int = 12  # images of a cycle
     pixels: int = 256  # along each side of an image
-    span: float = 0.93  # what an image shows across; the cloud has the radius 1
+    span: float = 0.93  # width of the field of view; the cloud has the radius 1
     normal_steps: int = 19  # of a cycle
     point_steps: int = 5  # of a cycle (released: 1)
     normal_rate: float = 0.1  # of the descent, for each point (released: 2,000 for 20,000 points)
-    largest: float = 0.01  # of a gradient, number by number
+    largest: float = 0.01  # of a gradient, entry by entry
     momentum: float = 0.1
-    recursive: bool = False  # filter images of the cloud as it is, instead of the cloud as it came
+    recursive: bool = False  # filter images of the current cloud instead of the input
     width: float = 0.5  # standard deviation of a point's Gaussian, in spacings
-    depth_limit: float = 0.025  # what lies behind by more is hidden
+    depth_limit: float = 0.025  # splats behind the front by more are hidden
     repulsion: float = 0.05  # weight of Eq. 3.17
     projection: float = 0.1  # weight of Eq. 3.18 (released: 0.05; for noise of 1 % 0.1)
-    average: float = 0.1  # weight of the mean of the points as they came, along the normals (released: 0.01)
+    average: float = 0.1  # weight of the mean of the input points, along the normals (released: 0.01)
     repulsion_distance: float = 1.25  # spacings
     projection_distance: float = 3.0  # spacings
-    regularisers: Literal["released", "thesis"] = "released"  # which form, where the two differ
+    regularisers: Literal["released", "thesis"] = "released"  # their form, where the two differ
 
     def __post_init__(self) -> None:
         for name in ("cycles", "views", "pixels"):
@@ -62,15 +62,15 @@ class FilteredImages:
         raise NotImplementedError
 
     def image_filter(self, run: Run) -> Filter:
-        """The filter of this run; a method that has to load something for it replaces this one."""
+        """The filter of this run; a method that must load data for it overrides this."""
         return self.filter_image
 
     def pictured(self, cloud: PointCloud) -> PointCloud:
-        """The cloud whose images are filtered: the one that is denoised, with other normals if need be."""
+        """The cloud whose images are filtered: the input, with other normals if necessary."""
         return cloud
 
     def denoise(self, cloud: PointCloud, run: Run) -> PointCloud:
-        """As many points in the same order, with normals; normals are estimated where there are none."""
+        """As many points, in the same order, with normals; normals are estimated if there are none."""
         from bench.geometry.normals import with_normals
         from bench.geometry.spacing import mean_spacing
 

@@ -6,14 +6,14 @@ import numpy as np
 
 
 def superpixels(image: np.ndarray, segments: int = 150, compactness: float = 20.0) -> np.ndarray:
-    """The image with the colours of about so many regions.
+    """The image with the mean colours of about ``segments`` regions.
 
     Parameters
     ----------
     image : (h, w, 3) array from 0 to 1
     segments : int
     compactness : float
-        More makes regions rounder, less makes their colours more alike.
+        Larger makes regions rounder, smaller makes their colours more uniform.
 
     Returns
     -------

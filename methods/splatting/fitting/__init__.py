@@ -1,1 +1,1 @@
-"""Points that are fitted to images."""
+"""Fitting points to images."""

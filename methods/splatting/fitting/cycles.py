@@ -1,4 +1,4 @@
-"""Cycles of descents, of normals first and of positions then (thesis 3.2.1; Yifan et al. 2019)."""
+"""Cycles of descents, first of normals, then of positions (thesis 3.2.1; Yifan et al. 2019)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .views import Gallery
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long, and how fast; the fields are those of the method."""
+    """Length and rates of the descents; the fields are those of the method."""
 
     cycles: int
     normal_steps: int
@@ -39,7 +39,7 @@ class Schedule:
     refined_part: float
 
     def window_at(self, cycle: int, width: int) -> float:
-        """How far pixels pull in a cycle, in pixels of an image so wide."""
+        """The range of a pixel's effect in a cycle, in pixels of an image of this width."""
         return width * max(self.window * self.window_decay**cycle, min(self.window, self.window_least))
 
 
@@ -51,7 +51,7 @@ def fit(
     regular: Regularity,
     run: Run,
 ) -> PointCloud:
-    """The cloud, after it was fitted to the images, or as far as it came in time.
+    """The cloud fitted to the images, in all cycles or as many as the time allows.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def fit(
     schedule : Schedule
     regular : Regularity
     run : Run
-        Draws the views of each cycle, and is offered the cloud after it.
+        Draws the views of each cycle, and receives the cloud after it as an intermediate result.
     """
     fitting = Fitting(cloud, sigma, schedule, regular, run)
     chosen_views = views_in_turn(len(gallery.cameras), schedule.views, schedule.cycles, run.rng)
@@ -88,7 +88,7 @@ def fit(
 
 
 class Fitting:
-    """Points and normals on their way, and the descents that move them."""
+    """Points and normals during the fit, and the descents that move them."""
 
     def __init__(self, cloud: PointCloud, sigma: float, schedule: Schedule, regular: Regularity, run: Run):
         self.points, self.normals = np.array(cloud.points), np.array(cloud.normals)
@@ -103,11 +103,11 @@ class Fitting:
         self._step, self._steps = 0, (schedule.cycles + schedule.refinements) * sum(counts)
 
     def cloud(self) -> PointCloud:
-        """As far as it came."""
+        """The current cloud."""
         return PointCloud(self.points, self.normals)
 
     def slow_down(self, factor: float) -> None:
-        """Rates and projection, from now on."""
+        """Multiply rates and projection by a factor, from now on."""
         self._regular = replace(self._regular, projection=self._regular.projection * factor)
         for descent in self._descents:
             descent.rate *= factor
@@ -120,18 +120,18 @@ class Fitting:
         seen_by: np.ndarray,
         part: bool = False,
     ) -> bool:
-        """One descent of the normals and one of the points; whether there was time for it.
+        """One descent of the normals and one of the points; returns whether there was time for it.
 
         Parameters
         ----------
         gallery : Gallery
         chosen : (m,) int array
-            Which of its images are looked at.
+            The images to use.
         silhouettes : Silhouettes, or None
         seen_by : (m,) int array
-            Which of the silhouettes points move to.
+            The silhouettes that points move to.
         part : bool
-            The images show a part of the shape: points that none of them shows stay.
+            The images show a part of the shape: points that are not visible in any of them do not move.
         """
         for (of_normals, count), descent in zip(self._turns, self._descents, strict=True):
             descent.begin()

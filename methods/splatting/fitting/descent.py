@@ -1,4 +1,4 @@
-"""The descent of the released code: Nesterov momentum, cut off gradients, a rate that halves where nothing falls."""
+"""The descent of the released code: Nesterov momentum, clipped gradients, a rate that halves on a plateau."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Descent:
     ----------
     rate : float
     largest : float
-        Gradients are cut off at this, number by number.
+        Gradients are clipped at this, entry by entry.
     momentum : float
     patience : int
         The rate is halved when the loss has not fallen by a ten-thousandth for more steps than this; 0 for never.
@@ -33,11 +33,11 @@ class Descent:
         return values - self.rate * (gradient + self._momentum * self._velocity)
 
     def begin(self) -> None:
-        """Other images: losses are not to be compared with those before. The rate goes on."""
+        """Start with other images: losses are not comparable with those before. The rate stays."""
         self._best, self._waited = np.inf, 0
 
     def look(self, loss: float) -> None:
-        """Tell the loss of a step."""
+        """Receive the loss of a step."""
         if loss < self._best * (1 - self.FALLS):
             self._best, self._waited = loss, 0
             return
@@ -47,6 +47,6 @@ class Descent:
 
 
 def unit(normals: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Normals (n, 3) at unit length; those that vanished are as before."""
+    """Normals (n, 3) at unit length; those that vanished are replaced by the previous ones."""
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.where(length > 1e-9, normals / np.maximum(length, 1e-9), before)

@@ -1,4 +1,4 @@
-"""Views of where the images differ most (thesis 3.2.1, figure 3.22)."""
+"""Views of the parts where the images differ most (thesis 3.2.1, figure 3.22)."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from .views import Gallery, Window
 
 POOL = 9  # pixels across the squares over which the error is averaged
-NEAREST = 5  # points whose mean is looked at
-TRIED = 50  # pixels of a view with the largest errors, none of which may be near a place that was looked at before
+NEAREST = 5  # points whose mean is the focus
+TRIED = 50  # pixels of a view with the largest errors, as candidates away from previous places
 
 
 class Focus(NamedTuple):
-    """A place in the world, and what some of the images show around it."""
+    """A place in the world, and parts of some images around it."""
 
     place: np.ndarray
     gallery: Gallery
     views: np.ndarray
-    """Which images they are parts of"""
+    """The images of which they are parts"""
 
 
 def focus(
@@ -32,12 +32,12 @@ def focus(
     before: list[np.ndarray],
     apart: float,
 ) -> Focus | None:
-    """Where the images differ most from what the points look like, and the parts of images around it.
+    """The place where the images differ most from those of the points, and the parts of images around it.
 
-    Of all views, the pixel with the largest error, averaged over 9 x 9 pixels, is looked for; the place is the mean of
-    the five points that are drawn nearest to it. The thesis moves the cameras near to it. Images that are given cannot
-    be taken again, so parts of them are looked at, of those that differ most there: the loss is the mean over their
-    pixels, so each of them weighs more.
+    It is found from the pixel with the largest error in all views, averaged over 9 x 9 pixels; the place is the mean of
+    the five points that are drawn nearest to it. The thesis moves the cameras near to it. Given images cannot
+    be taken again, so parts of those that differ most there are used: the loss is the mean over their
+    pixels, so each of them has more weight.
 
     Parameters
     ----------
@@ -48,14 +48,14 @@ def focus(
     part : float
         Width and height of the parts, relative to the images.
     count : int
-        How many images.
+        The number of images.
     before : list of (3,) arrays
-        Places that were looked at; none nearer than ``apart`` to them is taken.
+        Previous places; no place nearer than ``apart`` to them is chosen.
     apart : float
 
     Returns
     -------
-    Focus, or None where all places were looked at
+    Focus, or None if no place is left
     """
     errors = []
     best, place = 0.0, None
@@ -88,7 +88,7 @@ def _pooled(error: np.ndarray) -> np.ndarray:
 
 
 def _largest(error: np.ndarray) -> np.ndarray:
-    """Rows and columns (k, 2) of pixels with the largest errors, one of each square that is averaged over."""
+    """Rows and columns (k, 2) of pixels with the largest errors, one in each averaging square."""
     coarse = error[POOL // 2 :: POOL, POOL // 2 :: POOL]
     order = np.argsort(-coarse, axis=None, kind="stable")[:TRIED]
     return np.column_stack(np.unravel_index(order, coarse.shape)) * POOL + POOL // 2

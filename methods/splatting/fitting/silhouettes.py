@@ -8,14 +8,14 @@ import numpy as np
 
 from ..renderer.camera import Camera
 
-NEAR = 1.0  # pixels from the silhouette that do not count
+NEAR = 1.0  # distances from the silhouette up to this number of pixels are ignored
 
 
 class Silhouettes:
-    """Where the shape is seen; a point that any view shows elsewhere is outside of it.
+    """The silhouettes of the shape; a point that any view shows elsewhere is outside of it.
 
-    The gradient of Eq. 3.12 cannot bring such a point back: all pixels that it covers want it to leave, and leaving to
-    one side is as good as to the other. Here it moves to the nearest pixel of the silhouette, at its depth.
+    The gradient of Eq. 3.12 cannot bring such a point back: all pixels that it covers push it away, and to
+    both sides equally. Here it moves to the nearest pixel of the silhouette, at its depth.
 
     Parameters
     ----------
@@ -24,13 +24,13 @@ class Silhouettes:
     """
 
     def __init__(self, masks: np.ndarray, cameras: Sequence[Camera]):
-        # An empty mask says nothing, as if the shape were everywhere.
+        # An empty mask does not constrain the shape, as if this were everywhere.
         self._masks = masks | ~masks.any(axis=(1, 2), keepdims=True)
         self._cameras = cameras
         self._nearest: dict[int, np.ndarray] = {}
 
     def offsets(self, points: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """How far points (n, 3) are to move: the mean over those of the ``chosen`` views that show them outside."""
+        """The displacements of points (n, 3): the mean over those of the ``chosen`` views that show them outside."""
         total, outside = np.zeros_like(points), np.zeros(len(points))
         for view in chosen:
             camera, nearest = self._cameras[view], self._nearest_of(view)
@@ -45,7 +45,7 @@ class Silhouettes:
             at = nearest[:, i, j]
             down, right = at[0] + 0.5 - row, at[1] + 0.5 - column
             off = ahead & (np.maximum(abs(down), abs(right)) > NEAR)
-            # Beyond the border of an image, a silhouette that reaches it there may go on.
+            # A silhouette that touches the border of an image may continue beyond it.
             border = (row >= 0) & (row < height) & (column >= 0) & (column < width)
             off &= border | ~self._masks[view][i, j]
             move = np.stack([(right - skew * down / fy) / fx, down / fy, np.zeros(len(points))], axis=1)

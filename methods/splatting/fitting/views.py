@@ -1,4 +1,4 @@
-"""What the points look like in some views, how far that is from the images, and what would help."""
+"""The images of the points in some views, their loss, and its gradient."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 class Lights(NamedTuple):
-    """Of each view, k lights that are infinitely far."""
+    """The k lights of each view, infinitely far."""
 
     directions: np.ndarray
     """(v, k, 3) array of unit length, towards the lights"""
     colors: np.ndarray
     """(v, k, 3) array"""
     ambient: np.ndarray
-    """(v, 3) array: light from everywhere"""
+    """(v, 3) array: ambient light"""
 
 
 class Window(NamedTuple):
@@ -41,16 +41,16 @@ class Window(NamedTuple):
 
 
 class Look(NamedTuple):
-    """The views of one step, together."""
+    """The sums over the views of one step."""
 
     loss: float
     """The sum over the views"""
     gradient: np.ndarray
     """(n, 3) array: of positions or normals, the mean over the views that show a point"""
     shown: np.ndarray
-    """(n,) array: how many views show a point"""
+    """(n,) array: the number of views that show a point"""
     hidden: np.ndarray
-    """(n,) array: o_k of Eq. 3.16, how often a point was hidden, for each view that shows it"""
+    """(n,) array: o_k of Eq. 3.16, how often a point is hidden, for each view that shows it"""
 
 
 class Gallery:
@@ -62,13 +62,13 @@ class Gallery:
     wanted : (v, h, w, 3) float array
         The images, from 0 to 1.
     lights : Lights
-        Colours are made by diffuse shading, as those of the images were.
+        Colours are computed by diffuse shading, as for the images.
     how : Drawing
     threads : int
     epsilon : float
         Of the loss.
     silhouettes : Silhouettes, or None
-        Where the shape is seen, if that is known.
+        Those of the shape, if they are known.
     device : str
         "cpu", or a device of torch, on which the renderer in torch draws.
     """
@@ -99,7 +99,7 @@ class Gallery:
         return cls(cameras, views.images.astype(np.float64) / 255, lights, how, threads, epsilon, silhouettes, device)
 
     def cropped(self, windows: Sequence[Window]) -> Gallery:
-        """Parts of the images, all of one size, as images of cameras of their own."""
+        """Parts of the images, all of one size, as images with their own cameras."""
         cameras, wanted = [], []
         for view, left, top, width, height in windows:
             camera, place = self.cameras[view], np.s_[top : top + height, left : left + width]
@@ -110,12 +110,12 @@ class Gallery:
         return Gallery(cameras, np.array(wanted), lights, self.how, self.threads, self.epsilon, device=self.device)
 
     def shaded(self, normals: np.ndarray, view: int) -> tuple[np.ndarray, np.ndarray]:
-        """The colours (n, 3) of points under the lights of a view, and which lights (n, k) they see."""
+        """The colours (n, 3) of points under the lights of a view, and which lights (n, k) reach them."""
         facing = normals @ self.lights.directions[view].T
         return np.maximum(facing, 0) @ self.lights.colors[view] + self.lights.ambient[view], facing > 0
 
     def draw(self, points: np.ndarray, normals: np.ndarray, sigma: np.ndarray | float, view: int) -> Drawn | ArrayDrawn:
-        """What a view shows of points."""
+        """The image of points in a view."""
         colors, _ = self.shaded(normals, view)
         if self.device != "cpu":
             from ..torch_renderer.drawn import draw_arrays
@@ -134,7 +134,7 @@ class Gallery:
             Normals of unit length.
         sigma : (n,) array or float
         chosen : (m,) int array
-            Which views.
+            The views.
         of_normals : bool
             Of the normals, through the shading and, with ``how.weights``, the weights; otherwise of the positions.
         """

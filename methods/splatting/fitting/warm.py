@@ -6,7 +6,7 @@ import numpy as np
 
 
 def load_compiled() -> None:
-    """Load the loops of the renderer and of the regularisers from where they are cached, or compile them."""
+    """Load the loops of the renderer and of the regularisers from the cache, or compile them."""
     from ..regularisers.settings import Regularity
     from ..regularisers.terms import Neighbours
     from ..renderer.camera import Camera

@@ -12,7 +12,7 @@ class Adam:
     ----------
     shape : tuple of int
     betas, epsilon
-        As for Gaussian splatting: an epsilon that never counts, so that steps do not depend on the size of the loss.
+        As for Gaussian splatting: a negligible epsilon, so that steps do not depend on the scale of the loss.
     """
 
     def __init__(self, shape: tuple[int, ...], betas: tuple[float, float] = (0.9, 0.999), epsilon: float = 1e-15):
@@ -20,7 +20,7 @@ class Adam:
         self._betas, self._epsilon, self._steps = betas, epsilon, 0
 
     def step(self, gradient: np.ndarray, rate: float) -> np.ndarray:
-        """What to add to the numbers."""
+        """The increment of the numbers."""
         first, second = self._betas
         self._steps += 1
         self._mean += (1 - first) * (gradient - self._mean)
@@ -29,5 +29,5 @@ class Adam:
         return -rate * mean / (np.sqrt(square) + self._epsilon)
 
     def forget(self, rows: np.ndarray) -> None:
-        """Begin anew for some rows."""
+        """Reset the moments of some rows."""
         self._mean[rows], self._square[rows] = 0, 0

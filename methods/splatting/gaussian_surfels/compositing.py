@@ -1,4 +1,4 @@
-"""Front-to-back compositing of surfels, and the way back, pixel by pixel within tiles."""
+"""Front-to-back compositing of surfels, and its gradient, pixel by pixel within tiles."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ GRADIENTS = WEIGHT + 1
 
 @njit(cache=True, inline="always")
 def _meet(row, x, y, column, line):
-    """Where the ray (x, y, 1) of the pixel at (column, line) meets a surfel.
+    """The intersection of the ray (x, y, 1) of the pixel at (column, line) with a surfel.
 
-    Returns the squared distance in standard deviations, the depth, u, v, and whether the low-pass is taken.
+    Returns the squared distance in standard deviations, the depth, u, v, and whether the low-pass applies.
     """
     slope = row[NORMAL] * x + row[NORMAL + 1] * y + row[NORMAL + 2]
     depth = 0.0
@@ -47,7 +47,7 @@ def _meet(row, x, y, column, line):
 def composite(
     table: np.ndarray, features: np.ndarray, starts: np.ndarray, members: np.ndarray, lens: tuple, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The maps (h, w, MAPS), the light (h, w) that passes, and the end (h, w) of the members that each pixel drew."""
+    """The maps (h, w, MAPS), the transmittance (h, w), and the end (h, w) of the members drawn at each pixel."""
     width, height = size
     maps, light = np.zeros((height, width, MAPS)), np.ones((height, width))
     last = np.zeros((height, width), np.int64)
@@ -125,7 +125,7 @@ def _tile_back(tile, table, features, starts, members, lens, light, last, slopes
         y = (i + 0.5 - cy) / fy
         for j in range(left, min(left + TILE, width)):
             x = (j + 0.5 - cx - skew * y) / fx
-            passing, behind = light[i, j], 0.0  # behind: the weighted slopes of what lies behind
+            passing, behind = light[i, j], 0.0  # behind: the weighted slopes of the surfels behind
             slope = slopes[i, j]
             for member in range(last[i, j] - 1, starts[tile] - 1, -1):
                 row = table[members[member]]

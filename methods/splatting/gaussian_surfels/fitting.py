@@ -1,4 +1,4 @@
-"""Surfels that descend until they look like the images."""
+"""Fitting surfels to images by gradient descent."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .state import State
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long, and how fast; the fields are those of the method."""
+    """Length and rates of the descent; the fields are those of the method."""
 
     steps: int
     position_rate: float
@@ -35,7 +35,7 @@ class Schedule:
     carve: float
 
     def rates(self, step: int, spacing: float) -> dict[str, float]:
-        """Of the free numbers: positions slow down exponentially, in spacings."""
+        """The rates of the parameters: that of positions falls exponentially, in spacings."""
         slower = self.rate_decay ** (step / self.steps)
         return {
             "positions": self.position_rate * spacing * slower,
@@ -62,9 +62,9 @@ class Scene:
         self.ambient = np.zeros((len(views), 3)) if views.ambient is None else views.ambient
 
     def outside(self, points: np.ndarray) -> np.ndarray:
-        """How far points (n, 3) lie outside a mask, in pixels, at most over the views: (n,) array, 0 inside all.
+        """The largest distance of points (n, 3) outside a mask over the views, in pixels: (n,) array, 0 inside all.
 
-        What an image does not show counts as inside.
+        Points outside of an image count as inside.
         """
         rows, columns, shown = self.views.pixels_at(points)
         farthest = np.zeros(len(points))
@@ -77,7 +77,7 @@ class Scene:
         return [distance_transform_edt(~mask) if mask.any() else np.zeros(mask.shape) for mask in self.views.masks]
 
     def shaded(self, normals: np.ndarray, view: int) -> tuple[np.ndarray, np.ndarray]:
-        """The colours (n, 3) of normals under the lights of a view, and which lights (n, k) they see."""
+        """The colours (n, 3) of normals under the lights of a view, and which lights (n, k) reach them."""
         directions, colors = self._lights(view)
         facing = normals @ directions.T
         return np.maximum(facing, 0) @ colors + self.ambient[view], facing > 0
@@ -87,7 +87,7 @@ class Scene:
         return self.views.light_directions[view], self.views.light_colors[view]
 
     def look(self, surfels: Surfels, view: int) -> tuple[float, Slopes]:
-        """The loss of one view, and its gradients; colours count through the normals that make them."""
+        """The loss of one view, and its gradients; colours contribute through their normals."""
         colors, lit = self.shaded(surfels.frames[:, :, 2], view)
         rendered = render(surfels, colors, self.cameras[view], self.threads)
         wanted = self.views.images[view] / 255
@@ -99,7 +99,7 @@ class Scene:
         return loss, back
 
     def weights(self, surfels: Surfels) -> np.ndarray:
-        """How much of all images each surfel is: (n,) array, in pixels."""
+        """The share of each surfel in all images: (n,) array, in pixels."""
         total = np.zeros(len(surfels.positions))
         for view, camera in enumerate(self.cameras):
             rendered = render(surfels, self.shaded(surfels.frames[:, :, 2], view)[0], camera, self.threads)
@@ -108,7 +108,7 @@ class Scene:
 
 
 def fit(scene: Scene, state: State, spacing: float, schedule: Schedule, run: Run, spare: float = 0.0) -> PointCloud:
-    """The centres of the surfels that are seen and opaque, with normals.
+    """The centres of the visible and opaque surfels, with normals.
 
     Parameters
     ----------
@@ -116,12 +116,12 @@ def fit(scene: Scene, state: State, spacing: float, schedule: Schedule, run: Run
     state : State
         Is changed.
     spacing : float
-        Of the points to begin with.
+        Of the initial points.
     schedule : Schedule
     run : Run
         Draws the order of the views, one a step.
     spare : float
-        Seconds that are left in the end.
+        Seconds to leave at the end.
     """
     order: list[int] = []
     tally = Tally(len(state))
@@ -144,7 +144,7 @@ def fit(scene: Scene, state: State, spacing: float, schedule: Schedule, run: Run
 
 
 class Tally:
-    """What was seen of each surfel over some steps."""
+    """Statistics of each surfel over some steps."""
 
     def __init__(self, count: int):
         self.pull, self.weight, self.shown = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -157,7 +157,7 @@ class Tally:
 
 
 def relocate(state: State, tally: Tally, schedule: Schedule, carved: np.ndarray) -> None:
-    """Put surfels that are transparent, unseen or carved beside those that are pulled at most, by splitting these."""
+    """Move surfels that are transparent, unseen or carved to those with the largest gradients, by splitting these."""
     dead = (state.opacities < schedule.transparent) | (tally.weight < 1e-2 * np.maximum(tally.shown, 1)) | carved
     places = np.flatnonzero(dead)
     pull = np.where(dead, -1.0, tally.pull / np.maximum(tally.shown, 1))
@@ -167,14 +167,14 @@ def relocate(state: State, tally: Tally, schedule: Schedule, carved: np.ndarray)
 
 
 def carved(scene: Scene, state: State, schedule: Schedule) -> np.ndarray:
-    """Which surfels lie outside a mask, and so cannot be of the shape: (n,) bool array."""
+    """Which surfels lie outside a mask, and so cannot belong to the shape: (n,) bool array."""
     if not schedule.carve:
         return np.zeros(len(state), dtype=bool)
     return scene.outside(state.positions) > schedule.carve
 
 
 def cloud_of(scene: Scene, state: State, schedule: Schedule) -> PointCloud:
-    """The centres of what is opaque, seen and not carved, with normals; all, if that is nothing."""
+    """The centres of surfels that are opaque, visible and not carved, with normals; all, if there are none."""
     kept = (state.opacities >= schedule.transparent) & (scene.weights(state.surfels()) > 1e-2)
     kept &= ~carved(scene, state, schedule)
     kept |= not kept.any()

@@ -1,4 +1,4 @@
-"""Surfels as a camera sees them: what a pixel needs for the exact intersection, and which tiles they touch."""
+"""The footprints of surfels in a camera: data for the exact intersection, and the tiles that they touch."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numba import njit
 from ..renderer.camera import Camera
 from ..renderer.raster import binned
 
-TILE = 8  # pixels: surfels are small, and a pixel tries all of its tile
-LEAST_ALPHA = 1 / 255  # what is more transparent than this at a pixel is not drawn there
+TILE = 8  # pixels: surfels are small, and a pixel tests all of its tile
+LEAST_ALPHA = 1 / 255  # surfels more transparent than this at a pixel are not drawn there
 LOW_PASS = 2.0  # 1 / variance of the screen-space Gaussian: sqrt(2) / 2 pixels
 
 # Columns of the table: the ray r = (x, y, 1) of a pixel meets the plane at the depth z = PLANE / (NORMAL . r), where
@@ -47,7 +47,7 @@ class Footprints(NamedTuple):
     table: np.ndarray
     """(n, COLUMNS) float64 array"""
     starts: np.ndarray
-    """(tiles + 1,) int64 array: where the members of a tile begin"""
+    """(tiles + 1,) int64 array: the first member of each tile, and the end"""
     members: np.ndarray
     """int32 array: surfels of each tile, the nearest centre first"""
 
@@ -89,7 +89,7 @@ def _place(positions, frames, scales, opacities, lens, near):
             for row, value in enumerate((fx * a + skew * b + cx * c, fy * b + cy * c, c)):
                 rows[row, axis] = value * scales[k, axis]
         rows[0, 2], rows[1, 2], rows[2, 2] = fx * x + skew * y + cx * z, fy * y + cy * z, z
-        # The box of the conic u^2 + v^2 = limit: it is an ellipse where all of it lies in front of the camera.
+        # The box of the conic u^2 + v^2 = limit: it is an ellipse if all of it lies in front of the camera.
         reach = math.sqrt(limit * (rows[2, 0] ** 2 + rows[2, 1] ** 2))
         if z - reach <= near:
             continue

@@ -1,4 +1,4 @@
-"""What is wrong with an image of surfels: colours, mask, distortion of depths, and normals (Huang et al. 2024)."""
+"""The losses of an image of surfels: colours, mask, depth distortion, and normals (Huang et al. 2024)."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..renderer.camera import Camera
 from .compositing import FEATURES
 
 SUMS, DEPTHS = FEATURES, FEATURES + 1  # channels of the maps
-SOLID = 0.5  # normals of depths are taken where the weights of a pixel and its neighbours sum to more than this
+SOLID = 0.5  # normals of depths are used if the weights of a pixel and of its neighbours each sum to more than this
 
 
 @dataclass(frozen=True)
 class Weighting:
-    """How much each part counts; the fields are parameters of the method."""
+    """The weights of the terms; the fields are parameters of the method."""
 
     mask_weight: float
     distortion: float
@@ -71,7 +71,7 @@ def consistency(maps, lens, factor, slopes):
     """The sum over pixels of sum_i w_i (1 - n_i . N), N the normal of the mean depths; ``slopes`` receives its slopes.
 
     N is that of the plane through the four neighbours of a pixel (central differences), towards the camera. It counts
-    where the weights of all five sum to more than ``SOLID``.
+    if the weights of all five sum to more than ``SOLID``.
     """
     height, width, _ = maps.shape
     total = 0.0
@@ -116,7 +116,7 @@ def _cross(a, b):
 
 @njit(cache=True, inline="always")
 def _put(place, pixel, row, column, lens):
-    """Where the ray of a pixel is at its mean depth."""
+    """The point on the ray of a pixel at its mean depth."""
     fx, fy, skew, cx, cy = lens
     depth = pixel[DEPTHS] / pixel[SUMS]
     y = (row - cy) / fy

@@ -22,7 +22,7 @@ def poisson_mesh(cloud: PointCloud, trim: float) -> Trimesh:
     cloud : PointCloud
         With normals.
     trim : float
-        This share of the vertices, those that the fewest points support, is left out.
+        This share of the vertices, those supported by the fewest points, is removed.
     """
     import open3d as o3d
     from trimesh import Trimesh
@@ -34,7 +34,7 @@ def poisson_mesh(cloud: PointCloud, trim: float) -> Trimesh:
         mesh, support = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
             oriented,
             depth=DEPTH,
-            n_threads=1,  # with more, order and last digits change from run to run, and it is no faster
+            n_threads=1,  # more change order and last digits from run to run, and are not faster
         )
     if trim:
         support = np.asarray(support)

@@ -1,4 +1,4 @@
-"""One image of surfels, and the gradients of a loss by all that was drawn."""
+"""One image of surfels, and the gradients of a loss by all its inputs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Slopes(NamedTuple):
     positions: np.ndarray
     """(n, 3) array"""
     frames: np.ndarray
-    """(n, 3, 3) array: by the columns of the frames, each as if it were free"""
+    """(n, 3, 3) array: by the columns of the frames, each as an independent vector"""
     scales: np.ndarray
     """(n, 2) array"""
     opacities: np.ndarray
@@ -43,12 +43,12 @@ class Slopes(NamedTuple):
     screen: np.ndarray
     """(n,) array: length of the gradient by the position in the plane of the image, in 1 / pixels"""
     weights: np.ndarray
-    """(n,) array: no gradient, but how much of the image a surfel is, in pixels"""
+    """(n,) array: not a gradient, but the share of a surfel in the image, in pixels"""
 
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """What :func:`render` made.
+    """The result of :func:`render`.
 
     Parameters
     ----------
@@ -56,14 +56,14 @@ class Rendered:
         Sums over the surfels of a pixel, each times its weight: colour (3), normal in the axes of the camera (3),
         1, depth, depth squared.
     light : (h, w) float64 array
-        What passes all surfels: 1 minus the sum of the weights.
+        The transmittance of all surfels: 1 minus the sum of the weights.
     seen : Surfels
         In the axes of the camera.
     prints : Footprints
     features : (n, 6) float64 array
         Colours and normals.
     last : (h, w) int64 array
-        Where each pixel stopped in the list of its tile.
+        The end of each pixel in the list of its tile.
     camera : Camera
     """
 
@@ -133,7 +133,7 @@ def render(surfels: Surfels, colors: np.ndarray, camera: Camera, threads: int = 
     colors : (n, 3) array
     camera : Camera
     threads : int
-        So many draw, and so many go back until the next call; the result does not depend on it.
+        For drawing, and for the gradients until the next call; the result does not depend on it.
     """
     use(threads)
     seen = surfels.in_camera(camera)

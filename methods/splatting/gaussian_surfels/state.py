@@ -1,4 +1,4 @@
-"""The surfels that are fitted: free numbers, their steps by Adam, and what comes of them."""
+"""The fitted surfels: their parameters, steps by Adam, and the surfels from the parameters."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ MOST = 0.99  # an opacity is at most this
 
 
 class State:
-    """Surfels with free numbers: positions, turns (quaternions), logarithms of scales, logits of opacities.
+    """Surfels by parameters: positions, rotations (quaternions), logarithms of scales, logits of opacities.
 
     Parameters
     ----------
     points, normals : (n, 3) arrays
     scale : float
-        Standard deviation of all to begin with.
+        Initial standard deviation of all.
     opacity : float
-        Of all to begin with, below :data:`MOST`.
+        Initial opacity of all, below :data:`MOST`.
     """
 
     def __init__(self, points: np.ndarray, normals: np.ndarray, scale: float, opacity: float):
@@ -54,13 +54,13 @@ class State:
         return MOST / (1 + np.exp(-self.logits))
 
     def surfels(self) -> Surfels:
-        """What is to be drawn."""
+        """The surfels to draw."""
         return Surfels(self.positions, self.frames, np.exp(self.logs), self.opacities)
 
     def gradients(self, surfels: Surfels, slopes: Slopes) -> dict[str, np.ndarray]:
-        """The gradients by the free numbers, from those by the surfels.
+        """The gradients by the parameters, from those by the surfels.
 
-        A turn is a rotation vector in the surfel's own axes: the gradient by it is the sum of a x (slope by a) over
+        A rotation is a rotation vector in the surfel's own axes: the gradient by it is the sum of a x (slope by a) over
         the columns a of the frame.
         """
         turn = np.cross(surfels.frames.transpose(0, 2, 1), slopes.frames.transpose(0, 2, 1)).sum(axis=1)
@@ -81,10 +81,10 @@ class State:
         self.logs, self.logits = self.logs + steps["logs"], self.logits + steps["logits"]
 
     def split(self, parents: np.ndarray, places: np.ndarray, shrink: float = 1.6) -> None:
-        """Make two of each parent: itself and one that takes a place of another, which is lost.
+        """Split each parent in two: itself and one that replaces another surfel, which is lost.
 
-        Both lie one standard deviation apart along the longer tangent, smaller by the factor of 3DGS, and forget their
-        moments.
+        Both lie one standard deviation apart along the longer tangent, smaller by the factor of 3DGS, with their
+        moments reset.
 
         Parameters
         ----------

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def load_compiled() -> None:
-    """Load the loops from where they are cached, or compile them."""
+    """Load the loops from the cache, or compile them."""
     from ..renderer.camera import Camera
     from .losses import Weighting, loss_of
     from .rendering import render

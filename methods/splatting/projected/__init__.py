@@ -1,1 +1,1 @@
-"""Points that are drawn by projection as smoothed depths; depths of a visual hull, and points on it to begin with."""
+"""Points rendered by projection as smoothed depths; depths of a visual hull, and initial points on it."""

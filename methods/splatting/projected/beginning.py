@@ -1,4 +1,4 @@
-"""Oriented points to begin with, where there are images alone: on the visual hull."""
+"""Initial oriented points if there are only images: on the visual hull."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from bench.geometry.normals import estimate_normals
 from .hull import hull_depths
 
 CELLS = 64  # of the hull, along each axis
-CROWD = 6  # so many candidates for each point
-NEIGHBOURS = 24  # candidates through which the plane of each is laid
+CROWD = 6  # candidates for each point
+NEIGHBOURS = 24  # candidates for fitting the plane of each
 
 
 def points_on_the_hull(views: Views, count: int, run: Run) -> PointCloud:
-    """At most so many points on the visual hull, evenly, with normals.
+    """At most ``count`` points on the visual hull, evenly spread, with normals.
 
-    The depths at which the pixels' rays enter the hull give a point each. Of some of them, drawn at random, the normals
-    are those of planes through their neighbours, turned to the cameras that see them; farthest points are kept.
+    The depth at which a pixel's ray enters the hull gives a point. The normals of a random part of them
+    are those of planes through their neighbours, turned to the cameras that see them; farthest points are selected.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def points_on_the_hull(views: Views, count: int, run: Run) -> PointCloud:
     Raises
     ------
     BadInput
-        If the masks have nothing in common.
+        If no point lies within all silhouettes.
     """
     depths = hull_depths(views, CELLS)
     view, row, column = np.nonzero(np.isfinite(depths))

@@ -1,4 +1,4 @@
-"""Images of points by projection: sums of smoothed depth values, with gradients to what is seen."""
+"""Images of points by projection: sums of smoothed depth values, with gradients to visible points."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from numba import njit
 
 
 class Blur(NamedTuple):
-    """How points are drawn."""
+    """The settings of drawing."""
 
     sigma: float
-    """Standard deviation of a point's Gaussian, in pixels; it ends at twice that"""
+    """Standard deviation of a point's Gaussian, in pixels; it is cut off at twice that"""
     limit: float
-    """What lies so much behind the nearest point of a pixel is hidden there, in the unit of the points"""
+    """Points this far behind the nearest point of a pixel are hidden there, in the unit of the points"""
 
 
 @njit(cache=True)
 def draw(place, depth, value, size, blur):
     """The image of points.
 
-    A pixel is the sum of the values of the points that are seen there, each times a Gaussian; where the Gaussians sum
-    to more than 1, it is their mean.
+    A pixel is the sum of the values of the points visible there, each times a Gaussian; if the Gaussians sum
+    to more than 1, it is their weighted mean.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def draw(place, depth, value, size, blur):
 
 @njit(cache=True)
 def draw_back(place, depth, value, blur, drawn, slope):
-    """The gradients by ``place`` (n, 2) and ``value`` (n,) from those by the image; ``drawn`` is what was returned."""
+    """The gradients by ``place`` (n, 2) and ``value`` (n,) from those by the image; ``drawn`` is the output of draw."""
     image, total, nearest = drawn
     height, width = image.shape
     sigma, limit = blur

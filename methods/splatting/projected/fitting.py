@@ -1,4 +1,4 @@
-"""Points that descend until their depths look like those of the visual hull."""
+"""Fitting points to depths of the visual hull by gradient descent."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from .depth_image import Blur, draw, draw_back
 
 
 class DepthImages:
-    """Depth images to be matched; their values fall from 1 at the nearest to 0 at the farthest that can be.
+    """Depth images to match; their values fall from 1 at the nearest to 0 at the farthest possible depth.
 
     Parameters
     ----------
     views : Views
     depths : (v, h, w) array
-        Of each pixel, infinite where nothing is.
+        Of each pixel, infinite for the background.
     blur : Blur
     """
 
@@ -29,7 +29,7 @@ class DepthImages:
         self.farthest = np.linalg.norm(views.centers, axis=1) + 1
         values = self.value(depths, self.farthest[:, None, None])
         self.wanted = np.where(np.isfinite(depths), values, 0.0)
-        self.known = np.isfinite(depths) | ~views.masks  # in the mask but not in the hull: nothing is known
+        self.known = np.isfinite(depths) | ~views.masks  # in the mask but not in the hull, the depth is unknown
 
     @staticmethod
     def value(depth: np.ndarray, farthest: np.ndarray | float) -> np.ndarray:
@@ -40,8 +40,8 @@ class DepthImages:
         """The mean squared difference of one image, and its gradient by the points (n, 3)."""
         camera = self.cameras[view]
         fx, fy, skew, cx, cy = camera.lens()
-        x, y, z = np.ascontiguousarray(camera.to_camera(points).T)  # as the loops were compiled for
-        near = np.where(z > 1e-3, z, np.inf)  # for the others, numbers that do not count
+        x, y, z = np.ascontiguousarray(camera.to_camera(points).T)  # the loops are compiled for contiguous arrays
+        near = np.where(z > 1e-3, z, np.inf)  # placeholders for the others
         place = np.column_stack([(fx * x + skew * y) / near + cx, fy * y / near + cy])
         value = self.value(z, self.farthest[view])
         drawn = draw(place, z, value, (camera.width, camera.height), self.blur)
@@ -54,7 +54,7 @@ class DepthImages:
 
 
 def fit(images: DepthImages, points: np.ndarray, steps: int, views: int, rate: float, run: Run) -> PointCloud:
-    """The points after some steps of Adam, whose rate falls to a tenth; each looks at so many views."""
+    """The points after ``steps`` steps of Adam, whose rate falls to a tenth; each uses ``views`` views."""
     descent, points = Adam(points.shape), np.array(points)
     count = min(views, len(images.cameras))
     for step in range(steps):

@@ -10,7 +10,7 @@ from bench import Views
 def carved(views: Views, cells: int) -> np.ndarray:
     """Which cells of the cube [-1, 1]^3 lie in all masks, by their middles: (cells, cells, cells) bool array.
 
-    What an image does not show counts as outside.
+    Cells outside of an image count as outside the mask.
     """
     middles = (np.arange(cells) + 0.5) * 2 / cells - 1
     inside = np.ones((cells, cells, cells), dtype=bool)

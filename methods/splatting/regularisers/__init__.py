@@ -1,1 +1,1 @@
-"""What keeps points on a surface, and apart, while images pull at them."""
+"""Regularisers that keep points on a surface, and apart from each other, while they are fitted to images."""

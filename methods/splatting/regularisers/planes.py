@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-SWEEPS = 12  # of Jacobi rotations; four suffice but for the worst matrices
+SWEEPS = 12  # of Jacobi rotations; four suffice except for the worst matrices
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""How points are kept in order."""
+"""Settings of the regularisers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Literal
 class Regularity:
     """Settings of repulsion and projection; lengths in the unit of the points.
 
-    ``form`` says which of two readings holds, where thesis and released code differ:
+    ``form`` selects one of two forms, where thesis and released code differ:
 
     ============== ================================== =================================================
     \\               thesis                             released
@@ -23,7 +23,7 @@ class Regularity:
     Parameters
     ----------
     neighbours : int
-        How many of a point's nearest neighbours count.
+        The number of nearest neighbours of a point.
     repulsion_distance, projection_distance : float
         D: those beyond do not count.
     angle : float
@@ -47,7 +47,7 @@ class Regularity:
 
     @classmethod
     def of(cls, method: Any, spacing: float) -> Regularity:
-        """That of a method, whose distances are in spacings of the points."""
+        """The settings of a method, whose distances are in spacings of the points."""
         return cls(
             repulsion=method.repulsion,
             projection=method.projection,

@@ -12,9 +12,9 @@ from ...learned.compiled.threads import in_use, use
 from .planes import least_direction
 from .settings import Regularity
 
-FAINT = 0.01  # of a point's largest weight: less does not count in the PCA
+FAINT = 0.01  # of a point's largest weight: smaller weights do not count in the PCA
 NEAR = 1e-4  # added to squared distances
-TINY = 1e-12  # of the squared distance: how much the point's own normal says
+TINY = 1e-12  # of the squared distance: the weight of the point's own normal
 
 
 class Neighbours:
@@ -33,7 +33,7 @@ class Neighbours:
         self._how, self._threads = how, threads
         k = min(how.neighbours + 1, len(points))
         _, index = cKDTree(points).query(points, np.arange(1, k + 1), workers=threads)
-        # A point is not its own neighbour, also where others coincide with it.
+        # A point is not its own neighbour, even if others coincide with it.
         own = index == np.arange(len(points))[:, None]
         own[~own.any(axis=1), -1] = True
         self.index = index[~own].reshape(len(points), k - 1)
@@ -64,7 +64,7 @@ class Neighbours:
     def projected(self, points: np.ndarray, normals: np.ndarray, hidden: np.ndarray) -> np.ndarray:
         """The points, moved towards the planes of their neighbours by ``projection`` times the distance (Eq. 3.18).
 
-        Points with fewer than three neighbours stay. Parameters as of :meth:`repulsion`.
+        Points with fewer than three neighbours do not move. Parameters as for :meth:`repulsion`.
 
         Returns
         -------
@@ -82,7 +82,7 @@ class Neighbours:
 
 
 def _opening(angle: float) -> float:
-    """What (1 - n.n')^2 is divided by."""
+    """The divisor of (1 - n.n')^2."""
     return max(1e-5, 1 - math.cos(math.radians(angle))) ** 2
 
 
@@ -107,7 +107,7 @@ def _bilateral(i, k, points, normals, visible, distance, opening, released):
 def _plane(i, points, normals, index, weights, distance):
     """The normal of the plane through the neighbours (3,), and their weighted mean (3,); weights add up to 1.
 
-    Neighbours of faint weights do not count; the others count by the squares of theirs. Where they lie on a line, or
+    Neighbours of faint weights do not count; the others count by their squared weights. If they lie on a line, or
     are too few, the point's own normal decides.
     """
     mean, covariance = np.zeros(3), np.zeros((3, 3))
@@ -136,7 +136,7 @@ def _repulsion(begin, end, points, normals, visible, index, distance, opening, r
 
 @njit(cache=True)
 def _repel(i, points, normals, visible, index, distance, opening, released, losses, gradient):
-    """Set the loss of one point, and its slope."""
+    """Set the loss of one point, and its gradient."""
     count = index.shape[1]
     near, weights, total = np.zeros(count), np.zeros(count), 0.0
     for m in range(count):
@@ -178,7 +178,7 @@ def _projection(begin, end, points, normals, visible, index, distance, opening, 
 
 @njit(cache=True)
 def _project(i, points, normals, visible, index, distance, opening, released, move):
-    """Set how far one point is from the plane of its neighbours, along its normal: a row of ``move``."""
+    """Set the offset of one point to the plane of its neighbours, along its normal: a row of ``move``."""
     count = index.shape[1]
     weights, total, inside = np.zeros(count), 0.0, 0
     for m in range(count):

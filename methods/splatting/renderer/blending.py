@@ -1,4 +1,4 @@
-"""Colours of pixels from those of the splats that they show (Eq. 3.8), and back."""
+"""Colours of pixels from those of the splats that they show (Eq. 3.8), and their gradients."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def blend(lists: Lists, attributes: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     Returns
     -------
     (h, w, c), (h, w) float64 arrays
-        Both are 0 where nothing is.
+        Both are 0 in the background.
     """
     height, width, _ = lists.index.shape
     image, total = np.zeros((height, width, attributes.shape[1])), np.zeros((height, width))

@@ -1,12 +1,12 @@
-"""Pixels of an image taken together in blocks, for splats that are far away.
+"""Pixels of an image grouped into blocks, for splats that are far away.
 
-The pull of a pixel on a splat is Delta I Delta p / |Delta p|^2 (Eq. 3.12). Summed over a block, it depends on the splat
-through its own colour, weight and depth, in which it is linear or nearly so: a block keeps sums and means over its
-pixels. Blocks are a pyramid, from those of four pixels across to one of them all.
+The gradient of a splat from a pixel is Delta I Delta p / |Delta p|^2 (Eq. 3.12). Summed over a block, it depends on the
+splat through its own colour, weight and depth, in which it is linear or nearly so: a block stores sums and means over
+its pixels. Blocks form a pyramid, from those of four pixels across to one of all pixels.
 
-A pixel takes part if that lowers the loss (Eq. 3.13), which is not linear, so a block keeps its pixels in classes: by
-the signs of the first three channels of the gradient, and by whether anything is seen there. Within a class nearly all
-pixels take part, or none.
+A pixel contributes if that lowers the loss (Eq. 3.13), which is not linear, so the pixels of a block are in classes: by
+the signs of the first three channels of the gradient, and by whether any splat is visible there. Within a class nearly
+all pixels contribute, or none.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy as np
 from numba import njit
 
 LEAF = 4  # pixels across the smallest block
-SIGNS = 3  # channels whose signs make the class
+SIGNS = 3  # channels whose signs define the class
 CLASSES = 2 << SIGNS
 
 
 @njit(cache=True, error_model="numpy")
 def pyramid(gradient, of_image, total, depth, front, active, typical):
-    """The pyramid of blocks, one level after the other, from those of LEAF pixels across to one of them all.
+    """The pyramid of blocks, one level after the other, from those of LEAF pixels across to one of all pixels.
 
     Returns
     -------
@@ -30,7 +30,7 @@ def pyramid(gradient, of_image, total, depth, front, active, typical):
     shapes : (levels, 2) int array
         Rows and columns of blocks.
     count, classes : (blocks,) and (blocks, CLASSES) int arrays
-        How many classes have pixels, and which.
+        The number of classes with pixels, and these classes.
     sums : (blocks, CLASSES, 6 + c) array
         The size of the gradient; means of column, row, share and depth of the front, weighted by it; sums of the
         gradient times the image, and of the gradient, both times the share. The share is what a splat of the weight
@@ -74,7 +74,7 @@ def pyramid(gradient, of_image, total, depth, front, active, typical):
             for j in range(shapes[level, 1]):
                 child = starts[level] + i * shapes[level, 1] + j
                 parent = starts[level + 1] + i // 2 * shapes[level + 1, 1] + j // 2
-                for which in range(CLASSES):  # loops: expressions of arrays take many times as long to compile
+                for which in range(CLASSES):  # loops: array expressions take many times as long to compile
                     for c in range(6 + channels):
                         sums[parent, which, c] += sums[child, which, c]
     count, classes = np.zeros(len(sums), np.int64), np.zeros((len(sums), CLASSES), np.int64)
@@ -90,7 +90,7 @@ def pyramid(gradient, of_image, total, depth, front, active, typical):
 
 @njit(cache=True, error_model="numpy")
 def of_block(k, u, v, z, peak, pixel_size, sums, block, which, attributes, epsilon, limit, occlusion, typical):
-    """What the pixels of one class of a block add to the gradient of one splat, which is seen at none of them."""
+    """The contribution of one class of a block to the gradient of one splat, which is visible at none of its pixels."""
     change = -sums[block, which, 5]
     for c in range(attributes.shape[1]):
         change += sums[block, which, 6 + c] * attributes[k, c]
@@ -100,7 +100,7 @@ def of_block(k, u, v, z, peak, pixel_size, sums, block, which, attributes, epsil
     dx, dy = sums[block, which, 1] - u, sums[block, which, 2] - v
     squared = dx * dx + dy * dy + epsilon
     gz = 0.0
-    if which >> SIGNS and z + limit < depth:  # it hides all that is seen
+    if which >> SIGNS and z + limit < depth:  # it hides all visible splats
         change /= share
     elif which >> SIGNS:
         change *= peak / (typical * (1 - share) + peak * share)

@@ -39,9 +39,9 @@ class Camera:
     def looking_at(
         cls, eye: np.ndarray, target: np.ndarray, up: np.ndarray, focal: float, width: int, height: int
     ) -> Camera:
-        """A camera at ``eye`` that sees ``target`` in the middle, with a focal length in pixels.
+        """A camera at ``eye`` with ``target`` in the middle of its image, and a focal length in pixels.
 
-        ``up`` points upwards in the image; where it is parallel to the view, any direction is upwards.
+        ``up`` points upwards in the image; if it is parallel to the view, any direction is upwards.
         """
         forward = np.asarray(target, dtype=np.float64) - eye
         forward /= np.linalg.norm(forward)
@@ -61,7 +61,7 @@ class Camera:
 
     @property
     def center(self) -> np.ndarray:
-        """Where it stands in the world: (3,)."""
+        """Its position in the world: (3,)."""
         return -self.rotation.T @ np.asarray(self.extrinsics)[:, 3]
 
     def lens(self) -> tuple[float, float, float, float, float]:

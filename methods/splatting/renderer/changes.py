@@ -1,7 +1,7 @@
-"""What a splat that comes to a pixel, or leaves it, changes there: the cases of figure 3.17.
+"""The change of a pixel when a splat moves onto it, or leaves it: the cases of figure 3.17.
 
 All numbers are derivatives of the loss times the change of the pixel's colours, summed over channels; positive ones
-are of no use (Eq. 3.13).
+are discarded (Eq. 3.13).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def of_hidden(i, j, entry, pixel_size, of_own, depth, rho, of_image, total, epsi
 
 @njit(cache=True, error_model="numpy")
 def change_without(i, j, entry, index, depth, rho, front, of_entries, of_image, limit):
-    """Case (c): how the loss changes, to first order, when a splat that is seen leaves the pixel."""
+    """Case (c): the first-order change of the loss when a visible splat leaves the pixel."""
     weight, value, seen = 0.0, 0.0, front[i, j]
     for e in range(seen):
         if e != entry:
@@ -78,9 +78,9 @@ def change_without(i, j, entry, index, depth, rho, front, of_entries, of_image, 
 
 @njit(cache=True, error_model="numpy")
 def change_with(i, j, z, peak, of_own, depth, rho, front, of_entries, of_image, total, limit):
-    """Cases (a) and (b): how the loss changes, to first order, when a splat comes to the pixel."""
+    """Cases (a) and (b): the first-order change of the loss when a splat moves onto the pixel."""
     change, weight, seen = of_own - of_image[i, j], total[i, j], front[i, j]
-    if seen > 0 and depth[i, j, seen - 1] - limit > z:  # it would hide some of what is seen
+    if seen > 0 and depth[i, j, seen - 1] - limit > z:  # it would hide some visible splats
         weight, value = 0.0, 0.0
         for e in range(seen):
             if depth[i, j, e] - limit <= z:

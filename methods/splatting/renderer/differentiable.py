@@ -27,9 +27,9 @@ def render(
     Parameters
     ----------
     points, normals : (n, 3) tensors
-        In the world; normals are brought to unit length.
+        In the world; normals are normalised.
     attributes : (n, c) tensor
-        Where they depend on the normals (shading), these learn through them.
+        If they depend on the normals (shading), these get gradients through them.
     sigma : (n,) tensor or float
         Standard deviation of each point's Gaussian in its tangent plane.
     camera : Camera
@@ -40,7 +40,7 @@ def render(
     -------
     image : (h, w, c) tensor
     drawn : Drawn
-        What is seen where.
+        The visible splats of each pixel.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class _Render(torch.autograd.Function):
         known = [tensor.detach().cpu().numpy() for tensor in (points, normals, attributes)]
         width = sigma.detach().cpu().numpy() if isinstance(sigma, Tensor) else sigma
         ctx.drawn = draw(known[0], known[1], known[2], width, camera, how, threads)
-        # Without culling, a normal may be drawn the other way round.
+        # Without culling, a normal may be drawn flipped.
         ctx.turned = (ctx.drawn.ellipses.normal * (known[1] @ camera.rotation.T)).sum(axis=1, keepdims=True) < 0
         holder.append(ctx.drawn)
         return torch.from_numpy(ctx.drawn.image).to(attributes)

@@ -1,4 +1,4 @@
-"""One image of a cloud, and the way back from it."""
+"""One image of a cloud, and its gradients."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from .weights import weight_gradients
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """What :func:`draw` made.
+    """The result of :func:`draw`.
 
     Parameters
     ----------
     image : (h, w, c) float64 array
-        0 where nothing is.
+        0 in the background.
     total : (h, w) float64 array
-        Sums of the weights that are seen.
+        Sums of the visible weights.
     ellipses : Ellipses
     lists : Lists
     attributes, sigma, camera, how
-        What was drawn.
+        The inputs.
     """
 
     image: np.ndarray
@@ -43,11 +43,11 @@ class Drawn:
 
     @property
     def covered(self) -> np.ndarray:
-        """Whether anything is seen: (h, w) bool array."""
+        """Whether any splat is visible: (h, w) bool array."""
         return self.lists.front > 0
 
     def occlusions(self) -> np.ndarray:
-        """At how many pixels each point is hidden: (n,) int array. Summed over views, this is o_k of Eq. 3.16."""
+        """The number of pixels at which each point is hidden: (n,) int array. Summed over views, o_k of Eq. 3.16."""
         index = self.lists.index
         hidden = (index >= 0) & (np.arange(index.shape[2]) >= self.lists.front[..., None])
         return np.bincount(index[hidden], minlength=len(self.attributes))
@@ -58,13 +58,13 @@ class Drawn:
         return blend_back(self.lists, self.total, gradient, len(self.attributes))
 
     def position_gradient(self, gradient: np.ndarray) -> np.ndarray:
-        """The derivative by the positions (n, 3), by what becomes visible and what hides (Eq. 3.12)."""
+        """The derivative by the positions (n, 3), through changes of visibility (Eq. 3.12)."""
         gradient = np.ascontiguousarray(gradient, dtype=np.float64)
         known = (self.ellipses, self.lists, self.total, self.image, self.attributes)
         return visibility_gradient(*known, gradient, self.camera, self.how)
 
     def weight_gradients(self, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The derivatives by positions and drawn normals (n, 3), through the weights of what is seen."""
+        """The derivatives by positions and drawn normals (n, 3), through the weights of visible splats."""
         known = (self.ellipses, self.lists, self.total, self.image, self.attributes, self.sigma)
         return weight_gradients(*known, gradient, self.camera, self.how)
 
@@ -85,13 +85,13 @@ def draw(
     points, normals : (n, 3) arrays
         In the world; normals of unit length, outwards.
     attributes : (n, c) array
-        Colours, or whatever is to be drawn.
+        Colours, or other values to draw.
     sigma : (n,) array or float
         Standard deviation of each point's Gaussian in its tangent plane, in the unit of the points.
     camera : Camera
     how : Drawing, optional
     threads : int
-        So many threads draw, and so many make the gradients until the next call; the result does not depend on it.
+        For drawing, and for the gradients until the next call; the result does not depend on it.
     """
     how = how or Drawing()
     use(threads)

@@ -17,7 +17,7 @@ TINY = 1e-300
 
 
 class Ellipses(NamedTuple):
-    """What the points of a cloud look like in an image; entries of points that are not drawn mean nothing."""
+    """The ellipses of points in an image; entries of points that are not drawn are meaningless."""
 
     shown: np.ndarray
     """(n,) bool array"""
@@ -30,7 +30,7 @@ class Ellipses(NamedTuple):
     form: np.ndarray
     """(n, 3) float64 array: M_00, M_01, M_11 of the inverse variance"""
     half: np.ndarray
-    """(n, 2) float64 array: half the extent of what it covers, in columns and rows"""
+    """(n, 2) float64 array: half the extent of the covered pixels, in columns and rows"""
     peak: np.ndarray
     """(n,) float64 array: its weight at the centre"""
     reach: np.ndarray

@@ -1,4 +1,4 @@
-"""Which splats each pixel shows: lists of the nearest ones, made tile by tile."""
+"""The splats of each pixel: lists of the nearest ones, made tile by tile."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Lists(NamedTuple):
     index: np.ndarray  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
     """(h, w, K) int32 array: numbers of points, -1 for none"""
     depth: np.ndarray
-    """(h, w, K) float64 array: where the ray meets the tangent planes"""
+    """(h, w, K) float64 array: depths at which the ray meets the tangent planes"""
     rho: np.ndarray
     """(h, w, K) float64 array: weights of Eq. 3.6"""
     front: np.ndarray
-    """(h, w) int64 array: how many of them are seen; the others are hidden"""
+    """(h, w) int64 array: the number of visible ones; the others are hidden"""
 
 
 def rasterise(ellipses: Ellipses, camera: Camera, how: Drawing) -> Lists:
@@ -90,7 +90,7 @@ def depth_at(position, normal, reach, column, row, lens):
     rx = (column - cx - skew * ry) / fx
     plane = normal[0] * position[0] + normal[1] * position[1] + normal[2] * position[2]
     slope = normal[0] * rx + normal[1] * ry + normal[2]
-    if not plane * slope > 0:  # the ray looks over the horizon of the plane
+    if not plane * slope > 0:  # the ray passes beyond the horizon of the plane
         return position[2] + reach
     return min(max(plane / slope, position[2] - reach), position[2] + reach)
 

@@ -1,4 +1,4 @@
-"""How points are drawn."""
+"""Settings of the renderer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Gradient = Literal["dss", "rbf"]
 
 @dataclass(frozen=True)
 class Drawing:
-    """Settings of the renderer; lengths are in the unit of the points where nothing else is said.
+    """Settings of the renderer; lengths are in the unit of the points unless stated otherwise.
 
     Parameters
     ----------
@@ -19,13 +19,13 @@ class Drawing:
     blur : float
         Standard deviation of the low-pass filter, in pixels.
     depth_limit : float
-        T: what lies so much behind the front of a pixel is hidden there. (Thesis: 1 % of the diagonal of the box.)
+        T: splats this far behind the front of a pixel are hidden there. (Thesis: 1 % of the diagonal of the box.)
     layers : int
-        K: how many of the nearest splats of a pixel are kept.
+        K: the number of nearest splats stored for a pixel.
     cull : bool
-        Points whose normals point away are not drawn; without it, all are seen from both sides.
+        Points whose normals point away are not drawn; without it, all are visible from both sides.
     grazing : float
-        A point is drawn where the cosine of the angle between its normal and the direction to the camera is at least
+        A point is drawn if the cosine of the angle between its normal and the direction to the camera is at least
         this.
     near : float
         Points nearer to the plane of the camera are not drawn.
@@ -34,15 +34,15 @@ class Drawing:
     gradient : "dss" or "rbf"
         Of positions: by the change of visibility (Eq. 3.12), or by the derivative of the Gaussian (figure 3.18).
     occlusion : bool
-        Hidden points are also drawn to the front.
+        Hidden points are also moved to the front.
     weights : bool
-        Positions and normals also learn by the derivative of the weights (d rho of Eq. 3.10 and 3.11), which the
-        released code leaves out.
+        Positions and normals also get the derivative of the weights (d rho of Eq. 3.10 and 3.11), which the
+        released code omits.
     opening : float
-        Pixels are taken together in blocks for splats whose distance is at least this times the size of the block;
-        0 takes every pixel by itself.
+        Pixels are grouped into blocks for splats whose distance is at least this times the size of the block;
+        0 treats every pixel separately.
     window : float
-        Pixels farther from a splat than this, in columns or rows, do not pull at it; 0 for no such limit. (Released:
+        Pixels farther from a splat than this, in columns or rows, do not affect it; 0 for no limit. (Released:
         64, shrinking to 16.)
     """
 

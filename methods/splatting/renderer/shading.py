@@ -1,4 +1,4 @@
-"""Colours of points: what their normals look like under lights, and other things to draw."""
+"""Colours of points: shading of their normals under lights, and other attributes to draw."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from torch import Tensor
 def diffuse(
     normals: Tensor, directions: Tensor, colors: Tensor, ambient: Tensor | float = 0.0, albedo: Tensor | float = 1.0
 ) -> Tensor:
-    """Lambertian shading by lights that are infinitely far: albedo (ambient + sum over lights of max(n.l, 0) colour).
+    """Lambertian shading by infinitely far lights: albedo (ambient + sum over lights of max(n.l, 0) colour).
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""The gradient of positions by what becomes visible and what hides (Eq. 3.9 to 3.13), over all pixels.
+"""The gradient of positions through changes of visibility (Eq. 3.9 to 3.13), over all pixels.
 
-Each pixel that the loss would like to change pulls at every splat, however far it is. A splat that is not seen there is
-drawn towards the pixel, and to the front; one that is seen and disturbs is driven away. Pixels near a splat count one
-by one, farther ones in blocks: see :mod:`.blocks`.
+Each pixel with a gradient affects every splat, at any distance. A splat that is not visible there is
+pulled towards the pixel, and to the front; a visible one that increases the loss is pushed away. Pixels near a splat
+count one by one, farther ones in blocks: see :mod:`.blocks`.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from .ellipses import Ellipses
 from .raster import Lists, span
 from .settings import Drawing
 
-RAGGED = 4.0  # the border of a window is as rough as blocks of this part of it
-FAINT = 30.0  # beta from which on a Gaussian is nothing
+RAGGED = 4.0  # blocks at the border of a window are at most its size over this
+FAINT = 30.0  # beta above which a Gaussian is negligible
 
 
 @njit(cache=True, error_model="numpy")
@@ -51,7 +51,7 @@ def _of_splat(k, ellipses, lists, pixels, active, blocks, attributes, lens, how,
     u, v, z = place[k, 0], place[k, 1], position[k, 2]
     pixel_size, radius = z / math.sqrt(fx * fy), max(half[k, 0], half[k, 1])
     gx, gy, gz = 0.0, 0.0, 0.0
-    # (level, row, column) of blocks still to be looked at: at most three siblings on each level wait
+    # (level, row, column) of blocks still to visit: at most three siblings on each level wait
     waiting = np.empty((4 * (top + 2), 3), np.int64)
     waiting[0, 0], waiting[0, 1], waiting[0, 2] = top, 0, 0
     left = 1
@@ -139,7 +139,7 @@ def _of_splat(k, ellipses, lists, pixels, active, blocks, attributes, lens, how,
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _gaussian_gradient(begin, end, ellipses, lists, pixels, active, attributes, lens, how, back):
-    """By the Gaussians, which end soon: pixels beyond FAINT are nothing."""
+    """The gradient of the Gaussians, which are local: pixels beyond FAINT are ignored."""
     for k in range(begin, end):
         _of_gaussian(k, ellipses, lists, pixels, active, attributes, lens, how, back)
 

@@ -1,7 +1,7 @@
 """The derivative of the splats' weights by positions and normals: d rho of Eq. 3.10 and 3.11.
 
-The released code leaves it out. It is small beside the gradient by visibility, and tells how a splat that is seen tilts
-and shifts where neighbours of other colours overlap it.
+The released code omits it. It is small compared with the gradient by visibility, and determines how a visible splat
+tilts and shifts if neighbours of other colours overlap it.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ def weight_gradients(
     camera: Camera,
     how: Drawing,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The gradients of positions and normals (n, 3) in the world, through the weights of what is seen.
+    """The gradients of positions and normals (n, 3) in the world, through the weights of visible splats.
 
-    Normals are those that are drawn, towards the camera; parameters as of :func:`.visibility.visibility_gradient`.
+    Normals are the drawn ones, towards the camera; parameters as for :func:`.visibility.visibility_gradient`.
     """
     seen = np.arange(lists.index.shape[2]) < lists.front[..., None]
     rows, columns, entries = np.nonzero(seen & (total > 0)[..., None])

@@ -1,4 +1,4 @@
-"""Colours of pixels from those of the splats that they show (Eq. 3.8), and back."""
+"""Colours of pixels from those of the splats that they show (Eq. 3.8), and their gradients."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def seen_weights(lists: Lists) -> Tensor:
 
 
 def blend(lists: Lists, attributes: Tensor) -> tuple[Tensor, Tensor]:
-    """The image (h, w, c), and the sum of the weights of each pixel (h, w); both are 0 where nothing is.
+    """The image (h, w, c), and the sum of the weights of each pixel (h, w); both are 0 in the background.
 
     Parameters
     ----------

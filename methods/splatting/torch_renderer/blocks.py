@@ -1,4 +1,4 @@
-"""Pixels of an image taken together in blocks, for splats that are far away, as in :mod:`..renderer.blocks`."""
+"""Pixels of an image grouped into blocks, for splats that are far away, as in :mod:`..renderer.blocks`."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ class Blocks(NamedTuple):
     """The blocks of all levels, and their classes of pixels."""
 
     starts: list[int]
-    """Of the levels among the blocks, from those of LEAF pixels across to one of them all, and their number"""
+    """The first block of each level, from those of LEAF pixels across to one of all pixels, and the number of blocks"""
     shapes: list[tuple[int, int]]
     """Of each level, rows and columns of blocks"""
     count: Tensor  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
     """(blocks,) int64 tensor: classes that have pixels"""
     begin: Tensor
-    """(blocks,) int64 tensor: where they are in the tables below"""
+    """(blocks,) int64 tensor: their first rows in the tables below"""
     middle: Tensor
-    """(classes, 2) tensor: mean column and row of the pixels, as all means by the size of the gradient"""
+    """(classes, 2) tensor: mean column and row of the pixels, weighted by the gradient, as all means"""
     share: Tensor
-    """(classes,) tensor: mean part that a typical splat would have of the pixels' colours"""
+    """(classes,) tensor: mean share that a typical splat would have in the pixels' colours"""
     depth: Tensor
-    """(classes,) tensor: mean depth of what is seen, inf where nothing is"""
+    """(classes,) tensor: mean depth of visible splats, inf if there are none"""
     of_image: Tensor
     """(classes,) tensor: sum of the shares times the gradient times the colours"""
     pull: Tensor
     """(classes, c) tensor: sum of the shares times the gradient"""
     seen: Tensor
-    """(classes,) bool tensor: whether anything is seen there"""
+    """(classes,) bool tensor: whether any splat is visible there"""
 
 
 def pyramid(pixels: Pixels, size: tuple[int, int], typical: float) -> Blocks:
@@ -46,7 +46,7 @@ def pyramid(pixels: Pixels, size: tuple[int, int], typical: float) -> Blocks:
     size : (int, int)
         Height and width of the image.
     typical : float
-        Weight of a splat, for which shares of pixels are taken.
+        Weight of a splat, for which shares of pixels are computed.
     """
     rows, columns = (-(-side // LEAF) for side in size)
     share, seen, slope = typical / (pixels.total + typical), pixels.front > 0, pixels.pull.abs().sum(1)

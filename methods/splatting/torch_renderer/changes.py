@@ -1,6 +1,6 @@
-"""What a splat that comes to a pixel, or leaves it, changes there, as in :mod:`..renderer.changes`.
+"""The change of a pixel when a splat moves onto it, or leaves it, as in :mod:`..renderer.changes`.
 
-The cases of splats in the list of a pixel depend on the pixel alone, so they are tables.
+The cases of splats in the list of a pixel depend only on the pixel, so they are tables.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .raster import Lists
 
 
 class Pixels(NamedTuple):
-    """The a pixels that the loss would like to change, those of a smallest block one after the other.
+    """The a pixels with a gradient, those of a smallest block one after the other.
 
     All changes are derivatives of the loss times the change of the pixel's colours, summed over channels.
     """
@@ -43,17 +43,17 @@ class Pixels(NamedTuple):
     first: Tensor
     """(a,) tensor: depth of the first entry, inf for none"""
     last: Tensor
-    """(a,) tensor: depth of the last entry that is seen, -inf for none"""
+    """(a,) tensor: depth of the last visible entry, -inf for none"""
     depth: Tensor
-    """(a, K) tensor: depths of what is seen, else inf"""
+    """(a, K) tensor: depths of visible entries, otherwise inf"""
     rho: Tensor
-    """(a, K) tensor: weights of what is seen, else 0"""
+    """(a, K) tensor: weights of visible entries, otherwise 0"""
     value: Tensor
     """(a, K) tensor: weights times the change from the image's colour to that of the entry"""
     leaving: Tensor
-    """(a, K) tensor: case (c), the change where an entry that is seen leaves"""
+    """(a, K) tensor: case (c), the change if a visible entry leaves"""
     forward: Tensor
-    """(a, K) tensor: case (b), the derivative by the depth of an entry that is hidden"""
+    """(a, K) tensor: case (b), the derivative by the depth of a hidden entry"""
 
 
 def pixels_of(
@@ -126,12 +126,12 @@ def _in_order(gradient: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def _forward(change: Tensor, depth: Tensor, ahead: Tensor) -> Tensor:
-    """Case (b) of entries (a, K): changes for the better, by the way to the first entry and ``ahead`` of it."""
+    """Case (b) of entries (a, K): decreases of the loss, over the distance to the first entry and ``ahead`` of it."""
     return torch.where(change < 0, change / (depth[:, :1] - depth - ahead), 0)
 
 
 def _second_layer(depth: Tensor, limit: float) -> Tensor:
-    """Which entries (a, K) appear where the first, the only one that is seen, leaves."""
+    """Which entries (a, K) appear if the first, the only visible one, leaves."""
     found = torch.zeros_like(depth, dtype=torch.bool)
     if depth.shape[1] > 1:
         found[:, 1:] = depth[:, 1:] - depth[:, 1:2] <= limit
@@ -139,7 +139,7 @@ def _second_layer(depth: Tensor, limit: float) -> Tensor:
 
 
 def _leaving(stays: Tensor, rho: Tensor, value: Tensor, of_image: Tensor) -> Tensor:
-    """How the loss changes where each entry (a, K) leaves, and the others of those that may stay do."""
+    """The change of the loss if each entry (a, K) leaves, and the others among those that may stay do stay."""
     found = torch.empty_like(rho)
     for entry in range(rho.shape[1]):
         others = stays.clone()
@@ -151,7 +151,7 @@ def _leaving(stays: Tensor, rho: Tensor, value: Tensor, of_image: Tensor) -> Ten
 
 
 def change_with(pixels: Pixels, pixel: Tensor, z: Tensor, peak: Tensor, own: Tensor, limit: float) -> Tensor:
-    """Cases (a) and (b): how the loss changes where splats come to pixels, (m,); changes for the worse are 0.
+    """Cases (a) and (b): the change of the loss if splats move onto pixels, (m,); increases are set to 0.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def change_with(pixels: Pixels, pixel: Tensor, z: Tensor, peak: Tensor, own: Ten
     of_image, total, last = pick(pixel, pixels.of_image, pixels.total, pixels.last)
     change = own - of_image
     found = peak * change / (peak + total)
-    hides = torch.nonzero(last - limit > z)[:, 0]  # some of what is seen
+    hides = torch.nonzero(last - limit > z)[:, 0]  # some visible splats
     pixel, z, peak, change = pick(hides, pixel, z, peak, change)
     depth, rho, value = pick(pixel, pixels.depth, pixels.rho, pixels.value)
     beside = depth - limit <= z[:, None]

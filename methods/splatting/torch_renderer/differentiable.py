@@ -27,9 +27,9 @@ def render(
     Parameters
     ----------
     points, normals : (n, 3) tensors
-        In the world; normals are brought to unit length.
+        In the world; normals are normalised.
     attributes : (n, c) tensor
-        Where they depend on the normals (shading), these learn through them.
+        If they depend on the normals (shading), these get gradients through them.
     sigma : (n,) tensor or float
         Standard deviation of each point's Gaussian in its tangent plane.
     camera : Camera
@@ -42,7 +42,7 @@ def render(
     image : (h, w, c) tensor
         Of the type of the attributes.
     drawn : TorchDrawn
-        What is seen where.
+        The visible splats of each pixel.
     """
     unit = torch.nn.functional.normalize(normals, dim=1)
     holder: list[TorchDrawn] = []
@@ -64,7 +64,7 @@ class _Render(torch.autograd.Function):
         holder: list[TorchDrawn],
     ) -> Tensor:
         drawn = draw(points, normals, attributes, sigma, camera, how, dtype)
-        # Without culling, a normal may be drawn the other way round.
+        # Without culling, a normal may be drawn flipped.
         given = normals.to(points.device).double() @ rotation_of(camera, points.device).T
         ctx.turned = (drawn.ellipses.normal * given).sum(1, keepdim=True) < 0
         ctx.drawn, ctx.like = drawn, (points, normals, attributes)

@@ -1,6 +1,6 @@
-"""One image of a cloud, and the way back from it, on the device of choice.
+"""One image of a cloud, and its gradients, on the device of choice.
 
-:func:`draw` takes and gives tensors; :func:`draw_arrays` is the same for numpy, as :func:`..renderer.drawn.draw`.
+:func:`draw` takes and returns tensors; :func:`draw_arrays` is the same for numpy, as :func:`..renderer.drawn.draw`.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ PAIRS = {"cpu": 1 << 17, "cuda": 1 << 21}  # 200 bytes each: a cache, 400 MB
 
 @dataclass(frozen=True, eq=False)
 class TorchDrawn:
-    """What :func:`draw` made.
+    """The result of :func:`draw`.
 
     Parameters
     ----------
     image : (h, w, c) tensor
-        0 where nothing is.
+        0 in the background.
     total : (h, w) tensor
-        Sums of the weights that are seen.
+        Sums of the visible weights.
     ellipses : Ellipses
     lists : Lists
     attributes, sigma, camera, how
-        What was drawn.
+        The inputs.
     pairs : int
-        About so many pairs of a splat and a pixel are in memory at a time.
+        Approximate number of pairs of a splat and a pixel in memory at a time.
     """
 
     image: Tensor
@@ -55,11 +55,11 @@ class TorchDrawn:
 
     @property
     def covered(self) -> Tensor:
-        """Whether anything is seen: (h, w) bool tensor."""
+        """Whether any splat is visible: (h, w) bool tensor."""
         return self.lists.front > 0
 
     def occlusions(self) -> Tensor:
-        """At how many pixels each point is hidden: (n,) int64 tensor. Summed over views, this is o_k of Eq. 3.16."""
+        """The number of pixels at which each point is hidden: (n,) int64 tensor. Summed over views, o_k of Eq. 3.16."""
         index = self.lists.index
         layers = torch.arange(index.shape[2], device=index.device)
         hidden = (index >= 0) & (layers >= self.lists.front[..., None])
@@ -72,13 +72,13 @@ class TorchDrawn:
 
     @torch.no_grad()
     def position_gradient(self, gradient: Tensor) -> Tensor:
-        """The derivative by the positions (n, 3), by what becomes visible and what hides (Eq. 3.12); float64."""
+        """The derivative by the positions (n, 3), through changes of visibility (Eq. 3.12); float64."""
         known = (self.ellipses, self.lists, self.total, self.image, self.attributes)
         return visibility_gradient(*known, gradient.to(self.image), self.camera, self.how, self.pairs)
 
     @torch.no_grad()
     def weight_gradients(self, gradient: Tensor) -> tuple[Tensor, Tensor]:
-        """The derivatives by positions and drawn normals (n, 3), through the weights of what is seen; float64."""
+        """The derivatives by positions and drawn normals (n, 3), through the weights of visible splats; float64."""
         known = (self.ellipses, self.lists, self.total, self.image, self.attributes, self.sigma)
         return weight_gradients(*known, gradient.to(self.image), self.camera, self.how)
 
@@ -101,15 +101,15 @@ def draw(
     points, normals : (n, 3) tensors
         In the world; normals of unit length, outwards.
     attributes : (n, c) tensor
-        Colours, or whatever is to be drawn.
+        Colours, or other values to draw.
     sigma : (n,) tensor or float
         Standard deviation of each point's Gaussian in its tangent plane, in the unit of the points.
     camera : Camera
     how : Drawing, optional
     dtype : torch.dtype, optional
-        Of what is computed for each pixel. By default float32 on CUDA, float64 elsewhere; sums over pixels are float64.
+        Of values for each pixel. By default float32 on CUDA, float64 elsewhere; sums over pixels are float64.
     pairs : int, optional
-        About so many pairs of a splat and a pixel are in memory at a time; the images do not depend on it.
+        Approximate number of pairs of a splat and a pixel in memory at a time; the images do not depend on it.
     """
     how, device = how or Drawing(), points.device
     dtype = dtype or (torch.float32 if device.type == "cuda" else torch.float64)
@@ -124,7 +124,7 @@ def draw(
 
 
 class ArrayDrawn:
-    """A :class:`TorchDrawn` for numpy: gradients come in, and all goes out, as arrays, when it is asked for.
+    """A :class:`TorchDrawn` for numpy: its inputs and outputs are arrays, converted on access.
 
     Parameters
     ----------

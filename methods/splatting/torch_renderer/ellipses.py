@@ -15,7 +15,7 @@ from ..renderer.settings import Drawing
 
 
 class Ellipses(NamedTuple):
-    """What the points of a cloud look like in an image; entries of points that are not drawn mean nothing."""
+    """The ellipses of points in an image; entries of points that are not drawn are meaningless."""
 
     shown: Tensor
     """(n,) bool tensor"""
@@ -28,7 +28,7 @@ class Ellipses(NamedTuple):
     form: Tensor
     """(n, 3) tensor: M_00, M_01, M_11 of the inverse variance"""
     half: Tensor
-    """(n, 2) tensor: half the extent of what it covers, in columns and rows"""
+    """(n, 2) tensor: half the extent of the covered pixels, in columns and rows"""
     peak: Tensor
     """(n,) tensor: its weight at the centre"""
     reach: Tensor
@@ -43,7 +43,7 @@ def rotation_of(camera: Camera, device: torch.device) -> Tensor:
 def project(
     points: Tensor, normals: Tensor, sigma: Tensor, camera: Camera, how: Drawing, dtype: torch.dtype
 ) -> Ellipses:
-    """The ellipses of points, computed in float64 and rounded to ``dtype``: points are few beside pixels.
+    """The ellipses of points, computed in float64 and rounded to ``dtype``: there are few points compared with pixels.
 
     Parameters
     ----------

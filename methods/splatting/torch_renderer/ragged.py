@@ -1,4 +1,4 @@
-"""Lists of different lengths as flat tensors: cut into parts that fit the memory, spread out, and summed."""
+"""Lists of different lengths as flat tensors: split into parts that fit the memory, expanded, and summed."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def spread(counts: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def pick(numbers: Tensor, *tables: Tensor) -> tuple[Tensor, ...]:
-    """Rows of tables: (m, ...) tensors. Many times as fast as ``table[numbers]`` on the CPU."""
+    """Rows of tables: (m, ...) tensors. Many times faster than ``table[numbers]`` on the CPU."""
     return tuple(table.index_select(0, numbers) for table in tables)
 
 
 def add_rows(into: Tensor, index: Tensor, values: Tensor, fixed: bool | None = None) -> None:
-    """Add rows to those of ``into`` that ``index`` names; the result is always the same.
+    """Add rows to those of ``into`` at ``index``; the result is deterministic.
 
-    On CUDA, threads add in any order, and the last digits of a sum of floats depend on it. Integers do not mind: the
+    On CUDA, threads add in any order, and the last digits of a sum of floats depend on it. Sums of integers do not: the
     values of a column are summed as multiples of a small part of the largest.
 
     Parameters

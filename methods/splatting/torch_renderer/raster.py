@@ -1,4 +1,4 @@
-"""Which splats each pixel shows: lists of the nearest ones, made of all pairs of a splat and a pixel in its box."""
+"""The splats of each pixel: lists of the nearest ones, from all pairs of a splat and a pixel in its box."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Lists(NamedTuple):
     index: Tensor  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
     """(h, w, K) int64 tensor: numbers of points, -1 for none"""
     depth: Tensor
-    """(h, w, K) tensor: where the ray meets the tangent planes, inf for none"""
+    """(h, w, K) tensor: depths at which the ray meets the tangent planes, inf for none"""
     rho: Tensor
     """(h, w, K) tensor: weights of Eq. 3.6"""
     front: Tensor
-    """(h, w) int64 tensor: how many of them are seen; the others are hidden"""
+    """(h, w) int64 tensor: the number of visible ones; the others are hidden"""
 
 
 class Boxes(NamedTuple):
@@ -62,7 +62,7 @@ def boxes(ellipses: Ellipses, scale: float, camera: Camera) -> Boxes:
 
 
 def rasterise(ellipses: Ellipses, camera: Camera, how: Drawing, pairs: int) -> Lists:
-    """The lists of all pixels; about so many pairs of a splat and a pixel are in memory at a time."""
+    """The lists of all pixels; about ``pairs`` pairs of a splat and a pixel are in memory at a time."""
     count, device, dtype = camera.width * camera.height, ellipses.place.device, ellipses.place.dtype
     index = torch.full((count, how.layers), -1, dtype=torch.int64, device=device)
     depth = torch.full((count, how.layers), torch.inf, dtype=dtype, device=device)
@@ -85,7 +85,7 @@ def _merge(
     camera: Camera,
     how: Drawing,
 ) -> None:
-    """Put splats into the lists (h w, K) of the pixels that they cover; of equally deep ones, the first stays first."""
+    """Insert splats into the lists (h w, K) of the pixels that they cover; equally deep ones stay in order."""
     splat, column, row = pixels
     beta = half_square(ellipses, splat, column, row)
     covers = torch.nonzero(beta <= how.cutoff)[:, 0]
@@ -105,7 +105,7 @@ def _merge(
     first = torch.nonzero(rank < how.layers)[:, 0]
     splat, beta, z, *at = pick(first, splat, beta, z, list_of, how.layers + rank)
     weight = ellipses.peak.index_select(0, splat) * torch.exp(-beta)
-    joined = []  # what the lists have, and beside it what is new
+    joined = []  # the old entries of the lists, and the new ones
     for old, new, nothing in ((index, splat, -1), (depth, z, torch.inf), (rho, weight, 0)):
         known = old.index_select(0, touched)
         both = torch.cat([known, torch.full_like(known, nothing)], dim=1)
@@ -117,8 +117,8 @@ def _merge(
 
 
 def _by_pixel_and_depth(pixel: Tensor, depth: Tensor) -> Tensor:
-    """The order of pairs by pixel, then depth, then as they came."""
-    if depth.dtype == torch.float32:  # both fit one number: the bits of floats are in order but for the sign
+    """The order of pairs by pixel, then depth, then input order."""
+    if depth.dtype == torch.float32:  # both fit one number: the bits of floats are in order except for the sign
         bits = (depth + 0.0).view(torch.int32).long()
         bits = torch.where(bits < 0, -(bits & 0x7FFFFFFF), bits)
         return ((pixel << 32) + bits).sort(stable=True).indices
@@ -143,4 +143,4 @@ def depth_at(ellipses: Ellipses, splat: Tensor, column: Tensor, row: Tensor, cam
     normal, z, reach, plane = pick(splat, *known)
     slope = normal[:, 0] * rx + normal[:, 1] * ry + normal[:, 2]
     meets = torch.minimum(torch.maximum(plane / slope, z - reach), z + reach)
-    return torch.where(plane * slope > 0, meets, z + reach)  # elsewhere the ray looks over the horizon of the plane
+    return torch.where(plane * slope > 0, meets, z + reach)  # elsewhere the ray passes beyond the plane's horizon

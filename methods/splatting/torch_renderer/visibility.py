@@ -1,8 +1,8 @@
-"""The gradient of positions by what becomes visible and what hides, as in :mod:`..renderer.visibility`.
+"""The gradient of positions through changes of visibility, as in :mod:`..renderer.visibility`.
 
-All pairs of a splat and a block go down the pyramid together, level by level: some are dropped, some pull as a whole,
-the others become pairs with smaller blocks, or with pixels. Wherever there are too many of them for the memory, a part
-waits.
+All pairs of a splat and a block go down the pyramid together, level by level: some are dropped, some count as a whole,
+the others become pairs with smaller blocks, or with pixels. If there are too many of them for the memory, they are
+processed in parts.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from .ellipses import Ellipses, rotation_of
 from .ragged import add_rows, parts, pick, spread
 from .raster import Lists, boxes, half_square
 
-WIDER = 1.0001  # than half the extent of a splat, for what float32 rounds
+WIDER = 1.0001  # times half the extent of a splat, because of float32 rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Pull:
-    """What all parts of the gradient need.
+    """The common data of all parts of the gradient.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Pull:
         Size of a pixel at the depth 1.
     how : Drawing
     pairs : int
-        About so many pairs are in memory at a time.
+        Approximate number of pairs in memory at a time.
     back : (n, 3) float64 tensor
         The gradient: columns, rows, depth. The functions add to it.
     """
@@ -57,13 +57,13 @@ class Pull:
         add_rows(self.back, splat, torch.stack(slopes, dim=1))
 
     def coming(self, splat: Tensor, pixel: Tensor) -> Tensor:
-        """The changes (m,) where splats come to pixels."""
+        """The changes (m,) of the loss if splats move onto pixels."""
         own = (self.pixels.pull.index_select(0, pixel) * self.attributes.index_select(0, splat)).sum(1)
         z, peak = pick(splat, self.ellipses.position[:, 2], self.ellipses.peak)
         return change_with(self.pixels, pixel, z, peak, own, self.how.depth_limit)
 
     def to_front(self, splat: Tensor, depth: Tensor, squared: Tensor, change: Tensor) -> Tensor:
-        """The gradients by the depth (m,) of splats that are hidden by something in front, else 0."""
+        """The gradients by the depth (m,) of splats hidden by others in front, otherwise 0."""
         z = self.ellipses.position[:, 2].index_select(0, splat)
         hidden = z - depth > self.how.depth_limit
         if not self.how.occlusion:
@@ -77,7 +77,7 @@ class Pull:
         place, half = pick(splat, self.ellipses.place, self.ellipses.half)
         middle, first = pick(pixel, pixels.middle, pixels.first)
         dx, dy = (middle - place).unbind(1)
-        half = half * WIDER  # only there can a splat be in the list
+        half = half * WIDER  # a splat can be in the list only there
         inside = torch.nonzero((dx.abs() <= half[:, 0]) & (dy.abs() <= half[:, 1]))[:, 0]
         entry = entry_of(pixels, pixel[inside], splat[inside])
         listed, entry = inside[entry >= 0], entry[entry >= 0]
@@ -98,7 +98,7 @@ class Pull:
         self.add(splat, factor * dx, factor * dy, torch.where(seen, 0, pixels.forward[pixel, entry]))
 
     def far(self, blocks: Blocks, typical: float, splat: Tensor, block: Tensor) -> None:
-        """Blocks (m,) at which none of the splats (m,) is seen."""
+        """Add the gradients from blocks (m,) at which none of the splats (m,) is visible."""
         which, offset = spread(blocks.count[block])
         one = blocks.begin[block[which]] + offset
         splat = splat.index_select(0, which)
@@ -110,14 +110,14 @@ class Pull:
         middle, share, depth, seen = pick(one, blocks.middle, blocks.share, blocks.depth, blocks.seen)
         dx, dy = (middle - place).unbind(1)
         squared = dx * dx + dy * dy + self.how.epsilon
-        hides = z + self.how.depth_limit < depth  # all that is seen there
+        hides = z + self.how.depth_limit < depth  # all splats that are visible there
         scale = torch.where(hides, 1 / share, peak / (typical * (1 - share) + peak * share))
         change = torch.where(seen, change * scale, change)
         factor = change / squared
         self.add(splat, factor * dx, factor * dy, self.to_front(splat, depth, squared, change))
 
     def down(self, blocks: Blocks, typical: float) -> None:
-        """All pixels, or those of the window: one by one where they are near, in blocks where they are far."""
+        """All pixels, or those of the window: near ones one by one, far ones in blocks."""
         splat, top = torch.nonzero(self.ellipses.shown)[:, 0], len(blocks.shapes) - 1
         size_of_leaf = torch.bincount(self.pixels.leaf, minlength=blocks.starts[1])
         begin_of_leaf = size_of_leaf.cumsum(0) - size_of_leaf
@@ -140,9 +140,9 @@ class Pull:
                 self.near(*self.in_window(one, begin + offset, edge > 0))
 
     def judged(self, level: int, across: int, splat: Tensor, block: Tensor) -> tuple[Tensor, Tensor]:
-        """Whether blocks (m,) of a level pull at splats as a whole, and where they lie.
+        """Whether blocks (m,) of a level count as a whole for splats, and where they lie.
 
-        The second is -1 for blocks beyond the window, 1 for those that its border crosses, else 0.
+        The second is -1 for blocks beyond the window, 1 for those that its border crosses, otherwise 0.
         """
         size, window, opening = LEAF << level, self.how.window or math.inf, self.how.opening
         place, half = pick(splat, self.ellipses.place, self.ellipses.half)
@@ -160,7 +160,7 @@ class Pull:
         return as_whole, torch.where(beyond, -1, crossed.long())
 
     def in_window(self, splat: Tensor, pixel: Tensor, crossed: Tensor) -> tuple[Tensor, Tensor]:
-        """Pairs but for those of blocks that the border crosses whose pixels are beyond it."""
+        """The pairs without those whose pixel is beyond the border, in blocks that the border crosses."""
         if not self.how.window:
             return splat, pixel
         off = self.pixels.middle.index_select(0, pixel) - self.ellipses.place.index_select(0, splat)
@@ -169,7 +169,7 @@ class Pull:
         return splat, pixel
 
     def by_gaussians(self, camera: Camera) -> None:
-        """The derivative of the Gaussians instead, which end soon: pixels beyond FAINT are nothing."""
+        """The derivative of the Gaussians instead, which are local: pixels beyond FAINT are ignored."""
         around = boxes(self.ellipses, math.sqrt(FAINT / self.how.cutoff), camera)
         for some in parts(around.counts, self.pairs):
             splat, column, row = around.pixels(some)
@@ -225,7 +225,7 @@ def visibility_gradient(
     camera : Camera
     how : Drawing
     pairs : int
-        About so many pairs of a splat and a pixel are in memory at a time.
+        Approximate number of pairs of a splat and a pixel in memory at a time.
     """
     fx, fy, skew, _, _ = camera.lens()
     unit = 1 / math.sqrt(fx * fy)

@@ -25,9 +25,9 @@ def weight_gradients(
     camera: Camera,
     how: Drawing,
 ) -> tuple[Tensor, Tensor]:
-    """The gradients of positions and normals in the world, (n, 3) float64 tensors, through the weights of what is seen.
+    """The gradients of positions and normals in the world, (n, 3) float64 tensors, through weights of visible splats.
 
-    Normals are those that are drawn, towards the camera; parameters as of :func:`.visibility.visibility_gradient`.
+    Normals are the drawn ones, towards the camera; parameters as for :func:`.visibility.visibility_gradient`.
     """
     back = [torch.zeros(len(attributes), 3, dtype=torch.float64, device=image.device) for _ in range(2)]
     weights = seen_weights(lists)

@@ -1,4 +1,4 @@
-"""Normals from few neighbours: rough, but nothing is smoothed away before the network sees it."""
+"""Normals from few neighbours: rough, but without smoothing before the network."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from bench.geometry.normals import estimate_normals, with_normals
 
 
 def with_rough_normals(cloud: PointCloud, neighbours: int) -> PointCloud:
-    """The points with normals of planes through so many neighbours, on the side of the normals that they had.
+    """The points with normals of planes through ``neighbours`` points, on the side of their previous normals.
 
     Parameters
     ----------
     cloud : PointCloud
-        Normals are estimated and oriented where it has none.
+        Normals are estimated and oriented if it has none.
     neighbours : int
         The point itself included; 0 keeps the normals.
     """

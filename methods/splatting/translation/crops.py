@@ -11,7 +11,7 @@ from torch import Tensor
 
 from .stored import LIGHTEST
 
-TRIES = 8  # places that are tried for a crop with enough in it
+TRIES = 8  # places to try for a crop with enough covered pixels
 ENOUGH = 0.6  # of the pixels of a crop
 
 
@@ -19,14 +19,14 @@ class Batch(NamedTuple):
     """Crops of pairs."""
 
     noisy: Tensor
-    """(b, 3, h, w) tensor; 0 where nothing is"""
+    """(b, 3, h, w) tensor; 0 in the background"""
     clean: Tensor
     """(b, 3, h, w) tensor"""
     covered: Tensor
-    """(b, 1, h, w) tensor of bool: where the noisy cloud is seen"""
+    """(b, 1, h, w) tensor of bool: where the noisy cloud is visible"""
 
     def error(self, image: Tensor) -> Tensor:
-        """The mean absolute difference to the clean images, of what is covered."""
+        """The mean absolute difference to the clean images, over covered pixels."""
         return ((image - self.clean).abs() * self.covered).sum() / (3 * self.covered.sum()).clamp_min(1)
 
 
@@ -41,7 +41,7 @@ class Crops:
         Pixels along each side of a crop, at most those of the images.
     device : str
     held_out : bool
-        Take the last tenth of the shapes, at least one; otherwise the others (all, where there is but one).
+        Take the last tenth of the shapes, at least one; otherwise the others (all, if there is only one).
     """
 
     def __init__(self, examples: Mapping[str, np.ndarray], size: int, device: str, held_out: bool = False):
@@ -54,10 +54,10 @@ class Crops:
         self._device = device
 
     def draw(self, count: int, rng: np.random.Generator) -> Batch:
-        """So many crops of random images, most of whose pixels are covered.
+        """``count`` crops of random images, most of whose pixels are covered.
 
-        Half of them are seen in a mirror, rows as columns. The lights from the right (green) and from below (blue)
-        change places with these, so that the image remains one that the lights could give.
+        Half of them are transposed. The lights from the right (green) and from below (blue) are exchanged too, so that
+        the image is still consistent with the lights.
         """
         both = [self._crop(int(number), rng) for number in rng.choice(self._mine, count)]
         crops = torch.from_numpy(np.array(both)).to(self._device).permute(1, 0, 4, 2, 3)  # (2, b, 3, h, w)

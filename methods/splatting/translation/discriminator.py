@@ -1,4 +1,4 @@
-"""The network that says of each patch of an image whether it is a real one (Isola et al. 2017)."""
+"""The network that classifies each patch of an image as real or generated (Isola et al. 2017)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .generator import draw_weights
 
 
 class Discriminator(nn.Module):
-    """Looks at patches of 70 x 70 pixels of an image, beside the one that it was made from.
+    """Classifies patches of 70 x 70 pixels of an image, given the one that it was made from.
 
     Parameters
     ----------
@@ -32,5 +32,5 @@ class Discriminator(nn.Module):
         draw_weights(self, generator)
 
     def forward(self, given: Tensor, image: Tensor) -> Tensor:
-        """How likely each patch of ``image`` is real, as logits (b, 1, i, j); both images are (b, 3, h, w)."""
+        """Logits (b, 1, i, j) of each patch of ``image`` being real; both images are (b, 3, h, w)."""
         return self.layers(torch.cat([given, image], dim=1) - 0.5)

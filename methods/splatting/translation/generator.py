@@ -12,10 +12,10 @@ from torch.nn import functional as F
 
 Normalisation = Literal["pixel", "batch"]
 BLOCKS = 9
-WEIGHTS = 0.02  # standard deviation of the weights at the beginning
+WEIGHTS = 0.02  # standard deviation of the initial weights
 LEAST = 8  # pixels along each side that the network needs
-NOTHING = 1e-4  # weight of what is drawn near a pixel, below which that does not say its colour
-MULTIPLE = 4  # of which the sides must be multiples
+NOTHING = 1e-4  # weight of the drawn pixels near one, below which they do not determine its colour
+MULTIPLE = 4  # the sides must be multiples of this
 
 
 class PixelNorm(nn.Module):
@@ -27,7 +27,7 @@ class PixelNorm(nn.Module):
 
 
 class Dropout(nn.Module):
-    """Sets a share of the numbers to zero while the network is trained.
+    """Sets a share of the numbers to zero during training.
 
     The one of torch draws from global state; this one draws from ``generator``, which the training sets for each step.
     """
@@ -47,7 +47,7 @@ class Dropout(nn.Module):
 
 
 class Block(nn.Module):
-    """Two convolutions, added to what went in."""
+    """Two convolutions, added to the input."""
 
     def __init__(self, channels: int, dropout: float, normal: Callable[[int], nn.Module]):
         super().__init__()
@@ -66,8 +66,8 @@ class Block(nn.Module):
 class Generator(nn.Module):
     """A residual network of nine blocks at a quarter of the resolution; 11,372,931 parameters for 64 channels.
 
-    As released: reflected borders, features normalised pixel by pixel, no biases but the last one. Images go in and
-    come out with 0.5 as the middle of their range. The normalisations have no parameters.
+    As released: reflected borders, features normalised pixel by pixel, no biases except the last one. Input and output
+    images have 0.5 as the middle of their range. The normalisations have no parameters.
 
     Parameters
     ----------
@@ -76,8 +76,8 @@ class Generator(nn.Module):
     dropout : float
         Share of the numbers in each block that is set to zero in training.
     smoothing : float
-        Pixels. What the layers give is added to the image smoothed by a Gaussian of this deviation, and is 0 before
-        training; gaps in the image are filled for the layers. With 0 the layers give the image, as released.
+        Pixels. The output of the layers is added to the image smoothed by a Gaussian of this deviation, and is 0 before
+        training; gaps in the image are filled for the layers. With 0 the output is the image, as released.
     normalisation : "pixel" or "batch"
         Each pixel by itself, as released; or each channel over all pixels of a batch, which learns in fewer steps.
     generator : torch.Generator, optional
@@ -118,7 +118,7 @@ class Generator(nn.Module):
             nn.init.zeros_(last.weight)
 
     def forward(self, images: Tensor) -> Tensor:
-        """Images (b, 3, h, w) to others of the same size, whatever it is."""
+        """Images (b, 3, h, w) to others of the same size, for any size."""
         height, width = images.shape[2:]
         right, down = (max(LEAST, -(-side // MULTIPLE) * MULTIPLE) - side for side in (width, height))
         if right or down:
@@ -132,19 +132,19 @@ class Generator(nn.Module):
         return made[:, :, :height, :width]
 
     def draw_dropout_from(self, generator: torch.Generator) -> None:
-        """What is set to zero is drawn from a generator on the device of the network from now on."""
+        """Draw dropout from a generator, on the device of the network, from now on."""
         for module in self.modules():
             if isinstance(module, Dropout):
                 module.generator = generator
 
 
 def smoothed(images: Tensor, deviation: float) -> Tensor:
-    """Means of the pixels that are drawn, weighted by a Gaussian; 0.5 where none is near.
+    """Means of the drawn pixels, weighted by a Gaussian; 0.5 if none is near.
 
     Parameters
     ----------
     images : (b, 3, h, w) tensor
-        0 where nothing is drawn.
+        0 in the background.
     deviation : float
         In pixels; the Gaussian is cut off at three of it.
     """

@@ -1,4 +1,4 @@
-"""Pairs of images to learn from: a noisy and a clean cloud of one shape, seen from the same places."""
+"""Training pairs of images: a noisy and a clean cloud of one shape, from the same cameras."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from .stored import stored
 if TYPE_CHECKING:
     from bench import TrainingData
 
-SPANS = (0.6, 1.6)  # what a camera sees across; those of the filter see 0.93
-WIDTH = 0.5  # standard deviation of a point's Gaussian, in spacings, as the filter has it
-DEPTH_LIMIT = 0.025  # as the filter has it
+SPANS = (0.6, 1.6)  # widths of the field of view; 0.93 in the filter
+WIDTH = 0.5  # standard deviation of a point's Gaussian, in spacings, as in the filter
+DEPTH_LIMIT = 0.025  # as in the filter
 
 
 def pairs_of(data: TrainingData, run: Run, neighbours: int, views: int, pixels: int) -> dict[str, np.ndarray]:
@@ -34,16 +34,16 @@ def pairs_of(data: TrainingData, run: Run, neighbours: int, views: int, pixels: 
     ----------
     data : TrainingData
     run : Run
-        Its progress is told.
+        Receives the progress.
     neighbours : int
-        The noisy normals are those of planes through so many points; 0 for those that the sensor gives.
+        The noisy normals are those of planes through this number of points; 0 for those of the sensor.
     views, pixels : int
         Of each cloud; see :func:`drawn_pairs`.
 
     Returns
     -------
     dict
-        ``noisy`` and ``clean`` (n, h, w, 3) uint8, see :mod:`.stored`, and ``shapes`` (n,) int64: which one it is.
+        ``noisy`` and ``clean`` (n, h, w, 3) uint8, see :mod:`.stored`, and ``shapes`` (n,) int64, their numbers.
     """
     noisy, clean, shapes = [], [], []
     for number, case in enumerate(data.cases):
@@ -66,9 +66,9 @@ def drawn_pairs(
     threads: int,
     spans: tuple[float, float] = SPANS,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Images of a noisy cloud, as the filter draws them, and of as many points of the exact surface.
+    """Images of a noisy cloud, as drawn by the filter, and of as many points of the exact surface.
 
-    Where the noisy cloud is seen and the clean one is not, at silhouettes, the clean image has the colour of the
+    Where the noisy cloud is visible and the clean one is not, at silhouettes, the clean image has the colour of the
     nearest pixel where it is.
 
     Parameters
@@ -83,12 +83,12 @@ def drawn_pairs(
     rng : numpy Generator
     threads : int
     spans : tuple of float
-        What an image shows across; each has a width of its own from this range.
+        Range of the width of the field of view, which is random for each image.
 
     Yields
     ------
     noisy, clean : (h, w, 3) float64 arrays
-        0 where the noisy cloud is not seen.
+        0 where the noisy cloud is not visible.
     """
     clean = PointCloud(*sample_poisson_disk(shape, len(cloud), rng))
     assert cloud.normals is not None and clean.normals is not None

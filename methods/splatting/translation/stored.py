@@ -1,10 +1,10 @@
-"""Shaded images as integers of eight bits; 0 is what nothing is drawn to."""
+"""Shaded images as integers of eight bits; 0 is the background."""
 
 from __future__ import annotations
 
 import numpy as np
 
-LIGHTEST = 1.275  # what 255 stands for; the lights and the ambient light together give 1.2
+LIGHTEST = 1.275  # the value of 255; the lights and the ambient light together give 1.2
 
 
 def stored(image: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The training of the generator: near to the clean images, and such that a discriminator takes them for real."""
+"""The training of the generator: near to the clean images, and such that a discriminator classifies them as real."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GENERATOR = "generator."
 
 @dataclass(frozen=True)
 class Plan:
-    """How the network is trained; the fields are those of the method."""
+    """The settings of the training; the fields are those of the method."""
 
     adversarial: float
     steps: int
@@ -43,16 +43,16 @@ class Both(nn.Module):
 
 
 class Training:
-    """Loss and validation; all that a step draws comes from the run's seed and its number.
+    """Loss and validation; random draws depend only on the run's seed and the number of a step.
 
     Parameters
     ----------
     generator : Generator
         On the device of the run.
     discriminator : Discriminator, optional
-        Needed where ``plan.adversarial`` is not 0.
+        Needed if ``plan.adversarial`` is not 0.
     examples : mapping
-        What :func:`.pairs.pairs_of` made.
+        Of :func:`.pairs.pairs_of`.
     plan : Plan
     run : Run
     """
@@ -95,9 +95,9 @@ class Training:
             group["lr"] = self.plan.learning_rate * min(1.0, 2 * (1 - done))
 
     def loss(self, step: int) -> Tensor:
-        """The mean absolute difference, and ``adversarial`` times what the discriminator objects; and its own loss.
+        """The mean absolute difference, plus ``adversarial`` times the adversarial loss, plus the discriminator's loss.
 
-        One sum serves both networks: of the generator's part the discriminator's weights are constants, and of the
+        One sum serves both networks: in the generator's part the discriminator's weights are constants, and in the
         discriminator's part the generated image is.
         """
         rng = step_generator(self.run.seed, step)
@@ -121,7 +121,7 @@ class Training:
 
     @torch.no_grad()
     def validate(self) -> float:
-        """The error of crops of held-out shapes, relative to that of the noisy images."""
+        """The error on crops of held-out shapes, relative to that of the noisy images."""
         self.both.eval()
         made = torch.cat([self.both.generator(noisy) for noisy in self.validation.noisy.split(8)])
         self.both.train()

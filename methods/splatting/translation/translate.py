@@ -1,4 +1,4 @@
-"""An image through the network."""
+"""Application of the network to an image."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from .generator import Generator
 
 
 def translated(image: np.ndarray, network: Generator, device: str = "cpu") -> np.ndarray:
-    """The image that a network makes of another one.
+    """The output of a network for an image.
 
     Parameters
     ----------
     image : (h, w, 3) array
-        0 where nothing is drawn.
+        0 in the background.
     network : Generator
         On the device.
     device : str
@@ -22,7 +22,7 @@ def translated(image: np.ndarray, network: Generator, device: str = "cpu") -> np
     Returns
     -------
     (h, w, 3) float64 array
-        Each channel between the least and the largest value that the given image has where something is drawn.
+        Each channel is clamped to the least and the largest value of the drawn pixels of the input.
     """
     covered = (image > 0).any(axis=2)
     if not covered.any():
