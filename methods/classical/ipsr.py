@@ -124,9 +124,9 @@ def told_normals(vertices: np.ndarray, faces: np.ndarray, tree: cKDTree, k: int,
     (n, 3) float64 array of unit length
     """
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    told = tree.query((a + b + c) / 3, np.arange(1, min(k, tree.n) + 1))[1]
-    weighted = np.repeat(np.cross(b - a, c - a), told.shape[1], axis=0)
-    sums = np.stack([np.bincount(told.ravel(), weighted[:, axis], tree.n) for axis in range(3)], axis=1)
+    nearest = tree.query((a + b + c) / 3, np.arange(1, min(k, tree.n) + 1))[1]
+    weighted = np.repeat(np.cross(b - a, c - a), nearest.shape[1], axis=0)
+    sums = np.stack([np.bincount(nearest.ravel(), weighted[:, axis], tree.n) for axis in range(3)], axis=1)
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     return np.where(lengths > 0, sums / np.where(lengths > 0, lengths, 1), fallback)
 

@@ -67,7 +67,7 @@ class NeuralSplines:
 
         cloud, _ = without_isolated(cloud, "neural_splines", run)
         points, normals, _ = distinct_oriented(cloud, "neural_splines", at_least=10)
-        note_flat(points, "neural_splines", run, "the surface goes on beyond them, to the border of the box")
+        note_flat(points, "neural_splines", run, "the surface continues beyond them, to the border of the box")
         order = run.rng.permutation(len(points))
         low, high = points.min(axis=0), points.max(axis=0)
         unit = float((high - low).max()) / 2

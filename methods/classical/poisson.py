@@ -49,7 +49,7 @@ class Poisson:
         points, normals, _ = distinct_oriented(cloud, "poisson", at_least=4)
         weight = weight_for(points, normals) if self.point_weight is None else self.point_weight
         note_coarse(points, 2**self.depth / self.scale, "poisson", "depth", run)
-        note_flat(points, "poisson", run, "the surface goes on beyond them, to the border of the box")
+        note_flat(points, "poisson", run, "the surface continues beyond them, to the border of the box")
         vertices, faces, support = screened_poisson.solve(
             points,
             normals,

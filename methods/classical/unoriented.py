@@ -22,7 +22,7 @@ def points_for_poisson(cloud: PointCloud, depth: int, scale: float, method: str,
     cloud, _ = without_isolated(cloud, method, run)
     points, _ = distinct_points(cloud.points, method, at_least=10)
     note_coarse(points, 2**depth / scale, method, "depth", run)
-    note_flat(points, method, run, "the surface goes on beyond them, to the border of the box")
+    note_flat(points, method, run, "the surface continues beyond them, to the border of the box")
     return points
 
 

@@ -18,7 +18,7 @@ class Pulled:
     """``E(x) = A sum_s w_s |(B x)_s - g_s|^2`` over samples s with goals g and weights w, A the area of the source.
 
     An integral over the surface, as are the energies of the links with cotangent weights: the ratio of the two is a
-    length, whatever the resolution.
+    length, for any resolution.
     """
 
     def __init__(self, welded: Welded, samples: Samples, cloud: PointCloud, matching: Matching):

@@ -20,7 +20,7 @@ TILE = 16  # pixels
 class Lists(NamedTuple):
     """For each pixel the nearest splats that cover it, the nearest first."""
 
-    index: np.ndarray  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
+    index: np.ndarray  # type: ignore[assignment]  # tuples have a method of this name, not needed here
     """(h, w, K) int32 array: numbers of points, -1 for none"""
     depth: np.ndarray
     """(h, w, K) float64 array: depths at which the ray meets the tangent planes"""

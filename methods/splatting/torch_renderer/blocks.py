@@ -19,7 +19,7 @@ class Blocks(NamedTuple):
     """The first block of each level, from those of LEAF pixels across to one of all pixels, and the number of blocks"""
     shapes: list[tuple[int, int]]
     """Of each level, rows and columns of blocks"""
-    count: Tensor  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
+    count: Tensor  # type: ignore[assignment]  # tuples have a method of this name, not needed here
     """(blocks,) int64 tensor: classes that have pixels"""
     begin: Tensor
     """(blocks,) int64 tensor: their first rows in the tables below"""

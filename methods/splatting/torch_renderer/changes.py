@@ -30,7 +30,7 @@ class Pixels(NamedTuple):
     """(a,) int64 tensor: the smallest block"""
     middle: Tensor
     """(a, 2) tensor: column and row"""
-    index: Tensor  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
+    index: Tensor  # type: ignore[assignment]  # tuples have a method of this name, not needed here
     """(a, K) int64 tensor: the list"""
     front: Tensor
     """(a,) int64 tensor"""

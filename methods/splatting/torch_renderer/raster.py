@@ -16,7 +16,7 @@ from .ragged import parts, pick, spread
 class Lists(NamedTuple):
     """For each pixel the nearest splats that cover it, the nearest first."""
 
-    index: Tensor  # type: ignore[assignment]  # tuples have a method of this name, which nobody needs
+    index: Tensor  # type: ignore[assignment]  # tuples have a method of this name, not needed here
     """(h, w, K) int64 tensor: numbers of points, -1 for none"""
     depth: Tensor
     """(h, w, K) tensor: depths at which the ray meets the tangent planes, inf for none"""

@@ -80,8 +80,8 @@ class Training(DecayingTraining):
         surface = (squared_to_triangles(output, triangles) / unit).mean()
         edge = (near * to_edge.clamp_max(CUT**2) / unit).sum() / (near.sum() + 1)
         apart = hinge_repulsion(output, RADIUS * self.widening, LEAST * self.widening**2)
-        told = ((distance - predicted).square() / unit).mean()
-        return SURFACE * surface + EDGE * edge + APART * apart + DISTANCE * told
+        error = ((distance - predicted).square() / unit).mean()
+        return SURFACE * surface + EDGE * edge + APART * apart + DISTANCE * error
 
     @torch.no_grad()
     def validate(self) -> float:
