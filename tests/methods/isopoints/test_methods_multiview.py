@@ -63,7 +63,7 @@ def test_without_lights_colours_are_learned(views):
     mesh = method.multiview(dark, told)
     assert radii(mesh).mean() > 0.52
     assert told.parameters > 28_417 + 3 * 128  # the network and its colours
-    with pytest.raises(BadInput, match=r"the views have no lights; say method.appearance=learned"):
+    with pytest.raises(BadInput, match=r"the views have no lights; use method.appearance=learned"):
         IsoUniform(steps=2, appearance="lights", **POINTS).multiview(dark, run())
 
 
@@ -134,8 +134,8 @@ def test_iso_points_fit_a_field_if_none_is_given():
     assert [plugin.name for plugin in method.plugins] == ["siren"]
 
 
-def test_iso_points_refuse_what_is_no_field(tmp_path, views):
-    with pytest.raises(ValueError, match="of: poisson fits no field to a cloud"):
+def test_iso_points_refuse_files_and_methods_without_a_field(tmp_path, views):
+    with pytest.raises(ValueError, match="of: poisson does not fit a field to a cloud"):
         IsoPoints(of="poisson")
     path = str(tmp_path / "views.safetensors")
     IsoUniform(steps=2, save=path, **POINTS).multiview(views, run())
