@@ -50,7 +50,7 @@ class KnownConfigs:
         if self._configs is None or words not in self._places:
             return self._loader.load_sweep_config(master_config, sweep_overrides)
         values = self._configs[self._places[words]]
-        if has_interpolations(values):  # text that looks like them, once what it says is resolved
+        if has_interpolations(values):  # a resolved value that looks like one
             return self._loader.load_sweep_config(master_config, sweep_overrides)
         master: Any = OmegaConf.masked_copy(master_config, ["hydra", *PRIVATE])
         with open_dict(master):

@@ -224,8 +224,8 @@ class WorkerDied(DetailbenchError):
     """A process of the launcher was killed, by a system short of memory for instance, and the sweep ended early."""
 
 
-# Overrides about Hydra that the configs of jobs do not depend on.
-AS_EVER = ("hydra/launcher=", "hydra.launcher.", "hydra.mode=", "hydra.sweeper.")
+# Overrides about Hydra on which no config of a job depends.
+OF_THE_LAUNCH = ("hydra/launcher=", "hydra.launcher.", "hydra.mode=", "hydra.sweeper.")
 # The exceptions of launchers for it: joblib (BrokenExecutor is Python's), submitit, ray.
 WORKER_DIED = ("BrokenExecutor", "UncompletedJobError", "RayError")
 
@@ -297,7 +297,7 @@ def _launcher(
     from .known import KnownConfigs
 
     own = [text_of(override) for override in request.overrides if is_hydras(override)]
-    if not all(word.startswith(AS_EVER) for word in own):
+    if not all(word.startswith(OF_THE_LAUNCH) for word in own):
         configs = None
     with hydra_ready() as loader:
         with in_words([*own, *jobs[0]]):
