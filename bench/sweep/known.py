@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from .config_source import PRIVATE
-from .parts import Configs, has_interpolations
+from .parts import Configs, interpolations
 from .request import parse
 
 if TYPE_CHECKING:
@@ -23,19 +23,13 @@ class KnownConfigs:
     Parameters
     ----------
     loader : Hydra's own
-    first : the overrides of the job that the launcher's config is composed with: this one gets a copy of it
-    places : the place among the configs, by the overrides of a job
-    configs : the configs, without the keys that the front door sets
+    jobs : the overrides of each job; the launcher's config is composed with those of the first, which gets a copy of it
+    configs : the configs of the jobs, without the keys that the front door sets; None if they are not known
     """
 
-    def __init__(
-        self,
-        loader: ConfigLoader,
-        first: Sequence[str],
-        places: Mapping[tuple[str, ...], int],
-        configs: Configs | None,
-    ):
-        self._loader, self._first, self._places, self._configs = loader, tuple(first), places, configs
+    def __init__(self, loader: ConfigLoader, jobs: Sequence[Sequence[str]], configs: Configs | None):
+        self._loader, self._first, self._configs = loader, tuple(jobs[0]), configs
+        self._places = {tuple(words): place for place, words in enumerate(jobs if configs else ())}
 
     def __reduce__(self) -> tuple[Any, ...]:
         return copy.copy, (self._loader,)
@@ -47,10 +41,8 @@ class KnownConfigs:
         words = tuple(sweep_overrides)
         if words == self._first and _is_whole(master_config, words):
             return copy.deepcopy(master_config)
-        if self._configs is None or words not in self._places:
-            return self._loader.load_sweep_config(master_config, sweep_overrides)
-        values = self._configs[self._places[words]]
-        if has_interpolations(values):  # a resolved value that looks like one
+        values = self._configs[self._places[words]] if self._configs and words in self._places else None
+        if values is None or interpolations(values):  # a resolved value may look like one
             return self._loader.load_sweep_config(master_config, sweep_overrides)
         master: Any = OmegaConf.masked_copy(master_config, ["hydra", *PRIVATE])
         with open_dict(master):

@@ -305,7 +305,7 @@ def _launcher(
             for words in representatives(jobs)[1:] if configs is None else ():  # the first is the one above
                 loader.load_sweep_config(config, list(words))
             callbacks = Callbacks(config)
-            known: Any = KnownConfigs(loader, jobs[0], {tuple(words): at for at, words in enumerate(jobs)}, configs)
+            known: Any = KnownConfigs(loader, jobs, configs)
             launcher = Plugins.instance().instantiate_launcher(
                 hydra_context=HydraContext(config_loader=known, callbacks=callbacks), task_function=job, config=config
             )

@@ -7,11 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..engine.runner import standing_rows
 from ..errors import UsageError
-from ..plan.cell import Cell, Settings
-from ..results.earlier import standing
-from ..results.provenance import ingredients
 from ..results.store import Results
 from .forecast import Forecast, Pace, seconds_to_do, summary, workers_of
 from .parts import Configs, values_of
@@ -51,61 +47,39 @@ def look_ahead(jobs: Sequence[Sequence[str]], request: Request, results: Results
     request : that of the sweep, which names its launcher
     results : where finished cases are
     """
-    configs = values_of(jobs)
     try:
-        return _likely(jobs, request, results) if configs is None else _outlook(configs, jobs, request, results)
+        return _outlook(values_of(jobs), jobs, request, results)
     except UsageError:
         return None
 
 
-def _outlook(configs: Configs, jobs: Sequence[Sequence[str]], request: Request, results: Results) -> Outlook:
-    """The outlook of a sweep whose cells are all known."""
+def _outlook(configs: Configs | None, jobs: Sequence[Sequence[str]], request: Request, results: Results) -> Outlook:
+    """The outlook of a sweep, from the configs of all its jobs, or from some jobs that are composed one by one."""
+    places = range(0, len(jobs), 1 if configs else -(-len(jobs) // COMPOSED))
+    plan = planned_of(configs) if configs else map(planned_job, jobs[:: places.step])
     shelf, pace = Shelf(results), Pace.of(results)
-    seconds: list[float | None] = []
+    seconds: dict[int, float | None] = {}
     ended: dict[int, dict[str, Any]] = {}
     planned = finished = unknown = 0
     threads = 1
-    for place, one in enumerate(planned_of(configs)):
+    for place, one in zip(places, plan, strict=True):
         if one.cell is None or one.settings is None:
             ended[place] = {"kind": "not_solved", "message": one.reason}
-            seconds.append(0.0)
+            seconds[place] = 0.0
             continue
         stands = shelf.look_up(one.cell, one.settings, one.mark)
         done = one.cell.planned if stands.complete else min(len(stands.rows), one.cell.planned)
         if stands.complete:
             ended[place] = entry_of(one.cell, stands)
-        rest = seconds_to_do(one.cell, done, pace)
-        seconds.append(rest)
+        rest = seconds[place] = seconds_to_do(one.cell, done, pace)
         planned, finished, threads = planned + one.cell.planned, finished + done, max(threads, one.cell.threads)
         unknown += one.cell.planned - done if rest is None else 0
+    planned, finished, unknown = (count * len(jobs) // len(places) for count in (planned, finished, unknown))
     workers = workers_of(request, threads)
-    text = summary(planned, finished, seconds, unknown, workers) if any(seconds) else ""
-    return Outlook(Forecast(seconds, [_kind(job) for job in jobs], workers), text, ended, configs)
-
-
-def _likely(jobs: Sequence[Sequence[str]], request: Request, results: Results) -> Outlook:
-    """The outlook of a sweep from some of its jobs, each composed by itself."""
-    chosen = range(0, len(jobs), -(-len(jobs) // COMPOSED))
-    found = {job: planned_job(jobs[job]) for job in chosen}
-    cells = {job: (one.cell, one.settings) if one.cell and one.settings else None for job, one in found.items()}
-    done = {job: _finished(results, *entry) if entry else 0 for job, entry in cells.items()}
-    pace = Pace.of(results)
-    seconds = {job: seconds_to_do(entry[0], done[job], pace) if entry else 0.0 for job, entry in cells.items()}
     kinds = [_kind(job) for job in jobs]
     every = _spread(seconds, kinds)
-    planned = {job: entry[0].planned if entry else 0 for job, entry in cells.items()}
-    unknown = sum(planned[job] - done[job] for job in chosen if seconds[job] is None)
-    workers = workers_of(request, max((entry[0].threads for entry in cells.values() if entry), default=1))
-    cases, finished, unknown = (
-        n * len(jobs) // len(chosen) for n in (sum(planned.values()), sum(done.values()), unknown)
-    )
-    text = summary(cases, finished, every, unknown, workers) if any(every) else ""
-    return Outlook(Forecast(every, kinds, workers), text)
-
-
-def _finished(results: Results, cell: Cell, settings: Settings) -> int:
-    rows, _ = standing_rows(results, cell, standing(results, cell, ingredients(cell)), settings)
-    return min(len(rows), cell.planned)
+    text = summary(planned, finished, every, unknown, workers) if any(every) else ""
+    return Outlook(Forecast(every, kinds, workers), text, ended if configs else {}, configs)
 
 
 def _kind(job: Sequence[str]) -> str:

@@ -153,7 +153,7 @@ class Configs(Sequence[Values]):
         for outer, inner in self._jobs:
             self._families[outer].add(inner)
         for family in self._families.values():
-            family.find_interpolations()
+            family.findinterpolations()
 
     @staticmethod
     def _split(job: Sequence[str]) -> tuple[Words, dict[str, Words]]:
@@ -171,14 +171,12 @@ class Configs(Sequence[Values]):
         from omegaconf import OmegaConf
 
         key = tuple(sorted(job))  # a job and its parts may name the same overrides in another order
-        config = self._composed.get(key) or _composed(job)
-        if len(self._composed) < KEPT:
+        config = self._composed.pop(key, None) or _composed(job)
+        if not resolve and len(self._composed) < KEPT:
             self._composed[key] = config
         with in_words(job):
-            if resolve:
-                self._composed.pop(key, None)
-                if "cases" in config:
-                    config.cases = config.cases
+            if resolve and "cases" in config:
+                config.cases = config.cases
             values: Any = OmegaConf.to_container(config, resolve=resolve)
             return values
 
@@ -250,11 +248,11 @@ class _Family:
                 self._templates[head, key] = (path, node)
         return node
 
-    def find_interpolations(self) -> None:
+    def findinterpolations(self) -> None:
         """Which heads have interpolations in any job, and which they refer to."""
-        texts = {head: _interpolations(node) for head, node in self.base.items()}
+        texts = {head: interpolations(node) for head, node in self.base.items()}
         for (head, _), node in self.nodes.items():
-            texts[head] |= _interpolations(node)
+            texts[head] |= interpolations(node)
         self.resolved = tuple(head for head, found in texts.items() if found)
         named = set(self.resolved)
         for text in {text for found in texts.values() for text in found}:
@@ -306,15 +304,10 @@ def _with_number(node: Any, path: str, number: int | float) -> Any:
     return node | {name: _with_number(node[name], rest, number)}
 
 
-def has_interpolations(values: Values) -> bool:
-    """Whether a text in a config has an interpolation."""
-    return bool(_interpolations(values))
-
-
-def _interpolations(node: Any) -> set[str]:
+def interpolations(node: Any) -> set[str]:
     """The texts with interpolations within a node, keys included."""
     if isinstance(node, str):
         return {node} if "${" in node else set()
     if isinstance(node, dict):
-        return set().union(*map(_interpolations, (*node, *node.values())), set())
-    return set().union(*map(_interpolations, node), set()) if isinstance(node, list) else set()
+        return set().union(*map(interpolations, (*node, *node.values())), set())
+    return set().union(*map(interpolations, node), set()) if isinstance(node, list) else set()

@@ -30,8 +30,7 @@ def loaders():
             jobs = [[*job, *PRIVATE] for job in jobs]
             hydras = stack.enter_context(hydra_ready())
             master = hydras.load_configuration(CONFIG_NAME, jobs[0], run_mode=RunMode.MULTIRUN)
-            places = {tuple(job): place for place, job in enumerate(jobs)}
-            return hydras, KnownConfigs(hydras, jobs[0], places, configs), master, jobs
+            return hydras, KnownConfigs(hydras, jobs, configs), master, jobs
 
         yield make
 
@@ -85,7 +84,7 @@ def test_text_that_looks_like_an_interpolation_is_left_to_hydra(loaders):
 def test_the_first_job_gets_a_copy_of_the_config_of_the_sweep(words):
     with hydra_ready() as hydras:
         master = hydras.load_configuration(CONFIG_NAME, words, run_mode=RunMode.MULTIRUN)
-        ours = KnownConfigs(hydras, words, {}, None)
+        ours = KnownConfigs(hydras, [words], None)
         expected = hydras.load_sweep_config(master, words)
         first, again = (ours.load_sweep_config(master, words) for _ in range(2))
     for found in (first, again):
@@ -98,4 +97,4 @@ def test_several_values_are_left_to_hydra_which_refuses_them():
     with hydra_ready() as hydras:
         master = hydras.load_configuration(CONFIG_NAME, ["seed=1,2"], run_mode=RunMode.MULTIRUN)
         with pytest.raises(ConfigCompositionException, match="seed=1,2"):
-            KnownConfigs(hydras, ["seed=1,2"], {}, None).load_sweep_config(master, ["seed=1,2"])
+            KnownConfigs(hydras, [["seed=1,2"]], None).load_sweep_config(master, ["seed=1,2"])
