@@ -1,40 +1,47 @@
 """Plants one mistake after another in a room of the code, and prints those that the room's tests do not notice.
 
-    python scripts/mutants.py ranking                              # 50 mutants of bench/ranking, a quarter of an hour
-    python scripts/mutants.py engine --sample 200 --seed 3 --minutes 60
+    python scripts/mutants.py ranking                              # 100 mutants of bench/ranking
+    python scripts/mutants.py engine --sample 0 --minutes 60       # all mutants of bench/engine, for an hour at most
     python scripts/mutants.py ranking --files statistics.py places.py --sample 0    # all mutants of two files
     python scripts/mutants.py ranking --list                       # what would be planted, and nothing run
 
-A mutant is one change: another comparison or arithmetic operator, `and` for `or`, a number plus one, the other truth
-value, a condition negated, the branches of a conditional swapped, a statement removed on which no name depends. The
-room's tests run on a copy of the checkout; they pass there before anything is planted. A mutant is killed when a test
-fails, or takes far longer.
+A mutant is one change: another comparison or arithmetic operator, `and` for `or`, a number plus one (from 100 on twice
+the number), the other truth value, a condition negated, the branches of a conditional swapped, a statement removed on
+which no name depends. A mutant is killed when a test fails, or takes far longer.
 
-What each test reaches is traced first: a mutant is tried with the tests that reach its line, the quickest first, and
-then, where none of them fails, with all of the room, for lines may be reached in child processes. Only those that
-survive all are printed, with file, line and change. Survivors that change nothing that anybody can see are to be
-expected: a larger buffer, an equivalent bound. mutmut and cosmic-ray have no sample by seed and no budget, and do not
-remove statements.
+All mutants are written into a copy of the checkout at once, each behind a switch: a limit of the process (of POSIX
+message queues, which nobody uses), for all that it starts inherits that, whatever becomes of the environment. So the
+tests are imported once, and each mutant is tried in a fork of that process. First, all tests of the room run without
+any: they have to pass, and write down which mutants each of them reaches, in its own process or another. A mutant is
+tried with the tests that reach it, the quickest first. One that is reached while modules are imported is tried in a
+process that imports them anew, with all tests that reach anything of its file.
+
+Only those that survive all are printed, with file, line and change. Survivors that change nothing that anybody can see
+are to be expected: a larger buffer, an equivalent bound. mutmut and cosmic-ray have no sample by seed and no budget,
+and do not remove statements.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import ctypes
 import importlib
+import itertools
 import json
 import os
 import random
+import resource
 import shutil
-import signal
 import sys
 import tempfile
-import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple, NoReturn
+
+import psutil
 
 ROOT = Path(__file__).resolve().parents[1]
 PLACES = {"", str(ROOT), str(ROOT / "scripts")}  # where modules of ours would be found
@@ -67,6 +74,25 @@ WARM = (  # libraries of the code and plugins of pytest, and nothing of ours
 )
 SLOWER = 5.0  # a mutant whose tests take so many times as long hangs
 GRACE = 20.0  # seconds on top, for a machine that others use
+OFF, TRACING, FIRST = 0, 1, 2  # the switch: no mutant; none, and what is reached is written down; mutant 0, 1, ...
+OVER = 124  # the exit code of a process that was ended, as of timeout(1)
+SWITCH = '''"""Which mutant is on."""
+import os, resource
+now, seen = resource.getrlimit(resource.RLIMIT_MSGQUEUE)[0], set()
+def at(number):
+    if now == {tracing}:
+        key = number, os.environ.get("PYTEST_CURRENT_TEST") or current()
+        if key not in seen:
+            seen.add(key)
+            with open({reached!r}, "ab", buffering=0) as file:
+                file.write(f"{{key[0]}} {{key[1]}}\\n".encode())
+    return number + {first} == now
+def current():
+    if os.path.exists({test!r}):
+        with open({test!r}) as file:
+            return file.read()
+    return ""
+'''
 
 
 class Mutant(NamedTuple):
@@ -74,9 +100,6 @@ class Mutant(NamedTuple):
 
     file: str  # below the checkout
     line: int
-    start: int  # bytes
-    end: int
-    new: str
     what: str
 
 
@@ -85,27 +108,55 @@ class Mutant(NamedTuple):
 
 def mutants_of(path: Path) -> list[Mutant]:
     """All mutants of a file, in the order of its lines."""
-    source = path.read_bytes()
-    starts = [0]
-    for line in source.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-    found = []
-    for node, new in _changes(ast.parse(source)):
-        start = starts[node.lineno - 1] + node.col_offset
-        end = starts[node.end_lineno - 1] + node.end_col_offset
-        old = source[start:end].decode()
-        what = f"{_short(old)}  ->  {_short(new)}"
-        found.append(Mutant(str(path.relative_to(ROOT)), node.lineno, start, end, new, what))
-    return sorted(set(found), key=lambda mutant: (mutant.start, mutant.end, mutant.new))
+    source = path.read_text()
+    return [
+        Mutant(str(path.relative_to(ROOT)), node.lineno, f"{_short(ast.get_source_segment(source, node))}  ->  {new}")
+        for node, new in _changes(ast.parse(source))
+    ]
 
 
-def _short(text: str) -> str:
-    text = " ".join(text.split())
+def planted(source: str, first: int) -> str:
+    """The module with all its mutants, numbered from ``first`` on; ``_planted(i)`` is whether the i-th is on."""
+    tree = ast.parse(source)
+    choices: dict[ast.AST, list[tuple[int, ast.AST]]] = defaultdict(list)
+    for number, (node, new) in enumerate(_changes(tree), first):
+        other = ast.parse(new).body[0] if isinstance(node, ast.stmt) else ast.parse(new, mode="eval").body
+        choices[node].append((number, other))
+    tree = _Planter(choices).visit(tree)
+    place = 1 if ast.get_docstring(tree) is not None else 0
+    while isinstance(tree.body[place], ast.ImportFrom) and tree.body[place].module == "__future__":
+        place += 1
+    tree.body.insert(place, ast.parse("from bench._planted import at as _planted").body[0])
+    return ast.unparse(ast.fix_missing_locations(tree))
+
+
+class _Planter(ast.NodeTransformer):
+    """Puts a choice in the place of each node that has mutants."""
+
+    def __init__(self, choices: dict[ast.AST, list[tuple[int, ast.AST]]]):
+        self.choices = choices
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        others = self.choices.get(node, ())
+        chosen: Any = self.generic_visit(node)
+        for number, other in others:
+            test = ast.Call(ast.Name("_planted", ast.Load()), [ast.Constant(number)], [])
+            chosen = ast.If(test, [other], [chosen]) if isinstance(node, ast.stmt) else ast.IfExp(test, other, chosen)
+        return chosen
+
+
+def _short(text: str | None) -> str:
+    text = " ".join((text or "").split())
     return text if len(text) < 100 else f"{text[:97]}..."
 
 
-def _changes(tree: ast.AST) -> Iterator[tuple[Any, str]]:
-    """Each node that is replaced, and the text in its place."""
+def _changes(tree: ast.AST) -> list[tuple[Any, str]]:
+    """Each node that is replaced, and the text in its place; in the order of the lines."""
+    found = {(n.lineno, n.col_offset, n.end_lineno, n.end_col_offset, new): n for n, new in _each_change(tree)}
+    return [(node, key[-1]) for key, node in sorted(found.items(), key=lambda item: item[0])]
+
+
+def _each_change(tree: ast.AST) -> Iterator[tuple[Any, str]]:
     for node in _code(tree):
         if (isinstance(node, REMOVED) and not _is_text(node)) or _replaces(node):
             yield node, "pass"
@@ -126,7 +177,7 @@ def _changes(tree: ast.AST) -> Iterator[tuple[Any, str]]:
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             yield node, f"({ast.unparse(node.operand)})"
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            yield node, repr(node.value + 1)
+            yield node, repr(node.value + (1 if abs(node.value) < 100 else node.value))
         elif isinstance(node, ast.Constant) and type(node.value) is bool:
             yield node, repr(not node.value)
 
@@ -134,7 +185,7 @@ def _changes(tree: ast.AST) -> Iterator[tuple[Any, str]]:
 def _code(node: ast.AST) -> Iterator[ast.AST]:
     """What is executed and is no declaration: without annotations, decorators and what only type checkers read."""
     for name, value in ast.iter_fields(node):
-        if name in ("annotation", "returns", "decorator_list", "type_params"):
+        if name in ("annotation", "returns", "decorator_list", "type_params", "pattern"):
             continue
         for child in value if isinstance(value, list) else [value]:
             if not isinstance(child, ast.AST) or isinstance(child, ast.JoinedStr):
@@ -166,123 +217,246 @@ def _replaces(node: ast.AST) -> bool:
     )
 
 
-# -- tracing: this file as a plugin of pytest --------------------------------------------------------------------------
+# -- processes ---------------------------------------------------------------------------------------------------------
 
 
-class Tracer:
-    """Which lines of the room each test file and each test reaches in this process, and how long it takes."""
-
-    def __init__(self, folder: str, out: Path):
-        self.folder, self.out, self.lines, self.seen = folder, out, set(), []
-
-    def _call(self, frame: Any, event: str, arg: Any) -> Any:
-        if not frame.f_code.co_filename.startswith(self.folder):
-            return None
-        return self._line
-
-    def _line(self, frame: Any, event: str, arg: Any) -> Any:
-        self.lines.add((frame.f_code.co_filename, frame.f_lineno))
-        return self._line
-
-    def pytest_runtest_logstart(self, nodeid: str) -> None:
-        """A test begins."""
-        self.lines, self.begun = set(), time.monotonic()
-        threading.settrace(self._call)
-        sys.settrace(self._call)
-
-    def pytest_runtest_logfinish(self, nodeid: str) -> None:
-        """A test has ended."""
-        sys.settrace(None)
-        lines = sorted((os.path.relpath(file, ROOT), line) for file, line in self.lines)
-        self.seen.append((nodeid, time.monotonic() - self.begun, lines))
-
-    def pytest_sessionfinish(self) -> None:
-        """All have."""
-        self.out.write_text(json.dumps(self.seen))
+def turn(switch: int) -> None:
+    """Turn a mutant on, in this process and all that it starts."""
+    resource.setrlimit(resource.RLIMIT_MSGQUEUE, (switch, resource.getrlimit(resource.RLIMIT_MSGQUEUE)[1]))
+    if "bench._planted" in sys.modules:
+        sys.modules["bench._planted"].now = switch
 
 
-def pytest_configure(config: Any) -> None:
-    """Trace, where the environment says what and where to."""
-    if "MUTANTS_TRACE" in os.environ:
-        folder, out = os.environ["MUTANTS_TRACE"].split(os.pathsep)
-        config.pluginmanager.register(Tracer(folder, Path(out)))
+class Try(NamedTuple):
+    """A mutant, what runs tests and returns the exit code, and after how many seconds that hangs."""
+
+    number: int
+    act: Callable[[], int]
+    limit: float
 
 
-# -- running -----------------------------------------------------------------------------------------------------------
+def outcomes(tries: Iterable[Try], jobs: int, folder: Path) -> Iterator[tuple[int, int]]:
+    """The numbers and exit codes of all tries, as they end."""
+    coming, running = iter(tries), dict[int, int]()
+    while True:
+        while len(running) < jobs and (one := next(coming, None)):
+            running[begin(one, folder / f"t{one.number}")] = one.number
+        if not running:
+            return
+        process, status = os.wait()
+        if process in running:
+            number = running.pop(process)
+            shutil.rmtree(folder / f"t{number}", ignore_errors=True)
+            yield number, os.waitstatus_to_exitcode(status)
+
+
+def begin(one: Try, folder: Path) -> int:
+    """Start a try in a process below another, which ends it after the limit, and all that it has started."""
+    if keeper := os.fork():
+        return keeper
+    code = 1
+    try:
+        ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER: processes without a parent become its own
+        child = os.fork()
+        if not child:
+            os.setsid()
+            folder.mkdir()
+            os.environ |= {"TMPDIR": str(folder), "PYTEST_DEBUG_TEMPROOT": str(folder)}
+            tempfile.tempdir = None
+            redirect(os.devnull)
+            turn(FIRST + one.number)
+            end_with(one.act)
+        end = time.monotonic() + one.limit
+        while not (ended := os.waitpid(child, os.WNOHANG))[0] and time.monotonic() < end:
+            time.sleep(0.01)
+        code = os.waitstatus_to_exitcode(ended[1]) % 256 if ended[0] else OVER
+        while children := psutil.Process().children():
+            for process in children:
+                process.kill()
+                os.waitpid(process.pid, 0)
+    finally:
+        os._exit(code)
+
+
+def redirect(printed: str | Path) -> None:
+    """From here on nothing is read, and what is printed goes to a file."""
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    for stream in (1, 2):
+        os.dup2(os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_APPEND), stream)
+
+
+def end_with(act: Callable[[], int]) -> NoReturn:
+    """End this process with an exit code, and nothing else that was prepared for its end."""
+    code = 1
+    try:
+        code = act()
+    finally:
+        sys.stdout.flush()
+        os._exit(code)
+
+
+# -- trying ------------------------------------------------------------------------------------------------------------
+
+
+class Reach:
+    """Which mutants each test reaches, and how long it takes."""
+
+    def __init__(self, reached: str, seconds: dict[str, float]):
+        self.seconds, self.tests, self.imported = seconds, defaultdict[int, set[str]](set), set[int]()
+        of_file = defaultdict[str, set[str]](set)
+        for name in seconds:
+            of_file[name.partition("::")[0]].add(name)
+        for line in reached.splitlines():
+            number, _, test = line.partition(" ")
+            name, _, phase = test.rpartition(" ")
+            if not test:
+                self.imported.add(int(number))
+            elif phase == "(setup)":  # what it prepares may be for all tests of its file
+                self.tests[int(number)] |= of_file[name.partition("::")[0]]
+            else:
+                self.tests[int(number)].add(name)
+
+    def of(self, numbers: Iterable[int], file: str, seconds: float) -> list[str]:
+        """The tests that reach any of these mutants of a file: those of the same name first, and the quickest.
+
+        No more than take so many seconds, and one at least.
+        """
+        names = set().union(*(self.tests[number] for number in numbers))
+        own = f"/test_{Path(file).stem}"
+        ordered = sorted(names, key=lambda name: (own not in name, self.seconds[name], name))
+        sums = itertools.accumulate(self.seconds[name] for name in ordered[1:])
+        return ordered[: 1 + sum(spent <= seconds for spent in sums)]
+
+    def limit(self, names: list[str]) -> float:
+        """After how many seconds these tests hang."""
+        return SLOWER * sum(self.seconds[name] for name in names) + GRACE
 
 
 class Trial:
-    """A copy of the checkout, and the tests of a room in it."""
+    """A copy of the checkout with all mutants, and the tests of a room in it."""
 
-    def __init__(self, copy: Path, tests: list[str], near: bool = False):
-        self.copy, self.tests, self.near, self.seconds = copy, tests, near, 600.0
-        self.reached: dict[tuple[str, int], list[tuple[float, str]]] = defaultdict(list)
+    def __init__(self, folder: Path, tests: Sequence[str], mutants: Sequence[Mutant], options: argparse.Namespace):
+        self.folder, self.tests, self.mutants = folder, tests, mutants
+        self.jobs, self.seconds, self.end = options.jobs, options.seconds, time.monotonic() + 60 * options.minutes
+        self.copy, self.reached, self.test = copied(folder / "copy"), folder / "reached", folder / "test"
+        first = dict[str, int]()
+        for number, mutant in enumerate(mutants):
+            first.setdefault(mutant.file, number)
+        for file, number in first.items():
+            path = self.copy / file
+            path.write_text(planted(path.read_text(), number))
+        switch = SWITCH.format(tracing=TRACING, first=FIRST, reached=str(self.reached), test=str(self.test))
+        (self.copy / "bench" / "_planted.py").write_text(switch)
 
-    def trace(self, folder: str) -> float:
-        """Run all tests once as the code is: how long they take. They have to pass."""
-        out, begun = self.copy / "traced.json", time.monotonic()
-        code, printed = self.run(self.tests, 3600, MUTANTS_TRACE=os.pathsep.join((str(self.copy / folder), str(out))))
-        if code != 0:
-            raise SystemExit(f"the tests fail before anything is planted:\n{printed[-3000:]}")
-        for name, seconds, lines in json.loads(out.read_text()):
-            for file, line in lines:
-                self.reached[file, line].append((seconds, name))
-        self.seconds = time.monotonic() - begun
-        return self.seconds
-
-    def run(self, tests: list[str], limit: float, **variables: str) -> tuple[int | None, str]:
-        """The exit code of pytest, None after the limit; and what it printed.
-
-        In a fork of this process, which has imported the libraries and nothing of ours.
-        """
-        words = ["-x", "-q", "-p", "mutants", "-p", "no:cacheprovider", *tests]
-        with tempfile.TemporaryFile("w+") as printed:
-            child = os.fork()
-            if not child:
-                self._become_pytest(words, printed.fileno(), variables)
-            end = time.monotonic() + limit
-            while not (ended := os.waitpid(child, os.WNOHANG))[0] and time.monotonic() < end:
-                time.sleep(0.02)
-            if not ended[0]:
-                os.killpg(child, signal.SIGKILL)
-                os.waitpid(child, 0)
-            printed.seek(0)
-            return os.waitstatus_to_exitcode(ended[1]) if ended[0] else None, printed.read()
-
-    def _become_pytest(self, words: list[str], printed: int, variables: dict[str, str]) -> None:
-        os.setsid()
-        for stream, file in ((0, os.open(os.devnull, os.O_RDONLY)), (1, printed), (2, printed)):
-            os.dup2(file, stream)
+    def pytest(self, tests: Iterable[str], plugin: object = None) -> int:
+        """Run pytest in this process, which has imported the libraries and nothing of ours."""
         os.chdir(self.copy)
         places = [str(self.copy), str(self.copy / "scripts")]
         sys.path[:] = [*places, *(place for place in sys.path if place not in PLACES)]
-        sys.dont_write_bytecode = True  # two changes of a file within one second have one date
-        os.environ |= {"PYTHONPATH": os.pathsep.join(places), "PYTHONDONTWRITEBYTECODE": "1", **variables}
+        os.environ["PYTHONPATH"] = os.pathsep.join(places)
         import pytest
 
-        code = 1
-        try:
-            code = int(pytest.main(words))
-        finally:
-            sys.stdout.flush()
-            os._exit(code)
+        words = ["-x", "-q", "--capture=sys", "-p", "no:cacheprovider", *tests]  # no file that forks would share
+        return int(pytest.main(words, plugins=[plugin] if plugin else []))
 
-    def survives(self, mutant: Mutant) -> bool:
-        """Whether no test notices the mutant."""
-        path = self.copy / mutant.file
-        before = path.read_bytes()
-        path.write_bytes(before[: mutant.start] + mutant.new.encode() + before[mutant.end :])
-        try:
-            near = sorted(self.reached.get((mutant.file, mutant.line), ()))
-            names = list(dict.fromkeys(name.partition("[")[0] for _, name in near))  # with all their parameters
-            if names:
-                usual = sum(seconds for seconds, _ in near)
-                unseen = self.run(names, SLOWER * usual + GRACE)[0] == 0
-                if self.near or not unseen:
-                    return unseen
-            return self.run(self.tests, SLOWER * self.seconds + GRACE)[0] == 0
-        finally:
-            path.write_bytes(before)
+    def trace(self) -> Reach:
+        """Run all tests without a mutant. They have to pass."""
+        seconds, printed = self.folder / "seconds", self.folder / "printed"
+        child = os.fork()
+        if not child:
+            redirect(printed)
+            turn(TRACING)
+            end_with(lambda: self.pytest(self.tests, Stopwatch(seconds, self.test)))
+        if os.waitpid(child, 0)[1]:
+            raise SystemExit(f"the tests fail before anything is planted:\n{printed.read_text()[-3000:]}")
+        return Reach(self.reached.read_text(), json.loads(seconds.read_text()))
+
+    def codes(self, numbers: Iterable[int], reach: Reach) -> Iterator[tuple[int, int]]:
+        """Try mutants: the number and the exit code of each, as they come; 0 is that of a survivor."""
+        anew, there = list[int](), list[int]()
+        for number in numbers:
+            (anew if number in reach.imported else there).append(number)
+        yield from self._in_forks(there, reach)
+        yield from self.tried(anew, reach, self.pytest)
+
+    def tried(self, numbers: list[int], reach: Reach, run: Callable[[list[str]], int]) -> Iterator[tuple[int, int]]:
+        """The number and exit code of each as they end; none begins after the end of the time."""
+        tries = (
+            Try(number, lambda names=names: run(names) if names else 0, reach.limit(names))
+            for number in numbers
+            for names in [reach.of(self._near(number, reach), self.mutants[number].file, self.seconds)]
+        )
+        return outcomes(itertools.takewhile(lambda _: time.monotonic() < self.end, tries), self.jobs, self.folder)
+
+    def _near(self, number: int, reach: Reach) -> list[int]:
+        """The mutants whose tests try this one."""
+        if number not in reach.imported:
+            return [number]
+        return [k for k, mutant in enumerate(self.mutants) if mutant.file == self.mutants[number].file]
+
+    def _in_forks(self, numbers: list[int], reach: Reach) -> Iterator[tuple[int, int]]:
+        source, sink = os.pipe()
+        child = os.fork()
+        if not child:
+            redirect(os.devnull)
+            turn(OFF)
+            with open(sink, "w", buffering=1) as told:
+                end_with(lambda: self.pytest(self.tests, Forks(self, numbers, reach, told)))
+        os.close(sink)
+        with open(source) as told:
+            for line in told:
+                number, code = map(int, line.split())
+                yield number, code
+        if os.waitpid(child, 0)[1]:
+            raise SystemExit("the tests pass by themselves, and fail in a fork of a process that has collected them")
+
+
+class Stopwatch:
+    """A plugin of pytest that writes down how long each test takes, and which test it is, for children without that."""
+
+    def __init__(self, file: Path, test: Path):
+        self.file, self.test, self.seconds = file, test, dict[str, float]()
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """A test begins."""
+        self.test.write_text(f"{nodeid} (call)")
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """A phase of a test has ended."""
+        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
+
+    def pytest_sessionfinish(self) -> None:
+        """All have."""
+        self.file.write_text(json.dumps(self.seconds))
+
+
+class Forks:
+    """A plugin of pytest that tries mutants in forks of the process, which has collected the tests, and runs none."""
+
+    def __init__(self, trial: Trial, numbers: list[int], reach: Reach, told: IO[str]):
+        self.trial, self.numbers, self.reach, self.told, self.failed = trial, numbers, reach, told, False
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Remember a failure."""
+        self.failed |= report.failed
+
+    def pytest_runtestloop(self, session: Any) -> bool:
+        """Instead of the tests."""
+        self.items = {item.nodeid: item for item in session.items}
+        control = Try(OFF - FIRST, lambda: self._run(list(self.items)), self.reach.limit(list(self.items)))
+        if dict(outcomes([control], 1, self.trial.folder)) != {control.number: 0}:
+            raise session.Failed("the tests fail in a fork, without a mutant")
+        for number, code in self.trial.tried(self.numbers, self.reach, self._run):
+            print(number, code, file=self.told)
+        return True
+
+    def _run(self, names: list[str]) -> int:
+        items = [self.items[name] for name in names]
+        for item, following in itertools.zip_longest(items, items[1:]):
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            if self.failed:
+                return 1
+        return 0
 
 
 def copied(folder: Path) -> Path:
@@ -303,46 +477,51 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--files", nargs="*", help="only these files of the room")
     parser.add_argument("--lines", nargs=2, type=int, metavar=("FIRST", "LAST"), help="only mutants of these lines")
     parser.add_argument("--tests", nargs="*", help="instead of tests/ROOM")
-    parser.add_argument("--sample", type=int, default=50, help="how many mutants, 0 for all (default 50)")
+    parser.add_argument("--sample", type=int, default=100, help="how many mutants, 0 for all (default 100)")
     parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
     parser.add_argument("--minutes", type=float, default=15.0, help="begin none after so many (default 15)")
-    parser.add_argument("--near", action="store_true", help="a line that tests reach is tried with those alone")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="of tests for a mutant (default: all)")
+    parser.add_argument("--jobs", type=int, default=1, help="how many are tried side by side (default 1)")
     parser.add_argument("--list", action="store_true", help="print the mutants, and run nothing")
     options = parser.parse_args(words)
     room = ROOT / "bench" / options.room
     files = [path for path in sorted(room.glob("**/*.py")) if not options.files or path.name in options.files]
     first, last = options.lines or (0, 10**9)
-    mutants = [mutant for path in files for mutant in mutants_of(path) if first <= mutant.line <= last]
-    if not mutants:
+    mutants = [mutant for path in files for mutant in mutants_of(path)]
+    numbers = [number for number, mutant in enumerate(mutants) if first <= mutant.line <= last]
+    if not numbers:
         parser.error(f"nothing to change in {room}")
-    count, end = len(mutants), time.monotonic() + 60 * options.minutes
-    random.Random(options.seed).shuffle(mutants)
-    mutants = mutants[: options.sample or count]
+    count = len(numbers)
+    if options.sample:
+        random.Random(options.seed).shuffle(numbers)
+        numbers = numbers[: options.sample]
     if options.list:
-        print(*(f"{mutant.file}:{mutant.line}: {mutant.what}" for mutant in mutants), sep="\n")
+        print(*(f"{mutants[n].file}:{mutants[n].line}: {mutants[n].what}" for n in numbers), sep="\n")
         return 0
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # forks are made of this process
+    os.environ.pop("PYTEST_CURRENT_TEST", None)
     for name in WARM:
         importlib.import_module(name)
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        trial = Trial(copied(Path(folder)), options.tests or [f"tests/{options.room}"], options.near)
-        print(
-            f"{count} mutants, {len(mutants)} in the sample; tests pass in {trial.trace(f'bench/{options.room}'):.0f} s"
-        )
-        return report(trial, mutants, end)
+        trial = Trial(Path(folder), options.tests or [f"tests/{options.room}"], mutants, options)
+        begun = time.monotonic()
+        reach = trial.trace()
+        seconds = time.monotonic() - begun
+        print(f"{count} mutants, {len(numbers)} in the sample; tests pass in {seconds:.0f} s", flush=True)
+        return report(trial.codes(numbers, reach), mutants, reach, len(numbers))
 
 
-def report(trial: Trial, mutants: list[Mutant], end: float) -> int:
-    """Try each, until time is over; print the survivors as they are found."""
+def report(codes: Iterable[tuple[int, int]], mutants: Sequence[Mutant], reach: Reach, count: int) -> int:
+    """Print the survivors as they are found."""
     tried = survived = 0
-    for mutant in mutants:
-        if time.monotonic() > end:
-            break
+    for number, code in codes:
         tried += 1
-        if trial.survives(mutant):
+        if code == 0:
             survived += 1
-            print(f"{mutant.file}:{mutant.line}: {mutant.what}", flush=True)
-    print(f"{tried} of {len(mutants)} tried: {tried - survived} killed, {survived} survived")
+            mutant = mutants[number]
+            unseen = "" if number in reach.tests or number in reach.imported else "  (no test reaches it)"
+            print(f"{mutant.file}:{mutant.line}: {mutant.what}{unseen}", flush=True)
+    print(f"{tried} of {count} tried: {tried - survived} killed, {survived} survived")
     return 3 if survived else 0
 
 

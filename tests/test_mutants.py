@@ -7,8 +7,10 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import mutants
+import psutil
 import pytest
 
 CODE = '''"""Words: 1 + 1."""
@@ -47,24 +49,67 @@ def test_what_is_planted(tmp_path, monkeypatch):
     file = tmp_path / "part.py"
     file.write_text(CODE)
     found = mutants.mutants_of(file)
-    lines = {f"{mutant.line}: {mutant.what.replace('  ->  ', ' -> ')}" for mutant in found}
-    assert lines == set(EXPECTED.strip().splitlines())
-    for mutant in found:
-        content = file.read_bytes()
-        compile(content[: mutant.start] + mutant.new.encode() + content[mutant.end :], "mutant", "exec")
+    lines = [f"{mutant.line}: {mutant.what.replace('  ->  ', ' -> ')}" for mutant in found]
+    assert sorted(lines) == sorted(EXPECTED.strip().splitlines())
+
+
+def test_each_is_behind_its_switch(monkeypatch):
+    def outcome(source, on=None):
+        monkeypatch.setitem(sys.modules, "bench._planted", SimpleNamespace(at=lambda number: number == on))
+        names = {}
+        exec(source, names)
+        values = [[5, 1], [3, 1], [], [4]]
+        return names["LIMIT"], [names["part"](v)[1] for v in values], values, names["part"]([4], True)
+
+    source = mutants.planted(CODE, 10)
+    as_it_is = outcome(CODE)
+    assert outcome(source) == as_it_is
+    assert [on for on in range(8, 27) if outcome(source, on) == as_it_is] == [8, 9, 24, 25, 26]
 
 
 ROOM = {
     "bench/__init__.py": "",
     "bench/room/__init__.py": "",
-    "bench/room/size.py": (
-        "def is_small(x):\n    return x < 10\n\n\ndef waits(x):\n    while x > 0:\n        x -= 2\n    return x\n"
-    ),
-    "tests/room/test_size.py": (
-        "from bench.room.size import is_small, waits\n\n\ndef test_sizes():\n"
-        "    assert is_small(3) and not is_small(12)\n\n\ndef test_waits():\n"
-        "    assert waits(2) == 0 and waits(1) == -1\n"
-    ),
+    "bench/room/size.py": """LIMIT = 10
+
+
+def is_small(x):
+    return x < LIMIT
+
+
+def waits(x):
+    while x > 0:
+        x -= 2
+    return x
+
+
+def in_a_child():
+    return 2
+
+
+def in_no_test():
+    return 3
+""",
+    "tests/room/test_size.py": """import os, subprocess, sys
+from bench.room.size import is_small, waits
+
+
+def test_sizes():
+    assert is_small(3) and not is_small(12)
+
+
+def test_waits():
+    assert waits(2) == 0 and waits(1) == -1
+
+
+def test_what_a_child_says():
+    sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], start_new_session=True)
+    with open(os.environ["SLEEPERS"], "a") as file:
+        print(sleeper.pid, file=file)
+    code = f"import sys; sys.path[:0] = {sys.path!r}; from bench.room.size import in_a_child; print(in_a_child())"
+    assert subprocess.run([sys.executable, "-c", code], env={}, capture_output=True, text=True).stdout == "2\\n"
+    sleeper.kill()
+""",
 }
 
 
@@ -85,22 +130,27 @@ def planted(checkout: Path, *words: str) -> subprocess.CompletedProcess[str]:
         "sys.exit(mutants.main(['room', *sys.argv[1:]]))"
     )
     # The plugins of libraries, which pytest would load for each mutant, take longer than the tests.
-    environment = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    environment = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "SLEEPERS": str(checkout / "sleepers")}
     command = [sys.executable, "-c", code, *words]
     return subprocess.run(command, cwd=checkout, env=environment, capture_output=True, text=True)
 
 
 def test_survivors_are_printed_and_what_hangs_is_killed(checkout):
-    done = planted(checkout, "--sample", "0")
+    done = planted(checkout, "--sample", "0", "--jobs", "2")
     assert done.returncode == 3, done.stdout + done.stderr
     printed = done.stdout.splitlines()
-    assert printed[0].startswith("7 mutants, 7 in the sample; tests pass in ")
+    assert printed[0].startswith("9 mutants, 9 in the sample; tests pass in ")
     assert set(printed[1:-1]) == {
-        "bench/room/size.py:2: x < 10  ->  (x <= 10)",
-        "bench/room/size.py:2: 10  ->  11",
+        "bench/room/size.py:1: 10  ->  11",
+        "bench/room/size.py:5: x < LIMIT  ->  (x <= LIMIT)",
+        "bench/room/size.py:19: 3  ->  4  (no test reaches it)",
     }
-    assert printed[-1] == "7 of 7 tried: 5 killed, 2 survived"
+    assert printed[-1] == "9 of 9 tried: 6 killed, 3 survived"
     assert (checkout / "bench/room/size.py").read_text() == ROOM["bench/room/size.py"]
+    sleepers = (checkout / "sleepers").read_text().split()
+    assert len(sleepers) == 4 and not any(
+        map(psutil.pid_exists, map(int, sleepers))
+    )  # trace, control, 2 -> 3, 10 -> 11
 
 
 def test_a_sample_is_of_its_seed_and_tests_have_to_pass(checkout):
