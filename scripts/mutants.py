@@ -3,6 +3,7 @@
     python scripts/mutants.py ranking                              # 100 mutants of bench/ranking
     python scripts/mutants.py engine --sample 0 --minutes 60       # all mutants of bench/engine, for an hour at most
     python scripts/mutants.py ranking --files statistics.py places.py --sample 0    # all mutants of two files
+    python scripts/mutants.py ranking --again printed.txt          # the survivors of a run that was printed there
     python scripts/mutants.py ranking --list                       # what would be planted, and nothing run
 
 A mutant is one change: another comparison or arithmetic operator, `and` for `or`, a number plus one (from 100 on twice
@@ -75,6 +76,7 @@ WARM = (  # libraries of the code and plugins of pytest, and nothing of ours
 SLOWER = 5.0  # a mutant whose tests take so many times as long hangs
 GRACE = 20.0  # seconds on top, for a machine that others use
 OFF, TRACING, FIRST = 0, 1, 2  # the switch: no mutant; none, and what is reached is written down; mutant 0, 1, ...
+UNSEEN = "  (no test reaches it)"
 OVER = 124  # the exit code of a process that was ended, as of timeout(1)
 SWITCH = '''"""Which mutant is on."""
 import os, resource
@@ -101,6 +103,9 @@ class Mutant(NamedTuple):
     file: str  # below the checkout
     line: int
     what: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.what}"
 
 
 # -- planting ----------------------------------------------------------------------------------------------------------
@@ -317,15 +322,16 @@ class Reach:
                 self.tests[int(number)].add(name)
 
     def of(self, numbers: Iterable[int], file: str, seconds: float) -> list[str]:
-        """The tests that reach any of these mutants of a file: those of the same name first, and the quickest.
+        """The tests that reach any of these mutants of a file: those of its name, and others for so many seconds.
 
-        No more than take so many seconds, and one at least.
+        The quickest first.
         """
         names = set().union(*(self.tests[number] for number in numbers))
-        own = f"/test_{Path(file).stem}"
-        ordered = sorted(names, key=lambda name: (own not in name, self.seconds[name], name))
-        sums = itertools.accumulate(self.seconds[name] for name in ordered[1:])
-        return ordered[: 1 + sum(spent <= seconds for spent in sums)]
+        quickest = sorted(names, key=lambda name: (self.seconds[name], name))
+        own = [name for name in quickest if f"/test_{Path(file).stem}" in name]
+        others = [name for name in quickest if name not in own]
+        sums = itertools.accumulate(self.seconds[name] for name in others)
+        return [*own, *others[: sum(spent <= seconds for spent in sums)]]
 
     def limit(self, names: list[str]) -> float:
         """After how many seconds these tests hang."""
@@ -476,11 +482,12 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("room", help="a folder of bench/")
     parser.add_argument("--files", nargs="*", help="only these files of the room")
     parser.add_argument("--lines", nargs=2, type=int, metavar=("FIRST", "LAST"), help="only mutants of these lines")
+    parser.add_argument("--again", type=Path, metavar="FILE", help="only the survivors that were printed in this file")
     parser.add_argument("--tests", nargs="*", help="instead of tests/ROOM")
     parser.add_argument("--sample", type=int, default=100, help="how many mutants, 0 for all (default 100)")
     parser.add_argument("--seed", type=int, default=0, help="of the sample (default 0)")
     parser.add_argument("--minutes", type=float, default=15.0, help="begin none after so many (default 15)")
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="of tests for a mutant (default: all)")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="of other files' tests (default: all)")
     parser.add_argument("--jobs", type=int, default=1, help="how many are tried side by side (default 1)")
     parser.add_argument("--list", action="store_true", help="print the mutants, and run nothing")
     options = parser.parse_args(words)
@@ -489,6 +496,9 @@ def main(words: list[str] | None = None) -> int:
     first, last = options.lines or (0, 10**9)
     mutants = [mutant for path in files for mutant in mutants_of(path)]
     numbers = [number for number, mutant in enumerate(mutants) if first <= mutant.line <= last]
+    if options.again:
+        printed = {line.partition(UNSEEN)[0] for line in options.again.read_text().splitlines()}
+        numbers = [number for number in numbers if str(mutants[number]) in printed]
     if not numbers:
         parser.error(f"nothing to change in {room}")
     count = len(numbers)
@@ -496,7 +506,7 @@ def main(words: list[str] | None = None) -> int:
         random.Random(options.seed).shuffle(numbers)
         numbers = numbers[: options.sample]
     if options.list:
-        print(*(f"{mutants[n].file}:{mutants[n].line}: {mutants[n].what}" for n in numbers), sep="\n")
+        print(*(mutants[number] for number in numbers), sep="\n")
         return 0
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # forks are made of this process
     os.environ.pop("PYTEST_CURRENT_TEST", None)
@@ -518,9 +528,7 @@ def report(codes: Iterable[tuple[int, int]], mutants: Sequence[Mutant], reach: R
         tried += 1
         if code == 0:
             survived += 1
-            mutant = mutants[number]
-            unseen = "" if number in reach.tests or number in reach.imported else "  (no test reaches it)"
-            print(f"{mutant.file}:{mutant.line}: {mutant.what}{unseen}", flush=True)
+            print(f"{mutants[number]}{'' if number in reach.tests or number in reach.imported else UNSEEN}", flush=True)
     print(f"{tried} of {count} tried: {tried - survived} killed, {survived} survived")
     return 3 if survived else 0
 
