@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-import re
 import signal
 import sys
 import threading
@@ -22,11 +21,11 @@ from typing import TYPE_CHECKING, Any
 from ..engine.forkserver import CannotStart
 from ..errors import DetailbenchError, StoreError, Terminated, UsageError
 from ..plan.cell import Cell, NotSolved, check_root, sensor_of, settings_of
-from ..plan.keys import GROUPS
 from ..plugins import config_files
 from ..plugins.registry import load_plugins, registry
 from ..safe_path import isolate_imports, safe_children
 from .composition import CONFIG_NAME, hydra_message, hydra_ready, in_words
+from .parts import representatives
 from .request import Request, is_hydras, text_of
 from .session import Session
 
@@ -147,46 +146,6 @@ def _title(values: Mapping[str, Any]) -> str:
 def _ignore_interrupts() -> None:
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def representatives(batch: Sequence[Sequence[str]]) -> list[Sequence[str]]:
-    """A subset of a sweep's jobs that contains each combination of overrides of one group at least once.
-
-    Whether ``method=jet method.k=24`` can be composed does not depend on the dataset, and ``seed=7`` is composed like
-    ``seed=8``, so a few of thousands of jobs show whether all can.
-    """
-    seen: set[tuple[str, ...]] = set()
-    chosen = []
-    for job in batch:
-        groups: dict[str, list[str]] = {}
-        for override in job:
-            groups.setdefault(_head(override), []).append(_kind_of_number(override))
-        fresh = {tuple(group) for group in groups.values()} - seen
-        if fresh:
-            chosen.append(job)
-            seen |= fresh
-    return chosen
-
-
-def _kind_of_number(override: str) -> str:
-    """``seed=<int>`` for ``seed=7``: numbers of the same type are composed alike for a key of the run."""
-    key, _, value = override.partition("=")
-    if key.lstrip("+~").startswith("hydra") or _head(key) in GROUPS:
-        return override
-    kind = next((kind for kind, form in NUMBERS.items() if form.fullmatch(value)), None)
-    return f"{key}=<{kind}>" if kind else override
-
-
-def _head(override: str) -> str:
-    """The group, or the key of the run, that an override is about."""
-    return re.split(r"[./=@]", override.lstrip("+~"), maxsplit=1)[0]
-
-
-# Numbers in Hydra's grammar; anything else is composed as it is.
-NUMBERS = {
-    "int": re.compile(r"[+-]?(0|[1-9](_?[0-9])*)"),
-    "float": re.compile(r"[+-]?([0-9]+\.[0-9]*|[0-9]*\.[0-9]+|[0-9]+(?=[eE]))([eE][+-]?[0-9]+)?"),
-}
 
 
 @contextlib.contextmanager

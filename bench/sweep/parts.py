@@ -76,6 +76,35 @@ def _number(word: str) -> tuple[str, int | float] | None:
     return (f"{key}=<float>", float(value)) if DECIMAL.fullmatch(value) else None
 
 
+def _split(job: Sequence[str]) -> tuple[Words, dict[str, Words]]:
+    """The outer overrides of a job, and those of each other head."""
+    outer: list[str] = []
+    inner: dict[str, Words] = {}
+    for word in job:
+        if head := _head(word):
+            inner[head] = (*inner.get(head, ()), word)
+        else:
+            outer.append(word)
+    return tuple(outer), inner
+
+
+def representatives(jobs: Sequence[Sequence[str]]) -> list[Sequence[str]]:
+    """Some of the jobs, with which Hydra shows whether it can compose all: each choice of a head is in one of them.
+
+    Whether ``method=jet method.k=24`` can be composed does not depend on the dataset, and ``seed=7`` is composed like
+    ``seed=8``.
+    """
+    seen: set[Words] = set()
+    chosen = []
+    for job in jobs:
+        outer, inner = _split(job)
+        choices = (words if head in KINDS else _template(words)[0] for head, words in inner.items())
+        if fresh := {outer, *choices} - seen:
+            chosen.append(job)
+            seen |= fresh
+    return chosen
+
+
 def values_of(jobs: Sequence[Sequence[str]]) -> Configs | None:
     """The resolved config of each job, as by :func:`bench.sweep.composition.resolved`; None if not possible.
 
@@ -145,7 +174,7 @@ class Configs(Sequence[Values]):
 
     def __init__(self, jobs: Sequence[Sequence[str]]):
         self._composed: dict[Words, DictConfig] = {}
-        self._jobs = [self._split(job) for job in jobs]
+        self._jobs = [_split(job) for job in jobs]
         self._families: dict[Words, _Family] = {}
         for outer, inner in self._jobs:
             if outer not in self._families:
@@ -154,17 +183,6 @@ class Configs(Sequence[Values]):
             self._families[outer].add(inner)
         for family in self._families.values():
             family.findinterpolations()
-
-    @staticmethod
-    def _split(job: Sequence[str]) -> tuple[Words, dict[str, Words]]:
-        outer: list[str] = []
-        inner: dict[str, Words] = {}
-        for word in job:
-            if head := _head(word):
-                inner[head] = (*inner.get(head, ()), word)
-            else:
-                outer.append(word)
-        return tuple(outer), inner
 
     def composed(self, job: Sequence[str], *, resolve: bool = False) -> Values:
         """The config that Hydra composes for one job."""
