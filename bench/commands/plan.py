@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     check_jobs(jobs)
     shelf = Shelf(results)
     for cell, settings, mark in cells_of(jobs, refused):
-        there, state, reasons = look_up(results, cell, settings, shelf, mark)
+        there, state, reasons = look_up(shelf, cell, settings, mark)
         rest = seconds_to_do(cell, there, pace)
         guess = "" if there == cell.planned else "?" if rest is None else duration(rest)
         lines.append(
@@ -90,15 +90,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def cells_of(jobs: list[list[str]], refused: list[str]) -> Any:
-    """The cell, settings and fingerprint (empty if not yet known) of every job, each cell once.
+    """The cell, settings and fingerprint of every job, each cell once.
 
     Method and task that do not fit are noted in ``refused``.
     """
-    from ..sweep.planned import planned_job, planned_jobs
+    from ..sweep.planned import planned_jobs
 
     seen: set[str] = set()
     reasons = dict.fromkeys(refused)
-    for one in planned_jobs(jobs) or map(planned_job, jobs):
+    for one in planned_jobs(jobs):
         if one.cell is None:
             if one.reason not in reasons:
                 reasons[one.reason] = None
@@ -118,35 +118,25 @@ def line_of_training(results: Any, training: Any) -> str:
     return f"first: {training.title}  {state}  at most {duration(training.seconds)} on {training.device}"
 
 
-def look_up(
-    results: Any, cell: Any, settings: Any, shelf: Any = None, mark: str = ""
-) -> tuple[int, str, tuple[str, ...]]:
+def look_up(shelf: Any, cell: Any, settings: Any, mark: str) -> tuple[int, str, tuple[str, ...]]:
     """How many cases of a cell need no new run, its state in one word, and why its records are not current.
 
-    With the cell's fingerprint ``mark`` and a :class:`bench.sweep.planned.Shelf`, records of finished cells are not
-    opened.
+    Parameters
+    ----------
+    shelf : a :class:`bench.sweep.planned.Shelf`
+    mark : the cell's fingerprint
     """
-    if shelf is not None and mark:
-        if not shelf.has_any(cell):
-            return 0, "new", ()
-        stands = shelf.look_up(cell, settings, mark)
-        if stands.complete:
-            failed = sum(row["status"] != "ok" for row in stands.rows)
-            return cell.planned, f"{failed} failed" if failed else "finished", ()
-    from ..engine.runner import lacks_output, standing_rows
-    from ..results.earlier import standing
-    from ..results.provenance import ingredients
+    from ..engine.runner import lacks_output
 
-    stands = standing(results, cell, ingredients(cell))
-    rows, stored = standing_rows(results, cell, stands, settings)
-    count = min(len(rows), cell.planned)
-    if stored and count == len(stored.rows):
-        failed = sum(row["status"] != "ok" for row in stored.rows)
+    stands = shelf.look_up(cell, settings, mark)
+    if stands.complete:
+        failed = sum(row["status"] != "ok" for row in stands.rows)
         return cell.planned, f"{failed} failed" if failed else "finished", ()
-    if stored and settings.rerun != "always" and any(lacks_output(results, row, settings) for row in stored.rows):
+    count = min(len(stands.rows), cell.planned)
+    if settings.rerun != "always" and any(lacks_output(shelf.results, row, settings) for row in stands.stored):
         return count, "no outputs", ()
     if count:
         return count, "begun", stands.stale
-    if stored:
+    if stands.stored:
         return 0, "failed", ()
-    return 0, "changed" if results.records(cell.id) else "new", stands.stale
+    return 0, "changed" if shelf.results.records(cell.id) else "new", stands.stale

@@ -229,6 +229,7 @@ def check_devices(requests: list[Request], results: Results) -> None:
     UsageError
         If cells would run here. Cells that a launcher runs elsewhere are checked there.
     """
+    from ..sweep.planned import Shelf
     from .plan import cells_of, look_up
 
     for request in requests:
@@ -238,8 +239,9 @@ def check_devices(requests: list[Request], results: Results) -> None:
             for device in request.devices:
                 check_device(device)
         except UsageError:
-            for cell, settings, _ in cells_of(request.jobs, []):
-                if look_up(results, cell, settings)[0] < cell.planned:
+            shelf = Shelf(results)
+            for cell, settings, mark in cells_of(request.jobs, []):
+                if look_up(shelf, cell, settings, mark)[0] < cell.planned:
                     check_device(cell.device)
 
 

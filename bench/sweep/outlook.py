@@ -9,9 +9,10 @@ from typing import Any
 
 from ..errors import UsageError
 from ..results.store import Results
+from .composition import resolved
 from .forecast import Forecast, Pace, seconds_to_do, summary, workers_of
 from .parts import Configs, values_of
-from .planned import Shelf, entry_of, planned_job, planned_of
+from .planned import Shelf, entry_of, planned_of
 from .request import Request
 
 COMPOSED = 12  # jobs that represent all of a sweep where each is composed by itself
@@ -56,7 +57,7 @@ def look_ahead(jobs: Sequence[Sequence[str]], request: Request, results: Results
 def _outlook(configs: Configs | None, jobs: Sequence[Sequence[str]], request: Request, results: Results) -> Outlook:
     """The outlook of a sweep, from the configs of all its jobs, or from some jobs that are composed one by one."""
     places = range(0, len(jobs), 1 if configs else -(-len(jobs) // COMPOSED))
-    plan = planned_of(configs) if configs else map(planned_job, jobs[:: places.step])
+    plan = planned_of(configs or map(resolved, jobs[:: places.step]))
     shelf, pace = Shelf(results), Pace.of(results)
     seconds: dict[int, float | None] = {}
     ended: dict[int, dict[str, Any]] = {}

@@ -29,7 +29,7 @@ class Planned:
     ----------
     cell, settings : the cell, and how it is run; None for a pair without a cell
     mark : str
-        Today's fingerprint of the cell.
+        Today's fingerprint of the cell; empty without one.
     reason : str
         Why there is no cell.
     """
@@ -66,20 +66,20 @@ class _Drawing:
         return Planned(cell, self.settings, fingerprint({**self.parts, "cell": cell.id}))
 
 
-def planned_jobs(jobs: Sequence[Sequence[str]]) -> Iterator[Planned] | None:
-    """Every job of a sweep, in order; None if each has to be composed by itself (:mod:`bench.sweep.parts`).
+def planned_jobs(jobs: Sequence[Sequence[str]]) -> Iterator[Planned]:
+    """Every job of a sweep, in order; each is composed by itself if it has to be (:mod:`bench.sweep.parts`).
 
     Raises
     ------
     UsageError
-        During iteration, for a job without a cell for any reason except parts that do not fit.
+        During iteration, for a job that cannot be composed, or has no cell for any reason except parts that do not fit.
     """
     configs = values_of(jobs)
-    return None if configs is None else planned_of(configs)
+    return planned_of(map(resolved, jobs) if configs is None else configs)
 
 
 def planned_of(configs: Iterable[Values]) -> Iterator[Planned]:
-    """The jobs with these configs, as :func:`planned_jobs`."""
+    """The jobs with these resolved configs, as :func:`planned_jobs`."""
     drawings: dict[tuple[Any, ...], _Drawing | Planned] = {}
     kept = []  # nodes that keys identify by address
     for values in configs:
@@ -98,22 +98,6 @@ def planned_of(configs: Iterable[Values]) -> Iterator[Planned]:
         yield drawing if isinstance(drawing, Planned) else drawing.planned(values)
 
 
-def planned_job(job: Sequence[str]) -> Planned:
-    """One job, composed by itself.
-
-    Raises
-    ------
-    UsageError
-        If it cannot be composed, or has no cell for any reason except parts that do not fit.
-    """
-    values = resolved(job)
-    check_root(values)
-    try:
-        return Planned(Cell.from_config(values), settings_of(values))
-    except NotSolved as error:
-        return Planned(None, None, reason=str(error))
-
-
 @dataclass(frozen=True)
 class Stands:
     """The state of a job in a results folder.
@@ -126,6 +110,8 @@ class Stands:
         Whether they are all rows of its record, so that nothing is left to do.
     fingerprint : str
         Of that record.
+    stored : sequence of mappings
+        All rows of that record; none if there is no record.
     stale : tuple of str
         Why its newest record is not current.
     """
@@ -133,6 +119,7 @@ class Stands:
     rows: Sequence[Mapping[str, Any]]
     complete: bool
     fingerprint: str
+    stored: Sequence[Mapping[str, Any]] = ()
     stale: tuple[str, ...] = ()
 
 
@@ -172,13 +159,14 @@ class Shelf:
             before = self._limits(cell, mark, rows)
             again = (must_rerun(row, settings, before) or lacks_output(self.results, row, settings) for row in rows)
             if settings.rerun != "always" and not any(again):
-                return Stands(rows, True, mark)
+                return Stands(rows, True, mark, rows)
         if not self.has_any(cell):
             return Stands([], False, mark)
         stands = standing(self.results, cell, ingredients(cell))
         found, stored = standing_rows(self.results, cell, stands, settings)
         complete = stored is not None and all(found.get(row["case_index"]) is row for row in stored.rows)
-        return Stands(list(found.values()), complete, stored.fingerprint if stored else mark, stands.stale)
+        record, rows = (stored.fingerprint, stored.rows) if stored else (mark, [])
+        return Stands(list(found.values()), complete, record, rows, stands.stale)
 
     def _limits(self, cell: Cell, mark: str, rows: Sequence[Mapping[str, Any]]) -> Mapping[str, float]:
         """The limits that a record was made under, if they decide whether a case is run again."""

@@ -12,9 +12,11 @@ from records import rewritten
 
 from bench import cli
 from bench.commands.plan import look_up
+from bench.engine.runner import standing_rows
 from bench.plan.cell import Cell, NotSolved, settings_of
 from bench.plan.keys import GROUPS
 from bench.plugins.registry import KINDS
+from bench.results.earlier import standing
 from bench.results.files import META_KEY
 from bench.results.provenance import fingerprint, ingredients
 from bench.results.store import Results
@@ -162,9 +164,15 @@ def test_finished_jobs_are_not_composed_and_others_are_run(sweep, tmp_path):
         cell = Cell.from_json(meta["cell"])
         settings = settings_of(SETTINGS | {"limit": {"seconds": 1000.0, "memory_gb": 4.0}, "rerun": "failed"})
         for chosen in (settings, settings_of(SETTINGS)):
-            states.append(look_up(results, cell, chosen, shelf, meta["fingerprint"]))
-            assert states[-1] == look_up(Results(tmp_path / "r"), cell, chosen)
-    assert {state for _, state, _ in states} >= {"finished", "1 failed", "failed"}
+            stands = shelf.look_up(cell, chosen, meta["fingerprint"])
+            opened = standing(results, cell, ingredients(cell))
+            rows, stored = standing_rows(results, cell, opened, chosen)
+            assert [row["status"] for row in stands.rows] == [row["status"] for row in rows.values()]
+            of_record = stored.rows if stored else []
+            assert [row["status"] for row in stands.stored] == [row["status"] for row in of_record]
+            assert stands.complete == (len(of_record) == len(rows) == 1) and not stands.stale
+            states.append(look_up(shelf, cell, chosen, meta["fingerprint"])[1])
+    assert {*states} >= {"finished", "1 failed", "failed"}
 
 
 SETTINGS = {"results": "r", "limit": {}, "outputs": "none", "rerun": "never", "verbose": False, "plugins": [],
