@@ -9,7 +9,7 @@ from ..results.imputation import lent
 from .leaderboard import leaderboard, unit_values
 from .order import metric_order
 from .resolution import EQUAL
-from .selection import CONTENDER, GROUP, Names, completed, matching, pool, select, split_names
+from .selection import CONTENDER, GROUP, Names, completed, matching, metrics_of, pool, select, split_names
 from .statistics import SAME
 
 WORD = "case"  # of --by
@@ -60,12 +60,13 @@ def by_case(
     groups = without_case(by)
     board = leaderboard(rows, by=groups, metric=metric, level=level, equal=equal, **filters)
     chosen = pool(select(lent(completed(rows)), **filters), groups)
+    named = matching("metric", metric, metrics_of(rows)) if metric else None
     parts: list[pd.DataFrame] = []
     for group, lines in board.groupby(GROUP, sort=False):
         of_group = chosen[(chosen[GROUP] == list(group)).all(axis=1)]
-        names = list(dict.fromkeys(lines["metric"]))
-        wanted = matching("metric", metric, names) if metric else metric_order(lines.to_dict("records"))[:1]
-        parts.extend(_scores(of_group, name) for name in wanted if name in names and name)
+        wanted = metric_order(lines.to_dict("records"))[:1] if named is None else named
+        # Not every table has each metric: another task lacks it, or nothing was solved there.
+        parts.extend(_scores(of_group, name) for name in wanted if (lines["metric"] == name).any())
     scores = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(COLUMNS))
     return scores, board
 
@@ -74,7 +75,6 @@ def _scores(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
     """The lines of one table."""
     units = unit_values(rows, metric)
     keys = [*GROUP, "case", *CONTENDER]
-    units = units.assign(known=units["value"].notna())
     grouped = units.groupby(keys, sort=False, dropna=False)
     scores = grouped.agg(
         better=("better", "first"),

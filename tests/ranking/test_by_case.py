@@ -62,6 +62,48 @@ def test_cases_keep_their_order_and_sensors_their_tables(frame):
     first, second = case_tables(scores, board)
     assert first.methods == second.methods == tuple(CASES) and {first.sensor, second.sensor} == {"noisy", "scanned"}
     assert first.subject == "d ↓" and first.head == "case"
+    assert scores.index.is_unique  # one frame of both tables
+
+
+def test_cases_of_several_datasets_are_in_the_order_of_each():
+    """By the dataset first, then as it numbers its cases: ids are in no order, and two datasets number alike."""
+    made = rows(
+        *(
+            row(m, case, 0, {"d": 1.0}, dataset=dataset, case_index=i)
+            for dataset, cases in (("cad", ("nut", "gear")), ("bumps", ("z", "y", "x")))
+            for i, case in enumerate(cases)
+            for m in "ab"
+        )
+    )
+    scores, board = by_case(made, by="case,task", metric="d")
+    cases = ["bumps/z", "bumps/y", "bumps/x", "cad/nut", "cad/gear"]
+    assert scores["case"].tolist() == [case for case in cases for _ in "ab"]
+    assert [table.methods for table in case_tables(scores, board)] == [tuple(cases)]
+
+
+def test_tables_without_a_metric_do_not_hide_the_others():
+    """Another task has no chamfer distance, and on the hardest dataset nothing was solved."""
+    made = rows(
+        *(row(m, c, 0, {"d": 1.0, "f": 2.0}, dataset="cad") for m in "ab" for c in "wxyz"),
+        *(row(m, c, 0, {"e": 1.0}, task="denoise") for m in "ab" for c in "wxyz"),
+        *(row(m, c, 0, None, dataset="fbm") for m in "ab" for c in "wxyz"),
+    )
+    for metric, wanted in {
+        None: [("denoise", "bumps", "e"), ("reconstruct", "cad", "d")],
+        "d": [("reconstruct", "cad", "d")],
+        "f,e,d": [("denoise", "bumps", "e"), ("reconstruct", "cad", "f"), ("reconstruct", "cad", "d")],
+    }.items():
+        scores, board = by_case(made, by="case", metric=metric)
+        found = scores[["task", "dataset", "metric"]].drop_duplicates()
+        assert list(found.itertuples(index=False, name=None)) == wanted
+        assert len(scores) == 8 * len(wanted) and len(case_tables(scores, board)) == len(wanted)
+    with pytest.raises(UsageError, match="chamfer"):
+        by_case(made, by="case", metric="chamfer")
+
+
+def test_results_of_unknown_machines_have_lines_too():
+    made = rows(*(row(m, c, 0, {"d": 1.0}, host=None) for m in "ab" for c in "wxyz"))
+    assert len(by_case(made, by="case", metric="d")[0]) == 8
 
 
 def test_higher_is_better_where_the_metric_declares_it(frame):
