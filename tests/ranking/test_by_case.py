@@ -128,6 +128,22 @@ def test_ties_count_for_each_and_failures_for_nobody():
     assert any(note.startswith("† failed cases") for note in table.notes)
 
 
+@pytest.mark.parametrize(
+    ("values", "wins"),
+    [
+        ((1e-6, 1.1e-6), (1, 0)),  # small is not equal
+        ((1e6 * (1 + 1e-12), 1e6), (1, 1)),  # but rounding decides nothing
+        ((0.1 + 0.2, 0.3), (1, 1)),
+        ((0.0, 0.0), (1, 1)),
+        ((0.0, 1e-12), (1, 0)),
+        ((-2.0, -2.0 - 1e-12), (1, 1)),
+    ],
+)
+def test_a_tie_is_one_up_to_rounding(values, wins):
+    made = rows(*(row(m, "w", 0, {"d": value}) for m, value in zip("ab", values, strict=True)))
+    assert tuple(by_case(made, by="case", metric="d")[0]["best"]) == wins
+
+
 @pytest.mark.parametrize("format", FORMATS)
 def test_every_format_has_every_case_and_method(frame, format, capsys):
     show_by_case(frame, "case,task", Output(format, Look(digits=2)), metric="d")
