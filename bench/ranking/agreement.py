@@ -103,10 +103,8 @@ class Scores:
         return len(self.starts)
 
     def resampled(self, weights: np.ndarray) -> np.ndarray:
-        """(resamples, k): the means with each shape weighted by ``weights`` (resamples, n)."""
-        sums = np.add.reduceat(self.values, self.starts, axis=0)
-        counts = np.diff([*self.starts, len(self.values)])
-        return (weights @ sums) / (weights @ counts)[:, None]
+        """(resamples, k): sums with each shape weighted by ``weights`` (resamples, n); they order methods as means do."""
+        return weights @ np.add.reduceat(self.values, self.starts, axis=0)
 
 
 def agreement(
@@ -255,19 +253,16 @@ def _boards(rows: pd.DataFrame, units: pd.DataFrame, metric: str, level: float) 
 
 def compare(first: Scores, second: Scores, rng: np.random.Generator, level: float = 0.95, **about: Any) -> Tau:
     """Tau of two sets with its interval and its spread; ``about`` are the fields of :class:`Tau` that identify it."""
-    from scipy.stats import kendalltau
-
     a, b = places(first.means), places(second.means)
     significant = _significant((first, second), level)
     pairs = np.triu_indices(len(a), 1)
     product = (significant[0] * significant[1])[pairs]
     agree, reverse = int((product > 0).sum()), int((product < 0).sum())
     n, unclear = len(product), int((product == 0).sum())
-    tau = float(kendalltau(a, b, variant="b").statistic) if len(set(a)) > 1 and len(set(b)) > 1 else float("nan")
     spread_low, spread_high = _spread(first, second, rng, level)
     return Tau(
         **about,
-        tau=tau,
+        tau=float(tau_b(a, b)),
         low=(agree - reverse - unclear) / n,
         high=(agree - reverse + unclear) / n,
         spread_low=spread_low,
@@ -346,7 +341,7 @@ def _significant(sides: tuple[Scores, Scores] | list[Scores], level: float) -> l
     k = sides[0].values.shape[1]
     i, j = np.triu_indices(k, 1)
     p = np.concatenate([p[i, j, 0] for _, p in tests])
-    rejected = (holm(p[None], 1 - level)[0] & (p < 1)).reshape(2, -1)
+    rejected = holm(p[None], 1 - level)[0].reshape(2, -1)
     found = []
     for (difference, _), significantly in zip(tests, rejected, strict=True):
         before = np.zeros((k, k), dtype=bool)
