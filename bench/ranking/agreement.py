@@ -317,8 +317,8 @@ def _spread(first: Scores, second: Scores, rng: np.random.Generator, level: floa
         side.resampled(rng.multinomial(side.shapes, np.full(side.shapes, 1 / side.shapes), size=RESAMPLES))
         for side in (first, second)
     )
-    low, high = np.nanquantile(tau_b(a, b), [(1 - level) / 2, (1 + level) / 2])
-    return float(low), float(high)
+    taus = tau_b(a, b)
+    return _quantile(taus, (1 - level) / 2), _quantile(taus, (1 + level) / 2)
 
 
 def _halves(side: Scores, rng: np.random.Generator) -> float:
@@ -327,7 +327,13 @@ def _halves(side: Scores, rng: np.random.Generator) -> float:
         return float("nan")
     chosen = np.argsort(rng.random((SPLITS, side.shapes)), axis=1) < side.shapes // 2
     halves = [side.resampled(weights.astype(float)) for weights in (chosen, ~chosen)]
-    return float(np.nanmedian(tau_b(*halves)))
+    return _quantile(tau_b(*halves), 0.5)
+
+
+def _quantile(taus: np.ndarray, at: float) -> float:
+    """Of those that are defined; NaN, without a warning, if none is: methods that score alike have no order."""
+    known = taus[np.isfinite(taus)]
+    return float(np.quantile(known, at)) if len(known) else float("nan")
 
 
 def _significant(sides: tuple[Scores, Scores] | list[Scores], level: float) -> list[np.ndarray]:

@@ -89,6 +89,18 @@ def test_a_tie_is_no_disagreement():
     assert whole(found).open == 1 and (whole(found).low, whole(found).high) == pytest.approx((1 / 3, 1))
 
 
+@pytest.mark.filterwarnings("error")
+def test_methods_that_all_score_alike_have_no_order():
+    """As on whether a surface is closed."""
+    frame = results({"cad": "abc", "real": "abc"})
+    frame.loc[frame["dataset"] == "cad", "score.d"] = 1.0
+    found = one(frame)
+    assert np.isnan([whole(found).tau, whole(found).spread_low, whole(found).spread_high]).all()
+    assert np.isnan(found.halves[0]) and found.halves[1] == 1
+    assert (whole(found).low, whole(found).high, whole(found).open) == (-1, 1, 3)
+    assert found.methods["place_1"].tolist() == [1, 1, 1]
+
+
 # --- coverage ---------------------------------------------------------------------------------------------------------
 
 
