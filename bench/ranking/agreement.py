@@ -103,7 +103,7 @@ class Scores:
         return len(self.starts)
 
     def resampled(self, weights: np.ndarray) -> np.ndarray:
-        """(resamples, k): sums with each shape weighted by ``weights`` (resamples, n); they order methods as means do."""
+        """(resamples, k): sums with each shape weighted by ``weights`` (resamples, n); their order is that of means."""
         return weights @ np.add.reduceat(self.values, self.starts, axis=0)
 
 

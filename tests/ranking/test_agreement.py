@@ -8,13 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from boards import row, rows
-from scipy.stats import kendalltau
+from scipy.stats import kendalltau, ttest_1samp
 
 from bench.cli import main
 from bench.errors import UsageError
-from bench.ranking.agreement import Scores, agreement, compare, family_of, places, tau_b
+from bench.ranking.agreement import RANK, Scores, agreement, compare, family_of, places, tau_b
 from bench.ranking.report import FORMATS
 from bench.ranking.report.agreement import render_agreement
+from bench.ranking.selection import CONTENDER
 
 METHODS = "abcde"
 
@@ -60,11 +61,17 @@ def test_tau_by_hand():
     assert tau_b(a, np.array([1.0, 2, 4, 3])) == pytest.approx(4 / 6)
     assert tau_b(a, np.array([1.0, 1, 2, 3])) == pytest.approx(5 / np.sqrt(6 * 5))
     assert tau_b(a, a * (1 + 1e-12 * np.array([9, -9, 9, -9]))) == 1  # rounding
+    for size in (1e-6, 1.0, -1e6):  # a difference in rounding is a tie, one of a tenth is none however small
+        b = size * np.array([1.0, 1 + 1e-12, 1.1, 1.3])
+        assert np.sign(size) * tau_b(a, b) == pytest.approx(5 / np.sqrt(6 * 5))
+    assert tau_b(a, np.array([0.0, 0, 1, 2])) == pytest.approx(5 / np.sqrt(6 * 5))
 
 
 def test_places_share_a_tie():
     assert places(np.array([3.0, 1.0, 2.0, 1.0 + 1e-13, 9.0])).tolist() == [4, 1, 3, 1, 5]
     assert places(np.full(3, 0.0)).tolist() == [1, 1, 1]
+    assert places(1e-6 * np.array([1.1, 1.0, 1.0 + 1e-13])).tolist() == [3, 1, 1]
+    assert places(1e6 * np.array([1.1, 1.0, 1.0 + 1e-13])).tolist() == [3, 1, 1]
 
 
 @pytest.mark.parametrize(
@@ -87,18 +94,61 @@ def test_a_tie_is_no_disagreement():
     assert whole(found).tau == pytest.approx(2 / np.sqrt(6))
     assert found.methods["place_1"].tolist() == [1, 2, 2]
     assert whole(found).open == 1 and (whole(found).low, whole(found).high) == pytest.approx((1 / 3, 1))
+    assert found.reversed == ()
 
 
 @pytest.mark.filterwarnings("error")
 def test_methods_that_all_score_alike_have_no_order():
     """As on whether a surface is closed."""
     frame = results({"cad": "abc", "real": "abc"})
-    frame.loc[frame["dataset"] == "cad", "score.d"] = 1.0
+    frame.loc[frame["dataset"] == "real", "score.d"] = 1.0
     found = one(frame)
     assert np.isnan([whole(found).tau, whole(found).spread_low, whole(found).spread_high]).all()
-    assert np.isnan(found.halves[0]) and found.halves[1] == 1
-    assert (whole(found).low, whole(found).high, whole(found).open) == (-1, 1, 3)
-    assert found.methods["place_1"].tolist() == [1, 1, 1]
+    assert found.halves == pytest.approx((1, np.nan), nan_ok=True)
+    assert (whole(found).low, whole(found).high, whole(found).open) == (-1, 1, 3) and found.reversed == ()
+    assert found.methods["place_2"].tolist() == [1, 1, 1]
+
+
+def order_of(first: np.ndarray, second: np.ndarray, level: float = 0.95):
+    """Tau of two sets of one unit a shape."""
+    rng = np.random.default_rng(1)
+    sides = (Scores(values, np.arange(len(values))) for values in (first, second))
+    return compare(*sides, rng, level, part="all", name="all", without=False)
+
+
+def test_what_follows_from_significant_comparisons_is_significant():
+    """Relative differences saturate: those of a and c vary more, for their mean, than those of their neighbours."""
+    ratios = np.tile([199.0, 7 / 13], 13)[:, None]  # relative differences of 0.99 and -0.3
+    first = ratios ** np.arange(3)
+    second = np.ones_like(ratios) * 2.0 ** np.arange(3)
+
+    def p(i, j):
+        return ttest_1samp((first[:, j] - first[:, i]) / (first[:, j] + first[:, i]), 0).pvalue
+
+    # Six comparisons: the three of the second set, without any spread, are the surest.
+    assert max(p(0, 1), p(1, 2)) < 0.05 / 3 and p(0, 2) > 0.05
+    found = order_of(first, second)
+    assert (found.agree, found.reverse, found.open, found.low) == (3, 0, 0, 1)
+
+
+def test_the_units_of_a_shape_are_one_cluster():
+    """Method a loses a little on noise and wins more without: on each shape alike, so surely."""
+    frame = results({"cad": "abc", "real": "abc"})
+    cad = frame["dataset"] == "cad"
+    scores = {("a", "clean"): 1 / 3, ("b", "clean"): 1.0, ("a", "noisy"): 0.1 * 13 / 7, ("b", "noisy"): 0.1}
+    for (method, sensor), score in scores.items():  # relative differences of -0.5 and 0.3
+        frame.loc[cad & (frame["method"] == method) & (frame["sensor"] == sensor), "score.d"] = score
+    frame.loc[cad & (frame["method"] == "c"), "score.d"] = 100.0
+    found = whole(one(frame))
+    assert (found.agree, found.reverse, found.open) == (3, 0, 0)
+
+
+@pytest.mark.parametrize(("level", "low"), [(0.6, -1), (0.4, 1)])
+def test_the_spread_is_the_middle_of_tau_over_resampled_shapes(level, low):
+    """Of two shapes, a quarter of the resamples are the second one twice, and only these reverse the order."""
+    first, second = np.array([[10.0, 20, 30], [3, 2, 1]]), np.array([[1.0, 2, 3], [1, 2, 3]])
+    found = order_of(first, second, level)  # leaves out 20 % at each end, or 30 %
+    assert (found.spread_low, found.spread_high) == (low, 1)
 
 
 # --- coverage ---------------------------------------------------------------------------------------------------------
@@ -173,6 +223,29 @@ def test_the_family_and_the_sensor_that_go_wrong_are_named():
     assert sensors["noisy"].reverse == 10
 
 
+def parts_of(found):
+    return [(tau.part, tau.name, tau.without, tau.shapes, tau.shapes_other) for tau in found.taus]
+
+
+def test_the_parts_that_are_compared():
+    frame = results({"cad": "abc", "bumps": "abc", "real": "abc"}, shapes=4)
+    found = one(frame)
+    families = [("bumps", False), ("bumps", True), ("cad", False), ("cad", True)]
+    assert parts_of(found) == [
+        ("all", "all", False, 8, 4),
+        *(("sensor", name, False, 8, 4) for name in ("clean", "noisy")),
+        *(("family", name, without, 4, 4) for name, without in families),
+    ]
+    assert found.sides == ("procedural", "real")
+    # One family and one sensor are all.
+    found = one(frame, "bumps", dataset="cad,bumps", sensor="clean")
+    assert parts_of(found) == [("all", "all", False, 4, 4)] and found.sides == ("others", "bumps")
+    # A sensor of one side only.
+    found = one(frame[(frame["sensor"] == "clean") | (frame["dataset"] == "cad")], "bumps,real")
+    assert parts_of(found) == [("all", "all", False, 4, 8), ("sensor", "clean", False, 4, 8)]
+    assert found.sides == ("others", "other")
+
+
 def test_families_of_a_mixture_are_told_by_the_ids_of_its_shapes():
     assert family_of("mixture[of=cad]", "smooth_csg-test-003") == "smooth_csg"
     assert family_of("headline", "cad-test-000-gear") == "cad"
@@ -194,6 +267,16 @@ def test_halves_of_a_sure_order_agree():
     assert np.isnan(one(results({"cad": "abc", "real": "acb"}, shapes=3, sensors=("clean",))).halves).all()
 
 
+def test_halves_have_half_of_the_shapes_each():
+    """Of four shapes one reverses the order of the half that it is in, but would not if two others were with it."""
+    sets = {dataset: results({dataset: "abc"}, shapes, ("clean",)) for dataset, shapes in (("cad", 4), ("real", 3))}
+    frame = pd.concat(sets.values(), ignore_index=True)
+    for method, usual, odd in (("a", 1.0, 4.0), ("b", 2.0, 2.5), ("c", 3.0, 1.0)):
+        mine = (frame["dataset"] == "cad") & (frame["method"] == method)
+        frame.loc[mine, "score.d"] = [usual, usual, odd, usual]
+    assert one(frame).halves == pytest.approx((-1, np.nan), nan_ok=True)
+
+
 def test_a_single_shape_has_no_spread_and_proves_nothing():
     compared = one(results({"cad": "abc", "real": "abc"}, shapes=1))
     found = whole(compared)
@@ -208,6 +291,13 @@ def test_methods_and_units_that_are_not_common_are_left_out():
     assert found.methods["method"].tolist() == list("abcd")
     assert found.left_out == 2 and whole(found).shapes == 7
     assert found.methods["planned_1"].tolist() == [14] * 4 and found.methods["planned_2"].tolist() == [16] * 4
+    assert list(found.methods) == [*CONTENDER, *(f"{name}_{n}" for n in (1, 2) for name in RANK)]
+
+
+def test_the_filters_choose_what_is_compared():
+    frame = results({"cad": "abcd", "real": "abcd"}).drop(columns="split").assign(host=None)  # of an unknown machine
+    found = one(frame, method="a,b,d", sensor="noisy", split="test")
+    assert found.methods["method"].tolist() == ["a", "b", "d"] and found.methods["planned_1"].tolist() == [8] * 3
 
 
 def test_a_failure_costs_its_place_on_its_side():
@@ -217,6 +307,17 @@ def test_a_failure_costs_its_place_on_its_side():
     found = one(frame)
     assert found.methods.set_index("method")["place_2"].to_dict() == {"a": 3, "b": 1, "c": 2}
     assert found.methods.set_index("method")["solved_2"].to_dict() == {"a": 14, "b": 16, "c": 16}
+
+
+def test_a_crash_costs_the_worst_score_that_others_know():
+    """A process that ended left no worst score; without one the failure would cost the first place."""
+    frame = results({"cad": "abc", "real": "abc"}, worst={"d": 2.0})
+    crashed = (frame["method"] == "a") & (frame["case"] == "real-0") & (frame["sensor"] == "clean")
+    frame.loc[crashed, ["status", "score.d", "worst.d", "directions"]] = ["error", np.nan, np.nan, ""]
+    real = frame[frame["dataset"] == "real"]
+    means = real["score.d"].fillna(2.0).groupby(real["method"]).mean()
+    assert means["a"] < means["b"] < means["c"]
+    assert one(frame).methods["place_2"].tolist() == [1, 2, 3]
 
 
 def test_the_better_is_first_whichever_way_a_metric_goes():
@@ -267,6 +368,7 @@ def test_every_format_has_both_orders_and_tau(found, format):
     if format == "csv":
         table = pd.read_csv(io.StringIO(text))
         assert table["line"].value_counts().to_dict() == {"method": 5, "tau": 1 + 2 + 2 * 2}
+        assert set(table["first"]) == {"procedural"} and set(table["second"]) == {"real"}
         assert table.loc[table["part"] == "all", "tau"].tolist() == pytest.approx([whole(found[0]).tau])
     else:
         place = "(rank)" if format == "latex" else "place (rank)"  # there a title has several lines
