@@ -137,7 +137,7 @@ def _best(group: tuple, method: str, rows: pd.DataFrame, metric: Names, level: f
     means = (sign * table.mean(skipna=False)).fillna(math.inf)
     order = sorted(kept, key=lambda variant: (means[variant], variant))
     cases = [unit[0] for unit in table.index]
-    shapes = table.groupby(cases, sort=False).mean()
+    shapes = table.groupby(cases, sort=False).agg(lambda values: values.mean(skipna=False))
     settings = _settings(method, order)
     costs = rows[rows["status"] == "ok"].groupby("variant")["seconds"].median()
     counts = units.groupby("variant")[["solved", "planned"]].sum()
@@ -230,7 +230,7 @@ def _effects(variants: Sequence[Variant], sign: int) -> list[Effect]:
             own = [v.mean for v in variants if v.parameters[name] == value]
             even = [v.mean for v in variants if v.parameters[name] == value and rest[v.variant] in balanced]
             means[value] = (_geometric(even or own), len(even or own))
-        first = min(sign * mean for mean, _ in means.values() if math.isfinite(mean)) if means else math.nan
+        first = min((sign * mean for mean, _ in means.values() if math.isfinite(mean)), default=math.nan)
         for value in sorted(values, key=_sorting):
             mean, count = means[value]
             found.append(Effect(name, value, mean, mean / (sign * first), count))

@@ -130,12 +130,39 @@ def test_a_failure_counts_what_the_worst_pseudo_method_scores():
     frame = sweep()
     frame["worst.d"] = 50.0
     at = frame.index[frame["variant"] == "depth=10,trim=0.1"][0]
-    frame.loc[at, "status"] = "timeout"
-    frame.loc[at, "score.d"] = np.nan
+    frame.loc[at, ["status", "score.d", "seconds"]] = ["timeout", np.nan, 600.0]
     (one,) = best(frame)
     found = next(v for v in one.variants if v.variant == "depth=10,trim=0.1")
     values = frame["score.d"].fillna(50.0)[frame["variant"] == found.variant]
     assert found.mean == pytest.approx(math.exp(np.log(values).mean())) and (found.solved, found.planned) == (11, 12)
+    assert {v.seconds for v in one.variants} == {1.0}  # the limit of time is not the time of the method
+
+
+def test_a_failure_of_unknown_cost_is_no_mean():
+    """Left out of the mean, the failure would pay: also if the case was solved with another seed, or more threads."""
+    frame = sweep()
+    again = frame.assign(threads=4)
+    failed = (frame["variant"] == "depth=10,trim=0.1") & (frame["case"] == "s0") & (frame["seed"] == 0)
+    again.loc[failed, ["status", "score.d"]] = ["error", np.nan]
+    (one,) = best(pd.concat([frame, again], ignore_index=True))
+    means = by_hand(frame).drop("depth=10,trim=0.1")
+    *others, last = one.variants
+    assert [v.variant for v in others] == list(means.index)
+    assert [v.ratio for v in others] == pytest.approx(list(means / means.iloc[0]))
+    assert last.variant == "depth=10,trim=0.1" and not last.is_tied and (last.solved, last.planned) == (23, 24)
+    assert np.isnan([last.mean, last.ratio, last.low, last.high]).all()
+    effects = {e.value: e for e in one.effects if e.parameter == "depth"}
+    assert np.isnan([effects["10"].mean, effects["10"].ratio]).all() and effects["8"].ratio == 1
+
+
+def test_if_each_variant_failed_at_unknown_cost_none_has_a_mean():
+    frame = sweep()
+    frame.loc[frame["case"] == "s0", ["status", "score.d"]] = ["error", np.nan]
+    (one,) = best(frame)
+    assert [(v.solved, v.planned) for v in one.variants] == [(10, 12)] * 6
+    assert np.isnan([line.mean for line in (*one.variants, *one.effects)]).all()
+    variants, effects = best_tables([one])
+    assert len(variants.methods) == 6 and len(effects.methods) == 5
 
 
 def test_variants_of_fewer_cases_are_left_out_and_named():
