@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -71,7 +72,7 @@ def write_preset(name: str, found: Sequence[Best], rows: pd.DataFrame, folders: 
     Raises
     ------
     UsageError
-        If several methods were compared, or the winner has the defaults.
+        If several methods were compared, if there is no winner, or if it has the defaults.
     """
     import yaml
 
@@ -84,6 +85,8 @@ def write_preset(name: str, found: Sequence[Best], rows: pd.DataFrame, folders: 
         )
     (one,) = found
     winner = one.variants[0]
+    if not math.isfinite(winner.mean):
+        raise UsageError(f"--preset {name}: no setting of {one.method} is best: each failed somewhere at unknown cost")
     values = _changed(one.method, winner.variant, rows, folders)
     if not values:
         raise UsageError(f"--preset {name}: the defaults of {one.method} are best, and need no preset")

@@ -133,6 +133,8 @@ def _best(group: tuple, method: str, rows: pd.DataFrame, metric: Names, level: f
     kept = [variant for variant in table.columns if ran[variant].sum() == whole]
     kept = [v for v in kept if ran[v].equals(ran[kept[0]])]
     table = table.loc[ran[kept[0]], kept]
+    silent = ~table.notna().any(axis=1)  # as where the case itself could not be made: it is no setting's failure
+    table = table if silent.all() else table[~silent]
     sign = -1 if better == "higher" else 1
     means = (sign * table.mean(skipna=False)).fillna(math.inf)
     order = sorted(kept, key=lambda variant: (means[variant], variant))
@@ -155,6 +157,8 @@ def _best(group: tuple, method: str, rows: pd.DataFrame, metric: Names, level: f
     ]
     dropped = [f"{v or 'the defaults'} ({ran[v].sum()} of {whole})" for v in ran.columns if v not in kept]
     notes = [f"Left out, run on fewer or other cases: {'; '.join(dropped)}."] if dropped else []
+    if silent.any():
+        notes.append(f"Left out, failed with every setting at unknown cost: {silent.sum()} of {whole} cases and seeds.")
     return Best(
         group=group,
         method=method,
@@ -164,7 +168,7 @@ def _best(group: tuple, method: str, rows: pd.DataFrame, metric: Names, level: f
         level=level,
         variants=tuple(variants),
         effects=tuple(_effects(variants, sign)),
-        edges=tuple(_edges(method, variants)),
+        edges=tuple(_edges(variants)) if math.isfinite(variants[0].mean) else (),
         notes=tuple(notes),
     )
 
@@ -241,7 +245,7 @@ def _geometric(values: Iterable[float]) -> float:
     return _exp(float(np.mean(np.log(list(values)))))
 
 
-def _edges(method: str, variants: Sequence[Variant]) -> list[str]:
+def _edges(variants: Sequence[Variant]) -> list[str]:
     """The parameters whose winner is the least or largest tried value, and what to try next."""
     found = []
     for name, value in variants[0].parameters.items():

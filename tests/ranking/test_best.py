@@ -155,14 +155,32 @@ def test_a_failure_of_unknown_cost_is_no_mean():
     assert np.isnan([effects["10"].mean, effects["10"].ratio]).all() and effects["8"].ratio == 1
 
 
-def test_if_each_variant_failed_at_unknown_cost_none_has_a_mean():
+def test_a_case_that_failed_with_every_setting_is_left_out():
+    """As one that could not be made."""
     frame = sweep()
     frame.loc[frame["case"] == "s0", ["status", "score.d"]] = ["error", np.nan]
     (one,) = best(frame)
-    assert [(v.solved, v.planned) for v in one.variants] == [(10, 12)] * 6
-    assert np.isnan([line.mean for line in (*one.variants, *one.effects)]).all()
+    means = by_hand(frame[frame["case"] != "s0"])
+    assert [v.variant for v in one.variants] == list(means.index)
+    assert [v.mean for v in one.variants] == pytest.approx(list(means))
+    assert one.shapes == 5 and [(v.solved, v.planned) for v in one.variants] == [(10, 12)] * 6
+    assert any("2 of 12" in note for note in one.notes) and not best(sweep())[0].notes
+
+
+def test_without_any_mean_there_is_no_winner(here):
+    """Each setting failed on a case of its own, at unknown cost."""
+    frame = stored(here / "results")
+    for i, variant in enumerate(frame["variant"].unique()):
+        failed = (frame["variant"] == variant) & (frame["case"] == f"s{i}")
+        frame.loc[failed, ["status", "score.d"]] = ["error", np.nan]
+    (one,) = best(frame)
+    assert np.isnan([line.mean for line in (*one.variants, *one.effects)]).all() and one.edges == ()
     variants, effects = best_tables([one])
-    assert len(variants.methods) == 6 and len(effects.methods) == 5
+    assert [cell.text for cell in variants.metrics[1].cells] == ["-"] * 3
+    assert not any("Fewer than" in note for note in variants.notes)
+    assert len(effects.methods) == 3
+    with pytest.raises(UsageError, match="no setting of poisson"):
+        write_preset("x", [one], frame, ["results"])
 
 
 def test_variants_of_fewer_cases_are_left_out_and_named():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ...text import counted
 from ..best import Best, Effect, Variant
 from ..naming import parts_of
+from ..resolution import FEWEST
 from .look import Look
 from .numbers import column_digits, plain, unit_exponent
 from .table import Cell, Metric, Table
@@ -49,7 +50,8 @@ def _variants(one: Best, look: Look) -> Table:
     what = f"geometric mean over all cases, {counted(one.shapes, 'shape')}; a failed case has the worst pseudo-method's"
     notes = [
         f"{what} score.",
-        *([_tie_note(one, shown)] if significant else [f"Fewer than 4 shapes: no interval of a ratio ({one.shapes})."]),
+        *([_tie_note(one, shown)] if significant else []),
+        *([f"Fewer than {FEWEST} shapes: no interval of a ratio ({one.shapes})."] if one.shapes < FEWEST else []),
         *one.edges,
         *([f"{len(one.variants) - MOST} more variants are in the CSV."] if len(one.variants) > MOST else []),
         *one.notes,
@@ -103,10 +105,10 @@ def _means(one: Best, shown: Iterable[Variant | Effect], look: Look) -> Metric:
 
 
 def _ratio(variant: Variant, first: bool, significant: bool) -> Cell:
-    if first:
-        return Cell("1", best=True)
     if not math.isfinite(variant.ratio):
         return Cell("-")
+    if first:
+        return Cell("1", best=True)
     interval = f" [{variant.low:.3f}, {variant.high:.3f}]" if significant else ""
     return Cell(f"{variant.ratio:.3f}{interval}", tied=significant and variant.is_tied)
 
