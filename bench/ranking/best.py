@@ -130,8 +130,11 @@ def _best(group: tuple, method: str, rows: pd.DataFrame, metric: Names, level: f
     table = logs["log"].agg(lambda values: values.mean(skipna=False)).unstack("variant")
     ran = logs.size().unstack("variant").notna()
     whole = ran.sum().max()
-    kept = [variant for variant in table.columns if ran[variant].sum() == whole]
-    kept = [v for v in kept if ran[v].equals(ran[kept[0]])]
+    alike: dict[bytes, list[str]] = {}
+    for variant in table.columns:
+        if ran[variant].sum() == whole:
+            alike.setdefault(ran[variant].to_numpy().tobytes(), []).append(variant)
+    kept = max(alike.values(), key=len)  # of several sets of as many cases, that of most variants
     table = table.loc[ran[kept[0]], kept]
     silent = ~table.notna().any(axis=1)  # as where the case itself could not be made: it is no setting's failure
     table = table if silent.all() else table[~silent]

@@ -190,6 +190,19 @@ def test_variants_of_fewer_cases_are_left_out_and_named():
     assert len(one.variants) == 5 and "depth=6,trim=0.2 (10 of 12)" in one.notes[0]
 
 
+def test_of_other_cases_those_of_most_variants_are_compared():
+    frame = sweep(trims=(0.1,))
+    other = frame["variant"] == "depth=10,trim=0.1"  # best, and first in the alphabet
+    frame = frame[frame["case"] != np.where(other, "s0", "s5")]
+    (one,) = best(frame)
+    means = by_hand(frame).drop("depth=10,trim=0.1")
+    assert [v.variant for v in one.variants] == list(means.index) and one.shapes == 5
+    assert [v.mean for v in one.variants] == pytest.approx(list(means))
+    assert "depth=10,trim=0.1 (10 of 10)" in one.notes[0]
+    (alone,) = best(frame[frame["variant"] != "trim=0.1"])  # nothing left to compare
+    assert [v.ratio for v in alone.variants] == [1] and alone.effects == alone.edges == ()
+
+
 def test_what_cannot_be_compared_is_refused():
     with pytest.raises(UsageError, match="several settings"):
         best(rows(*(row("a", c, 0, {"d": 1.0}, split="train") for c in CASES)))
