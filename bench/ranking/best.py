@@ -188,7 +188,7 @@ def _metric_of(task: str, rows: pd.DataFrame, metric: Names) -> tuple[str, str]:
     lines = []
     for name in matching("metric", metric, names) if metric else names:
         units = unit_values(rows, name)
-        if len(units) and units["solved"].any():
+        if units["solved"].any():
             floor = rows[f"floor.{name}"].mean() if f"floor.{name}" in rows else math.nan
             lines.append({"task": task, "metric": name, "better": units["better"].iloc[0], "floor": floor})
     if not lines:
