@@ -9,6 +9,7 @@ other parameters that were run with every value.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -257,27 +258,31 @@ def _edges(variants: Sequence[Variant]) -> list[str]:
         if mine is None or len(numbers) < 2 or mine not in (numbers[0], numbers[-1]):
             continue
         side, more = ("largest", numbers[::-1]) if mine == numbers[-1] else ("least", numbers)
-        found.append(
-            f"{name}={value} is the {side} value of the sweep: the best may lie beyond it; try method.{name}="
-            f"{_beyond(more)}."
-        )
+        following = _beyond(more)
+        advice = f"; try method.{name}={following}" if float(following) != mine else ""
+        found.append(f"{name}={value} is the {side} value of the sweep: the best may lie beyond it{advice}.")
     return found
 
 
 def _beyond(numbers: Sequence[float]) -> str:
-    """The next number of a series that starts with the last two tried."""
+    """The next number of a series that starts with the last two tried; of whole positive ones at least 1."""
     last, before = numbers[:2]
-    step = last - before
-    following = last + step
-    if last > 0 and following <= 0 or (len(numbers) > 2 and 0 not in numbers and _is_geometric(numbers)):
+    following = last + (last - before)
+    if last > 0 >= following or (len(numbers) > 2 and 0 not in numbers and _is_geometric(numbers)):
         following = last * last / before
-    whole = all(float(n).is_integer() for n in numbers)
-    return f"{max(round(following), 1) if whole and last > 0 else following:g}"
+    if not all(number.is_integer() for number in numbers):
+        return f"{following:g}"
+    return str(max(round(following), 1) if last > 0 else round(following))
 
 
 def _is_geometric(numbers: Sequence[float]) -> bool:
-    ratios = [a / b for a, b in zip(numbers[1:], numbers[:-1], strict=True)]
-    return max(ratios) - min(ratios) < 0.1 * max(map(abs, ratios))
+    """Whether the ratios of neighbours are more alike than their differences: also 1, 3, 10, 30."""
+    pairs = list(itertools.pairwise(numbers))
+    return _variation([b / a for a, b in pairs]) < _variation([b - a for a, b in pairs])
+
+
+def _variation(values: Sequence[float]) -> float:
+    return (max(values) - min(values)) / max(map(abs, values))
 
 
 def _number(text: str) -> float | None:

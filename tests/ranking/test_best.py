@@ -111,8 +111,59 @@ def test_a_winner_at_the_edge_is_noted_with_what_to_try():
         "trim=0.1 is the least",
     ]
     assert "method.depth=12" in one.edges[0] and "method.trim=0.05" in one.edges[1]
-    (inner,) = best(sweep(depths=(6, 10, 14)).assign(**{"score.d": lambda f: f["score.d"] * 1}), metric="d")
-    assert "depth=14 is the largest value" in " ".join(inner.edges)
+
+
+def of_values(values, winner, more=""):
+    """One case with each value of a parameter."""
+    return rows(
+        *(
+            row("mine", "s", 0, {"d": 1.0 if value == winner else 2.0}, split="train", variant=f"{more}x={value}")
+            for value in values.split()
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "winner", "beyond"),
+    [
+        ("5 10", "10", "15"),
+        ("5 10 15", "15", "20"),
+        ("100 110 120", "120", "130"),
+        ("0.5 0.55 0.6", "0.6", "0.65"),
+        ("1.5 2.0 2.5", "1.5", "1"),
+        ("3 6 10", "3", "2"),
+        ("1 2 4", "4", "8"),
+        ("1 2 4 8", "8", "16"),
+        ("1 3 10 30", "30", "90"),
+        ("0.001 0.01 0.1", "0.001", "0.0001"),
+        ("0.1 0.2", "0.1", "0.05"),  # no error, weight or radius is 0 or less
+        ("0 1 2", "0", "-1"),
+        ("0 1 2", "2", "3"),
+        ("-4 -2 -1", "-4", "-8"),
+        ("262144 524288 1048576", "1048576", "2097152"),  # all digits: it is the number of something
+        ("2 4 8", "2", "1"),
+        ("1 2 3", "1", None),  # 0 of something is none, and half of one too
+    ],
+)
+def test_what_to_try_next_continues_the_series(values, winner, beyond):
+    (one,) = best(of_values(values, winner))
+    (text,) = one.edges
+    assert f"x={winner} is the {'least' if winner == values.split()[0] else 'largest'}" in text
+    assert re.findall(r"method\.x=(.*)\.$", text) == ([beyond] if beyond else [])
+
+
+def test_only_numbers_have_an_edge():
+    assert best(of_values("5 10 15", "10"))[0].edges == ()
+    assert best(of_values("fast slow", "slow"))[0].edges == ()
+    assert best(of_values("auto 5", "5"))[0].edges == ()  # one number is no series
+    both = [of_values("5 10", "10", "mode=fast,"), of_values("5 10", "", "mode=slow,")]
+    (text,) = best(pd.concat(both, ignore_index=True))[0].edges
+    assert text.startswith("x=10 is the largest")
+
+
+def test_effects_are_in_the_order_of_the_numbers_then_words():
+    (one,) = best(of_values("10 none 0.5 2 0 auto", "2"))
+    assert [e.value for e in one.effects] == ["0", "0.5", "2", "10", "auto", "none"]
 
 
 def test_only_train_shapes_count_unless_the_user_chooses_others():
