@@ -80,6 +80,44 @@ def test_the_interval_of_a_ratio_is_students_over_the_shapes():
         assert variant.is_tied == (test.pvalue >= 0.05)
 
 
+def test_a_parameter_without_effect_ties():
+    frame = sweep(depths=(10,))
+    frame["score.d"] = frame.groupby(["case", "seed"])["score.d"].transform("first")
+    (one,) = best(frame)
+    assert [(v.ratio, v.low, v.high, v.is_tied) for v in one.variants] == [(1, 1, 1, True)] * 2
+    assert [(e.parameter, e.value, e.ratio) for e in one.effects] == [("trim", "0.1", 1), ("trim", "0.2", 1)]
+
+
+@pytest.mark.parametrize("shapes", [3, 4])
+def test_fewer_than_four_shapes_give_no_interval(shapes):
+    frame = sweep()
+    (one,) = best(frame[frame["case"].isin(CASES[:shapes])])
+    assert [np.isfinite([v.ratio, v.low, v.high]).tolist() for v in one.variants] == [[True, *[shapes == 4] * 2]] * 6
+
+
+def test_of_a_share_the_highest_is_best():
+    frame = sweep()
+    (one,) = best(frame.assign(directions='{"d": "higher"}', **{"score.d": 1 / frame["score.d"]}))
+    (lowest,) = best(frame)
+    assert [v.variant for v in one.variants] == [v.variant for v in lowest.variants] and one.better == "higher"
+    assert [1 / v.ratio for v in one.variants] == pytest.approx([v.ratio for v in lowest.variants])
+    assert [(e.value, 1 / e.ratio) for e in one.effects] == [(e.value, pytest.approx(e.ratio)) for e in lowest.effects]
+
+
+def test_the_metric_is_that_of_the_task_or_the_first_given():
+    """Both are distances, which each task would choose by the alphabet if it did not choose itself."""
+    surface, chamfer = "surface_distance_mean", "chamfer_l1_mean"
+    tasks = {"reconstruct": surface, "denoise": chamfer}
+    frame = pd.concat([sweep(task=task) for task in tasks], ignore_index=True)
+    frame = frame.rename(columns={"score.d": f"score.{surface}"})
+    frame[f"score.{chamfer}"] = frame[f"score.{surface}"]
+    frame["directions"] = f'{{"{surface}": "lower", "{chamfer}": "lower"}}'
+    assert [(one.group[0], one.metric) for one in best(frame)] == sorted(tasks.items())
+    assert [one.metric for one in best(frame, metric=f"{surface},{chamfer}")] == [surface] * 2
+    frame[f"score.{surface}"] = np.nan  # of open surfaces, say
+    assert [one.metric for one in best(frame)] == [chamfer] * 2
+
+
 def test_the_effect_of_a_parameter_pools_the_others():
     frame = sweep()
     (one,) = best(frame)
@@ -102,6 +140,17 @@ def test_effects_of_a_grid_with_holes_compare_like_with_like():
     depths = {e.value: e for e in one.effects if e.parameter == "depth"}
     means = by_hand(frame)
     assert depths["6"].mean == pytest.approx(means["depth=6,trim=0.1"]) and depths["6"].variants == 1
+
+
+def test_effects_without_like_settings_are_those_of_each_value():
+    """No trim was run with both depths: each value has the mean of its own variants."""
+    frame = sweep(depths=(6, 10), left_out=[(6, 0.2), (10, 0.1)])
+    (one,) = best(frame)
+    means = by_hand(frame)
+    found = {(e.parameter, e.value): (e.mean, e.variants) for e in one.effects}
+    for depth, trim in (("6", "0.1"), ("10", "0.2")):
+        expected = pytest.approx((means[f"depth={depth},trim={trim}"], 1))
+        assert found["depth", depth] == expected and found["trim", trim] == expected
 
 
 def test_a_winner_at_the_edge_is_noted_with_what_to_try():
@@ -175,6 +224,8 @@ def test_only_train_shapes_count_unless_the_user_chooses_others():
     assert any(note.startswith("Chosen on test shapes") for note in notes)
     with pytest.raises(UsageError, match="split=train.*--split test"):
         best(sweep(split="test"))
+    with pytest.raises(UsageError, match="split=train.*--split test"):
+        best(sweep().drop(columns="split"))  # of another tool: test shapes
 
 
 def test_a_failure_counts_what_the_worst_pseudo_method_scores():
