@@ -268,7 +268,7 @@ def _beyond(numbers: Sequence[float]) -> str:
     """The next number of a series that starts with the last two tried; of whole positive ones at least 1."""
     last, before = numbers[:2]
     following = last + (last - before)
-    if last > 0 >= following or (len(numbers) > 2 and 0 not in numbers and _is_geometric(numbers)):
+    if last > 0 >= following or (0 not in numbers and _is_geometric(numbers)):
         following = last * last / before
     if not all(number.is_integer() for number in numbers):
         return f"{following:g}"
@@ -276,7 +276,7 @@ def _beyond(numbers: Sequence[float]) -> str:
 
 
 def _is_geometric(numbers: Sequence[float]) -> bool:
-    """Whether the ratios of neighbours are more alike than their differences: also 1, 3, 10, 30."""
+    """Whether the ratios of neighbours are more alike than their differences: also 1, 3, 10, 30; not of two numbers."""
     pairs = list(itertools.pairwise(numbers))
     return _variation([b / a for a, b in pairs]) < _variation([b - a for a, b in pairs])
 
