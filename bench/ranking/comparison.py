@@ -87,7 +87,7 @@ def average_ranks(values: np.ndarray, planned: np.ndarray, starts: np.ndarray, l
         One minus the size of the tests.
     """
     units, k = values.shape
-    block = np.searchsorted(starts, np.arange(units), side="right") - 1
+    block = np.searchsorted(starts, np.arange(units), side="right")
     whole = planned.all(axis=1)
     ranked = ranks_within(values[whole])
     kept, place = np.unique(block[whole], return_inverse=True)
@@ -96,7 +96,7 @@ def average_ranks(values: np.ndarray, planned: np.ndarray, starts: np.ndarray, l
         return AverageRanks(ranked.mean(axis=0) if n else np.full(k, np.nan), n, math.nan, math.nan, math.nan)
     sums = np.zeros((n, k))
     np.add.at(sums, place, ranked)
-    ranks = ranks_within(sums / np.bincount(place)[:, None])
+    ranks = ranks_within(sums)  # of one shape, sums rank as averages do
     return AverageRanks(ranks.mean(axis=0), n, *_friedman(ranks), critical_difference(k, n, level))
 
 
