@@ -238,9 +238,9 @@ def _relative(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _as_ratio(relative: np.ndarray) -> np.ndarray:
     """The ratio for a symmetric relative difference: 0.05 for 5 % more."""
-    within = np.clip(relative, -2, 2)
+    within = np.clip(relative, -2, 2)  # the end of an interval may lie outside
     with np.errstate(divide="ignore"):
-        return np.where(within < 2, (2 + within) / (2 - within) - 1, np.inf)
+        return (2 + within) / (2 - within) - 1
 
 
 def _stacked(parts: list[pd.Series]) -> np.ndarray:
@@ -262,8 +262,7 @@ def _verdicts(
     mean, low, high = interval
     # Lines in which no pair differs cannot raise a false alarm, so they are not among the hypotheses.
     equal = (abs(mean) <= SAME) & ~(high - low > SAME)
-    real = np.array([max(1, int((~equal).sum()))])
-    above, below = (holm(values[None, :], 1 - level, real)[0] & (values < 1) for values in p)
+    above, below = (holm(values[None, :], 1 - level, int((~equal).sum()))[0] for values in p)
     within = ((low > -bound) & (high < bound)) | equal
     return [
         words[0] if more else words[1] if less else "same" if same else "open"

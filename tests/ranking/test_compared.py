@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import math
 
 import numpy as np
 import pandas as pd
 import pytest
-from boards import row, rows
+from boards import row, rows, table
 from scipy.stats import ttest_1samp
 
 from bench.errors import UsageError
@@ -17,19 +18,34 @@ from bench.ranking.statistics import beyond
 
 
 def side(
-    change=0.0, *, shapes=8, methods=("a", "b"), better="lower", factor=None, seed=0, seconds=1.0, cpu=None, **options
+    change=0.0,
+    *,
+    shapes=8,
+    methods=("a", "b"),
+    better="lower",
+    factor=None,
+    seed=0,
+    seconds=1.0,
+    cpu=None,
+    scale=1.0,
+    **options,
 ):
-    """Rows whose scores are those of seed 0, of method ``a`` by the share ``change`` larger."""
+    """Rows whose scores are those of seed 0 times ``scale``, of method ``a`` by the share ``change`` larger."""
     rng = np.random.default_rng(seed)
     options |= {"seconds": seconds, "cpu_seconds": seconds if cpu is None else cpu}
     made = []
     for method in methods:
         for shape in range(shapes):
-            score = float(np.exp(np.random.default_rng([shape, len(method)]).normal()))
+            score = scale * float(np.exp(np.random.default_rng([shape, len(method)]).normal()))
             score *= 1 + change if method == "a" else 1
             score *= 1 if factor is None else np.exp(rng.normal(scale=factor))
             made.append(row(method, f"s{shape}", 0, {"d": score}, worst={"d": 100.0}, better=better, **options))
     return rows(*made)
+
+
+def enumerated(values):
+    """The values of as many shapes, as ``table`` takes them."""
+    return {(f"s{shape}", 0): value for shape, value in enumerate(values)}
 
 
 def line(found, method="a", what="quality"):
@@ -64,12 +80,12 @@ def test_the_familywise_rate_of_false_alarms():
 # --- quality ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("change", [0.05, 0.5, 3.0])
-def test_a_change_of_all_scores_is_said_as_it_is(change):
-    found = compared(side(), side(change))
+@pytest.mark.parametrize(("change", "scale"), [(0.05, 1.0), (0.5, 1.0), (3.0, 1.0), (0.05, 1e-6)])
+def test_a_change_of_all_scores_is_said_as_it_is(change, scale):
+    found = compared(side(scale=scale), side(change, scale=scale))
     assert line(found)["change"] == pytest.approx(change)
     assert (line(found)["verdict"], line(found, "b")["verdict"]) == ("worse", "same")
-    back = line(compared(side(change), side()))
+    back = line(compared(side(change, scale=scale), side(scale=scale)))
     assert back["verdict"] == "better" and back["change"] == pytest.approx(1 / (1 + change) - 1)
 
 
@@ -82,6 +98,8 @@ def test_what_is_higher_the_better_is_worse_when_it_falls():
 def test_the_threshold_decides():
     assert line(compared(side(), side(0.05), worse=0.1))["verdict"] == "same"
     assert line(compared(side(), side(0.05), worse=0.049))["verdict"] == "worse"
+    assert line(compared(side(), side(1.0), worse=1.01))["verdict"] == "same"
+    assert line(compared(side(), side(1.0), worse=0.99))["verdict"] == "worse"
 
 
 def test_the_same_rows_are_the_same():
@@ -89,7 +107,54 @@ def test_the_same_rows_are_the_same():
     assert set(found.quality["verdict"]) == {"same"} and (found.quality["change"] == 0).all()
     one = compared(side(shapes=1), side(shapes=1))  # nothing is significant of one shape, but that it is the same
     assert set(one.quality["verdict"]) == {"same"}
-    assert line(compared(side(shapes=1), side(0.5, shapes=1)))["verdict"] == "open"
+    open_ = line(compared(side(shapes=1), side(0.5, shapes=1)))
+    assert open_["verdict"] == "open" and np.isnan([open_["low"], open_["high"]]).all()
+
+
+@pytest.mark.parametrize("options", [{"scale": 0.0}, {"change": 1e-12}])
+def test_perfect_scores_and_rounding_are_no_change(options):
+    found = compared(side(**options | {"change": 0.0}), side(**options))
+    assert (found.quality["change"] == 0).all() and set(found.quality["verdict"]) == {"same"}
+
+
+def test_ups_and_downs_are_not_the_same():
+    """The mean is 0 up to rounding, and the interval is wide."""
+    now = [1.5, 1 / 1.5, 1.5, 1 / 1.5]
+    found = line(compared(*(table({"a": enumerated(v)}) for v in ([1.0] * 4, now))))
+    assert found["change"] == pytest.approx(0, abs=1e-9) and found["verdict"] == "open"
+
+
+@pytest.mark.parametrize(
+    ("shapes", "factors"),
+    [
+        (1, [1.0, 1.1, 1.3]),  # with one shape, seeds are the units of the interval
+        (2, [1.0, 1.2, 1.1, 3.0]),  # which is wider than all that a ratio may be
+        (3, [1.0, 1.1, 1.2, 1.2, 1.3, 1.1]),
+    ],
+)
+def test_the_interval_is_students_over_shapes(shapes, factors):
+    keys = [(f"s{i}", seed) for i in range(shapes) for seed in range(len(factors) // shapes)]
+    now = dict(zip(keys, factors, strict=True))
+    found = line(compared(table({"a": dict.fromkeys(keys, 1.0)}), table({"a": now})))
+    relative = np.array([2 * (factor - 1) / (factor + 1) for factor in factors])
+    clusters = relative if shapes == 1 else relative.reshape(shapes, -1).mean(axis=1)
+    ends = ttest_1samp(clusters, 0).confidence_interval(0.95)
+    wanted = [-1.0 if end <= -2 else math.inf if end >= 2 else (2 + end) / (2 - end) - 1 for end in ends]
+    assert (found["shapes"], found["units"]) == (shapes, len(factors))
+    assert [found["low"], found["high"]] == pytest.approx(wanted)
+
+
+def test_the_means_are_over_what_both_solved():
+    then, now = [1.0, 2.0, 3.0, 4.0, None, 6.0], [3.0, 2.0, None, 4.0, 5.0, math.nan]
+    found = line(compared(*(table({"a": enumerated(values)}, worst={"d": 9.0}) for values in (then, now))))
+    assert (found["then"], found["now"]) == (pytest.approx(7 / 3), 3.0)
+
+
+def test_fewer_than_four_shapes_are_noted():
+    few, four = ([side(methods=(m,), shapes=n) for m, n in pairs] for pairs in ([("a", 3), ("b", 4)], [("a", 4)]))
+    few, four = (pd.concat(parts, ignore_index=True) for parts in (few, four))
+    assert [note for note in compared(few, few).notes if "fewer than four shapes" in note][0].startswith("1 of 2 ")
+    assert not any("fewer than four shapes" in note for note in compared(four, four).notes)
 
 
 def test_noise_of_a_method_that_is_not_repeatable_raises_no_alarm():
@@ -108,17 +173,43 @@ def test_identical_lines_do_not_dilute_the_others():
     assert line(compared(then, now))["verdict"] == "worse"
 
 
+def test_metrics_are_those_that_both_have_or_that_are_named():
+    def of(*methods, **extra):
+        scores = {"a": {"d": 1.0}, "b": {"d": 1.0, "n": 2.0} | extra}
+        return rows(*(row(method, f"s{i}", 0, scores[method]) for method in methods for i in range(4)))
+
+    def lines(found):
+        return found.quality[["metric", "method"]].to_numpy().tolist()
+
+    then, now = of("b", "a"), of("b", "a", later=1.0)
+    for metric in (None, "*"):
+        assert lines(compared(then, now, metric=metric)) == [["d", "a"], ["d", "b"], ["n", "b"]]  # "a" has no n
+    assert lines(compared(then, now, metric="n")) == [["n", "b"]]
+    for metric in ("later", "m"):
+        with pytest.raises(UsageError, match=f"no result has metric '{metric}'"):
+            compared(then, now, metric=metric)
+
+
+def test_lines_are_in_the_order_of_tasks_and_methods():
+    both = pd.concat([side(task=task, methods=("b", "a")) for task in ("upsample", "denoise")], ignore_index=True)
+    found = compared(both, both)
+    for lines in (found.quality, found.speed):
+        order = [["denoise", "a"], ["denoise", "b"], ["upsample", "a"], ["upsample", "b"]]
+        assert lines[["task", "method"]].to_numpy().tolist() == order
+
+
 # --- cases ------------------------------------------------------------------------------------------------------------
 
 
 def test_failed_solved_new_and_gone():
-    then, now = side(methods=("a", "b", "old")), side(methods=("a", "b", "new"))
+    then = side(methods=("a", "b", "old"))
+    now = pd.concat([side(methods=("new",), shapes=5), side(methods=("a", "b"))], ignore_index=True)
     now.loc[(now["method"] == "a") & (now["case"] == "s3"), ["status", "message"]] = "timeout", "stopped"
     then.loc[(then["method"] == "b") & (then["case"] == "s1"), "status"] = "error"
     found = compared(then, now)
     assert found.failed[["method", "case", "message_now"]].to_numpy().tolist() == [["a", "s3", "stopped"]]
     assert found.solved[["method", "case"]].to_numpy().tolist() == [["b", "s1"]]
-    assert found.new[["method", "cases"]].to_numpy().tolist() == [["new", 8]]
+    assert found.new[["method", "cases"]].to_numpy().tolist() == [["new", 5]]
     assert found.gone[["method", "cases"]].to_numpy().tolist() == [["old", 8]]
     assert line(found)["change"] > 0.1  # a failure counts as the worst output
     text = render_compared(found)
@@ -139,6 +230,21 @@ def test_other_machines_and_more_seeds_pair_all_the_same():
     assert found.pairs == 16 and not len(found.new)
 
 
+@pytest.mark.parametrize("dated", [True, False])
+def test_of_several_results_of_one_case_the_latest_counts(dated):
+    """Two machines ran all cases, and the later result stands first: without dates, the last one counts."""
+    late, early = (side(change, host=str(change), finished=f"2024-01-0{day}") for change, day in ((0.5, 2), (0.1, 1)))
+    both = pd.concat([late, early], ignore_index=True)
+    found = compared(side(), both if dated else both.drop(columns="finished"))
+    assert found.pairs == 16 and line(found)["change"] == pytest.approx(0.5 if dated else 0.1)
+
+
+def test_records_with_other_ingredients_are_named_once():
+    then, now = side(), side()
+    now.loc[now["method"] == "a", ["cell", "fingerprint"]] = "other", "g"
+    assert compared(then, now).changed == (("c", "f", "other", "g"),)
+
+
 # --- speed ------------------------------------------------------------------------------------------------------------
 
 
@@ -156,6 +262,24 @@ def test_rows_without_a_reference_are_compared_as_they_are_and_it_is_reported():
     found = compared(side(seconds=2.0), side(seconds=3.0, reference_seconds=0.015))
     assert line(found, what="speed")["ratio"] == pytest.approx(1.5) and not line(found, what="speed")["normalised"]
     assert "Not normalised" in render_compared(found)
+    for references in ((0.0, 0.01), (0.01, 0.0)):  # a clock that did not tick
+        then, now = (side(seconds=s, reference_seconds=r) for s, r in zip((2.0, 3.0), references, strict=True))
+        found = line(compared(then, now), what="speed")
+        assert found["ratio"] == pytest.approx(1.5) and not found["normalised"]
+
+
+def test_a_faster_machine_does_not_hide_a_slower_method():
+    then = side(seconds=2.0, reference_seconds=0.01)
+    found = line(compared(then, side(seconds=1.5, reference_seconds=0.005)), what="speed")
+    assert found["normalised"] and found["ratio"] == pytest.approx(1.5) and found["verdict"] == "slower"
+
+
+def test_calls_without_a_time_are_left_out():
+    then, now = side(seconds=2.0), side(seconds=3.0)
+    then.loc[0, "seconds"] = now.loc[1, "seconds"] = 0.0
+    found = line(compared(then, now), what="speed")
+    assert found["units"] == 6
+    assert [found[name] for name in ("ratio", "low", "high")] == pytest.approx([1.5] * 3)
 
 
 def test_time_of_a_busy_machine_is_not_the_method_s():
@@ -166,9 +290,13 @@ def test_time_of_a_busy_machine_is_not_the_method_s():
         assert line(found, what="speed")["ratio"] == pytest.approx(4.5)
     container = compared(side(seconds=2.0, cpu=0.01), side(seconds=9.0, cpu=0.01))
     assert (line(container, what="speed")["time"], line(container, what="speed")["verdict"]) == ("wall", "slower")
+    # It is the share of the wall time that tells a container, however long the calls are.
+    for seconds, cpu, time in ((20.0, 0.5, "wall"), (0.2, 0.1, "processor")):
+        same = side(seconds=seconds, cpu=cpu)
+        assert line(compared(same, same), what="speed")["time"] == time
 
 
-@pytest.mark.parametrize(("most", "verdict"), [(1.1, "open"), (1.3, "slower")])
+@pytest.mark.parametrize(("most", "verdict"), [(1.1, "open"), (1.2, "open"), (1.3, "slower")])
 def test_a_few_calls_that_had_to_wait_make_no_method_slower(most, verdict):
     """Ten of 21 took five times as long: the mean is significantly larger by a fifth, the median is not."""
     then, now = side(seconds=2.0, shapes=21, methods=("a",)), side(seconds=2.0, shapes=21, methods=("a",))
@@ -180,6 +308,7 @@ def test_a_few_calls_that_had_to_wait_make_no_method_slower(most, verdict):
 
 def test_short_calls_are_not_judged():
     assert line(compared(side(seconds=0.01), side(seconds=0.04)), what="speed")["verdict"] == "short"
+    assert line(compared(side(seconds=0.01), side(seconds=0.05)), what="speed")["verdict"] == "slower"
 
 
 # --- formats ----------------------------------------------------------------------------------------------------------
