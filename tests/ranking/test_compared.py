@@ -111,6 +111,7 @@ def test_the_same_rows_are_the_same():
     assert open_["verdict"] == "open" and np.isnan([open_["low"], open_["high"]]).all()
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("options", [{"scale": 0.0}, {"change": 1e-12}])
 def test_perfect_scores_and_rounding_are_no_change(options):
     found = compared(side(**options | {"change": 0.0}), side(**options))
@@ -128,6 +129,7 @@ def test_ups_and_downs_are_not_the_same():
     ("shapes", "factors"),
     [
         (1, [1.0, 1.1, 1.3]),  # with one shape, seeds are the units of the interval
+        (2, [1.0, 1.2, 1.1, 1.1]),
         (2, [1.0, 1.2, 1.1, 3.0]),  # which is wider than all that a ratio may be
         (3, [1.0, 1.1, 1.2, 1.2, 1.3, 1.1]),
     ],
