@@ -250,6 +250,21 @@ def test_view_scales_renames_and_orders():
     assert made["rank_low"].tolist() == [1, 2, 1, 2]
 
 
+def test_view_keeps_the_order_of_tables_and_lines_without_a_score():
+    """A table without a sensor, as of results that have none, and one in which nothing was solved."""
+    first = board(p2f_mean=0.002).assign(dataset="z", sensor=np.nan)
+    failed = board(**{"": np.nan}).assign(dataset="b")
+    whole = pd.concat([first, failed, board(p2f_mean=0.001).assign(dataset="a")], ignore_index=True)
+    whole.attrs["level"] = 0.9
+    made = load_convention("mpu").view(whole)
+    assert made["dataset"].tolist() == ["z", "z", "b", "b", "a", "a"]
+    assert made["metric"].tolist() == ["P2F (1e-3)"] * 2 + [""] * 2 + ["P2F (1e-3)"] * 2
+    assert made["mean"].tolist() == pytest.approx([2.0, 4.0, np.nan, np.nan, 1.0, 2.0], nan_ok=True)
+    assert made.index.tolist() == list(range(6)) and made.attrs == {"level": 0.9}
+    none = load_convention("mpu").view(board(other=1.0))
+    assert not len(none) and list(none) == list(whole)
+
+
 def test_with_a_number_of_samples_a_score_stands_in_its_column_and_the_formula_shows_it():
     """profile=paper of the thesis's tables has 5 million; the usual score goes first where results have both."""
     idf = load_convention("idf")
@@ -279,6 +294,57 @@ def test_results_without_the_scores_say_what_to_do():
     rows = pd.DataFrame({**dict.fromkeys(named, ["x"]), **whole, "score.p2f_mean": [0.1]})
     with pytest.raises(UsageError, match=r"convention=idf, or metric=\[chamfer_l1_sum,normal_cosine_distance\]"):
         show(rows, convention="idf")
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+
+OWN = """\
+defaults: [{override /metric: [p2f_mean]}]
+convention:
+  name: own
+  prints: P2F is a mean.
+  paper: Own 2026
+  code: own.py
+  columns: [{title: P2F, score: p2f_mean}]
+"""
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """Writes a convention into the working folder, and loads it."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "conf" / "convention"
+    folder.mkdir(parents=True)
+
+    def load(text, name="own"):
+        (folder / f"{name}.yaml").write_text(text)
+        return load_convention(name)
+
+    return load
+
+
+def test_what_differs_is_noted_where_anything_does(own):
+    quiet, idf = own(OWN), load_convention("idf")
+    assert f"What differs: {idf.differs}" in idf.notes(idf.digits)
+    assert quiet.differs == "" and quiet.notes(["P2F"]) == (
+        "convention own: P2F is a mean.",
+        "P2F = 1 x p2f_mean.",
+        "After Own 2026; own.py.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("part", "instead"),
+    [
+        ("override /metric: [p2f_mean]", "metric: p2f_mean"),
+        ("  paper: Own 2026\n", ""),
+        ("score: p2f_mean}", "key: p2f_mean}"),
+    ],
+)
+def test_a_file_that_is_no_convention_says_what_one_is(own, part, instead):
+    assert part in OWN
+    with pytest.raises(UsageError, match=r"own.yaml: expected defaults with 'override /metric: \[NAMES\]'"):
+        own(OWN.replace(part, instead))
 
 
 # -- runs --------------------------------------------------------------------------------------------------------------
