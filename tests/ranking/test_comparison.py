@@ -44,12 +44,29 @@ def test_a_win_on_every_shape_is_not_taken_for_certain():
     assert high[1, 0] == pytest.approx(1 - wanted.low) and low[1, 0] == 0
 
 
-def test_a_pair_without_two_common_shapes_has_no_interval():
+@pytest.mark.parametrize("common", [1, 2])
+def test_a_pair_without_two_common_shapes_has_no_interval(common):
     planned = np.ones((4, 2), bool)
-    planned[:3, 0] = False
+    planned[common:, 0] = False
     rate, low, high, clusters = win_rates(np.arange(8.0).reshape(4, 2), planned, np.arange(4))
-    assert rate[0, 1] == 1 and clusters[0, 1] == 1
-    assert np.isnan(low[0, 1]) and np.isnan(high[0, 1])
+    assert rate[0, 1] == 1 and clusters[0, 1] == common
+    if common == 1:
+        assert np.isnan(low[0, 1]) and np.isnan(high[0, 1])
+    else:
+        assert low[0, 1] == pytest.approx(0.025**0.5) and high[0, 1] == 1
+
+
+@pytest.mark.parametrize(
+    ("values", "tie"),
+    [((0.0, 0.0), True), ((1.0, 1.0 + 1e-12), True), ((-1e-6, -1e-6), True), ((1e-6, 1.1e-6), False)],
+)
+def test_only_what_is_equal_up_to_rounding_is_a_tie(values, tie):
+    """Perfect scores are equal, and small ones differ by their own size; the order of the methods does not matter."""
+    rate = win_rates(np.array([values]), np.ones((1, 2), bool), np.array([0]))[0]
+    assert (rate[0, 1], rate[1, 0]) == ((0.5, 0.5) if tie else (1, 0))
+    for turned in (values, values[::-1]):
+        ranks = dict(zip(turned, ranks_within(np.array([turned]))[0], strict=True))
+        assert [ranks[value] for value in values] == ([1.5, 1.5] if tie else [1, 2])
 
 
 def test_the_intervals_of_two_equal_methods_hold_a_half():
@@ -99,6 +116,14 @@ def test_the_critical_difference_is_that_of_the_paper():
     assert critical_difference(4, 14) == pytest.approx(2.569 * math.sqrt(4 * 5 / (6 * 14)), rel=1e-3)
     assert critical_difference(2, 10) == pytest.approx(1.960 * math.sqrt(2 * 3 / (6 * 10)), rel=1e-3)
     assert critical_difference(10, 10, 0.9) == pytest.approx(2.920 * math.sqrt(10 * 11 / (6 * 10)), rel=1e-3)
+
+
+def test_two_methods_on_two_shapes_are_tested():
+    """Without ties Friedman's statistic of two methods is (wins - losses)^2 / n, here 2."""
+    found = average_ranks(np.array([[1.0, 2.0], [3.0, 5.0]]), np.ones((2, 2), bool), np.arange(2))
+    assert (found.ranks.tolist(), found.blocks) == ([1, 2], 2)
+    assert (found.statistic, found.p) == (pytest.approx(2), pytest.approx(math.erfc(1)))
+    assert found.critical == pytest.approx(1.960 * math.sqrt(2 * 3 / (6 * 2)), rel=1e-3)
 
 
 def test_equal_methods_have_equal_ranks_and_nothing_to_find():

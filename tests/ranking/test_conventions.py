@@ -252,7 +252,7 @@ def test_view_scales_renames_and_orders():
 
 def test_view_keeps_the_order_of_tables_and_lines_without_a_score():
     """A table without a sensor, as of results that have none, and one in which nothing was solved."""
-    first = board(p2f_mean=0.002).assign(dataset="z", sensor=np.nan)
+    first = board(other=5.0, p2f_mean=0.002).assign(dataset="z", sensor=np.nan)
     failed = board(**{"": np.nan}).assign(dataset="b")
     whole = pd.concat([first, failed, board(p2f_mean=0.001).assign(dataset="a")], ignore_index=True)
     whole.attrs["level"] = 0.9
