@@ -9,6 +9,7 @@ from bench.cli import main
 from bench.errors import UsageError
 from bench.plugins.registry import registry
 from bench.ranking.fronts import on_front
+from bench.ranking.headline import primary_metrics
 from bench.ranking.leaderboard import leaderboard
 from bench.ranking.report import FORMATS, render
 
@@ -35,10 +36,11 @@ def fronted(board):
     return set(board[board["front"] == 1]["method"])
 
 
-def test_on_front_against_a_loop():
+@pytest.mark.parametrize("scale", [1.0, 1e-6])
+def test_on_front_against_a_loop(scale):
     rng = np.random.default_rng(0)
     for n in (0, 1, 2, 30):
-        points = rng.integers(0, 6, size=(n, 2)).astype(float)  # with ties
+        points = rng.integers(0, 6, size=(n, 2)) * scale  # with ties
         naive = [not any((q < p).all() for q in points) for p in points]
         assert on_front(points).tolist() == naive
 
@@ -159,6 +161,13 @@ def test_a_task_with_two_primary_metrics_has_no_rank_but_a_front(two, format):
     assert text.index("f ↑" if format != "latex" else r"f $\uparrow$") < text.index(
         "d ↓" if format != "latex" else r"d $\downarrow$"
     )
+
+
+def test_a_task_with_one_primary_metric_does_not_end_the_fronts_of_others(two):
+    assert len(primary_metrics("denoise")) == 1
+    board = leaderboard(pd.concat([frame_of(task="denoise"), frame_of()]))
+    assert fronted(board[board["task"] == "reconstruct"]) == {"accurate", "fast"}
+    assert not fronted(board[board["task"] == "denoise"])
 
 
 def test_the_user_who_names_a_metric_gets_ranks_by_it(two):
