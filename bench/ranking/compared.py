@@ -43,8 +43,9 @@ class Compared:
     ----------
     quality : DataFrame
         One line per task, split, method and metric: ``shapes``, ``units``, ``then``, ``now`` (means over the units that
-        both solved), ``change`` (0.05: 5 % worse; negative: better) with ``low`` and ``high`` (NaN for a single unit),
-        ``verdict`` (``worse`` and ``better`` significantly, by more than the threshold; ``same`` within it; ``open``).
+        both solved), ``change`` (0.05: 5 % worse; negative: better) with ``low`` and ``high`` (NaN for one shape and
+        seed), ``verdict`` (``worse`` and ``better`` significantly, by more than the threshold; ``same`` within it;
+        ``open``).
     speed : DataFrame
         One line per task, split and method: ``time`` (``processor`` or ``wall``), ``then``, ``now`` (median seconds),
         ``ratio`` (the median of the paired ratios) with ``low`` and ``high``, ``normalised``, ``verdict`` (``slower``,
