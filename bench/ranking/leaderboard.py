@@ -379,10 +379,8 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float) -> _Pa
     reference = _to_reference(cells.better)[used]
     table["score_mean"] = np.where(reference & solved.any(axis=0), _mean(cube(cells.score), known > 0), np.nan)
     table["place"] = _places(table, [cells.better[m] for m in used], shapes)
-    # By metric, then rank; contenders are in the order of their names.
-    place = np.lexsort(
-        [table["row"].ravel(), *(table[c].ravel() for c in ("rank_high", "order", "rank_low", "metric"))]
-    )
+    # By metric, then rank; equal ones stay in the order of their names, as `resolve` has them.
+    place = np.lexsort([table[c].ravel() for c in ("rank_high", "order", "rank_low", "metric")])
     place = place[table["planned"].ravel()[place] > 0]
     return {name: array.ravel()[place] for name, array in table.items()}
 

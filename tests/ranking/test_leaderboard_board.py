@@ -68,6 +68,20 @@ def test_identical_results_are_ties():
     assert board["method"].tolist() == ["one", "two"]
 
 
+def test_ties_are_in_the_order_of_their_names_whoever_was_run_on_the_first_case():
+    """And each is compared with the line that is printed below it."""
+    scores = {"one": units(*range(2, 8), cases="bcdefg"), "two": units(*range(1, 8)), "last": units(*range(11, 18))}
+    board = leaderboard(table(scores))
+    assert board["method"].tolist() == ["one", "two", "last"]
+    assert board["versus_first"].tolist() == ["first", "equal", "worse"]
+    assert board["versus_next"].tolist() == ["open", "better", ""]
+
+
+def test_a_method_on_a_single_shape_may_be_tied_with_the_best():
+    board = leaderboard(table({"all": units(1, 2, 3, 4), "one": units(9, cases="d")}))
+    assert board.set_index("method")["place"].to_dict() == {"all": "best", "one": "tied"}
+
+
 def test_solving_only_the_easy_cases_does_not_pay():
     careful = units(*(1.0, 1.1, 0.9, 1.0, 10.0, 11.0, 9.0, 10.0))
     lucky = units(*(0.99, 1.09, 0.89, 0.99, None, None, None, None))
