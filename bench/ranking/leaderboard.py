@@ -190,7 +190,7 @@ class _Cells:
     badness: np.ndarray  # the same as "lower is better"
     floor: np.ndarray  # NaN where unknown
     rows: np.ndarray  # (cells,) number of rows
-    mute: np.ndarray  # (cells,) whether no row of the group names its metrics: all failed before that
+    mute: np.ndarray  # (cells,) whether all rows of the group failed, so that none names its metrics
 
     def groups(self) -> list[slice]:
         """The cells of each group."""
@@ -202,30 +202,29 @@ def _cells(rows: pd.DataFrame, metrics: list[str]) -> _Cells:
     rows, codes = _sorted(rows)
     starts = _starts(codes)
     ok = (rows["status"] == "ok").to_numpy()
-    declared, better, silent = _declared(rows, metrics)
+    declared, better = _declared(rows, metrics)
     score = rows[[f"score.{m}" for m in metrics]].to_numpy(dtype=float)
     floor = rows.reindex(columns=[f"floor.{m}" for m in metrics]).to_numpy(dtype=float)
     worst = rows.reindex(columns=[f"{PREFIX}{m}" for m in metrics]).to_numpy(dtype=float)
     badness = _badness(score, floor, better)
     # Without the reference's own value the distance of a score from it is unknown.
     solved = ok[:, None] & np.isfinite(badness)
-    silent &= ~solved.any(axis=1)
     declared |= solved
-    planned = declared | (silent & ~ok)[:, None]
+    planned = declared | ~ok[:, None]
 
     # A metric that never applies to a method (normals of a method without any) is not a failure of its cases;
     # a method that failed on all of them counts as missing all metrics of the group.
     group, contender = _ids(codes[:, _GROUP]), _ids(np.delete(codes, _UNIT, axis=1))
     never_ok = ~_any_by(contender, ok[:, None])
-    planned &= never_ok | _any_by(contender, declared & ok[:, None])
+    planned &= never_ok | _any_by(contender, declared)
     planned &= _any_by(group, declared)
-    mute = ~_any_by(group, (ok | ~silent)[:, None])[:, 0]
+    mute = ~_any_by(group, ok[:, None])[:, 0]
     imputed = planned & ~solved & np.isfinite(_badness(worst, floor, better))
     known = solved | imputed
     score, badness = np.where(solved, score, worst), np.where(solved, badness, _badness(worst, floor, better))
 
     def total(array: np.ndarray) -> np.ndarray:
-        return np.add.reduceat(array, starts, axis=0) if len(starts) else array[:0]
+        return np.add.reduceat(array, starts, axis=0)
 
     count, floored = total(known.astype(int)), solved & np.isfinite(floor)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -260,8 +259,8 @@ def _sorted(rows: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
     return rows.iloc[order], codes[order, : _CONTENDER.stop]
 
 
-def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """The declared metrics of each row, the direction of each metric, and the rows without any declaration.
+def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[str]]:
+    """The declared metrics of each row, and the direction of each metric.
 
     A failed row declares nothing, even if it has the scores of hopeless outputs.
     """
@@ -270,8 +269,7 @@ def _declared(rows: pd.DataFrame, metrics: list[str]) -> tuple[np.ndarray, list[
     said = [json.loads(text) if text else {} for text in texts]
     table = np.array([[m in s for m in metrics] for s in said], dtype=bool).reshape(len(said), len(metrics))
     better = [next((s[m] for s in said if m in s), "lower") for m in metrics]
-    silent = np.array([not s for s in said], dtype=bool)
-    return table[codes] & ~failed[:, None], better, silent[codes] | failed
+    return table[codes] & ~failed[:, None], better
 
 
 def _to_reference(better: list[str]) -> np.ndarray:
@@ -289,9 +287,7 @@ def _badness(score: np.ndarray, floor: np.ndarray, better: list[str]) -> np.ndar
 
 def _starts(codes: np.ndarray) -> np.ndarray:
     """Where a new value begins in rows of integers whose equal ones are neighbours."""
-    if not len(codes):
-        return np.zeros(0, dtype=int)
-    return np.flatnonzero(np.r_[True, (codes[1:] != codes[:-1]).any(axis=1)])
+    return np.flatnonzero(np.r_[True, (codes[1:] != codes[:-1]).any(axis=1)][: len(codes)])
 
 
 def _ids(codes: np.ndarray) -> np.ndarray:
@@ -355,7 +351,7 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float) -> _Pa
     low, high = _clipped(low, high, scores, [cells.better[m] for m in used])
     mean, low, high = (np.where(solved.any(axis=0), array, np.nan) for array in (mean, low, high))
 
-    values = penalise(cube(cells.badness), (known == planned) & (planned > 0))
+    values = penalise(cube(cells.badness), known == planned)
     shapes = np.logical_or.reduceat(planned > 0, cases).sum(axis=0)
     is_solved = np.asarray(solved.any(axis=0))
     standings = _standings(values, planned > 0, is_solved, clusters, level, shapes)
@@ -374,7 +370,7 @@ def _group_board(cells: _Cells, group: slice, level: float, equal: float) -> _Pa
         "imputed": known.sum(axis=0) - solved.sum(axis=0),
         "planned": planned.sum(axis=0),
     }
-    table |= resolve(standings, (planned > 0).any(axis=0) & is_solved, level, equal)
+    table |= resolve(standings, is_solved, level, equal)
     table |= _missed(unit, contender, planned > 0)
     reference = _to_reference(cells.better)[used]
     table["score_mean"] = np.where(reference & solved.any(axis=0), _mean(cube(cells.score), known > 0), np.nan)
@@ -389,12 +385,10 @@ def _places(table: _Part, better: list[str], shapes: np.ndarray) -> np.ndarray:
     """The best means; none if there are too few shapes for ranks, or if only one of several methods has a score."""
     planned, solved = table["planned"], table["solved"]
     scored = (planned > 0).sum(axis=0)
-    ranked = rankable(shapes) & ((scored > 1) | (len(planned) == 1))
-    if len(planned) == 1:  # a single method is ranked, on any number of shapes
-        ranked = scored > 0
+    ranked = (rankable(shapes) & (scored > 1)) | (len(planned) == 1)  # a single one is, on any number of shapes
     badness = np.where(np.array(better) == "higher", -table["mean"], table["mean"])
-    first = (table["rank_low"] == 1) & (solved > 0) & ranked
-    return places(badness, first, first.any(axis=0) & (planned > 0) & (solved == planned))
+    first = (table["rank_low"] == 1) & ranked
+    return places(badness, first, first.any(axis=0) & (solved == planned))
 
 
 def penalise(badness: np.ndarray, known: np.ndarray) -> np.ndarray:
