@@ -10,7 +10,7 @@ from bench.ranking.leaderboard import COLUMNS, failures, leaderboard, notes
 from bench.ranking.overview import overview
 from bench.ranking.report import render
 from bench.ranking.report.terminal import remarks
-from bench.ranking.selection import pool, select
+from bench.ranking.selection import CONTENDER, GROUP, pool, select
 
 
 def test_the_columns_are_the_documented_ones():
@@ -34,6 +34,7 @@ def test_a_small_table_by_hand():
     assert (got["seconds_median"], got["peak_rss_mb"]) == (2.0, 70.0)
     assert (got["rank_low"], got["rank_high"]) == (1, 1)
     assert got["ci_low"] < 2 < got["ci_high"]
+    assert got["true_distances"] == 0  # of results that say nothing of them
 
 
 def test_clear_differences_have_one_rank_each_and_are_sorted_by_it():
@@ -47,8 +48,10 @@ def test_clear_differences_have_one_rank_each_and_are_sorted_by_it():
 
 def test_higher_is_better_turns_the_order_round():
     wobble = np.array([1.00, 1.03, 0.98, 1.01, 0.99, 1.02, 0.97, 1.0])
-    board = leaderboard(table({"low": units(*0.2 * wobble), "high": units(*0.9 * wobble**2)}, better="higher"))
-    assert ranks(board) == {"high": (1, 1), "low": (2, 2)}
+    scores = {"low": units(*0.2 * wobble), "high": units(*0.9 * wobble**2), "mid": units(*0.4 * wobble)}
+    board = leaderboard(table(scores, better="higher"))
+    assert ranks(board) == {"high": (1, 1), "mid": (2, 2), "low": (3, 3)}
+    assert board["place"].tolist() == ["best", "second", ""]
     assert line(board, "high")["mean"] == pytest.approx((0.9 * wobble**2).mean())
 
 
@@ -110,11 +113,16 @@ def test_several_who_solved_nothing_have_no_rank_and_stand_last():
 
 
 def test_when_all_failed_the_group_stays_on_the_board():
-    board = leaderboard(table({"a": units(None, None), "b": units(None, None)}))
+    failed = table({"a": units(None, None), "b": units(None, None)})
+    board = leaderboard(failed)
     assert board["metric"].tolist() == ["", ""]
     assert board["planned"].tolist() == [2, 2]
     assert board["solved"].tolist() == [0, 0]
     assert ranks(board) == {"a": None, "b": None}
+    assert board["true_distances"].tolist() == [0, 0]
+    beside = leaderboard(pd.concat([table({"c": units(1, 2)}), failed.assign(dataset="cad")]))
+    found = beside[["dataset", "method", "metric", "planned"]].to_numpy().tolist()
+    assert found == [["bumps", "c", "d", 2], ["cad", "a", "", 2], ["cad", "b", "", 2]]
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -140,6 +148,9 @@ def test_a_metric_that_a_method_is_never_scored_by_is_no_failure():
     assert board[board["metric"] == "normal"]["method"].tolist() == ["oriented"]
     assert line(board, "oriented", "normal")["planned"] == 4
     assert line(board, "clouds")["planned"] == 4
+    other = rows(row("clouds", "a", 0, {"d": 1.0}, dataset="cad"), row("lost", "a", 0, dataset="cad"))
+    board = leaderboard(pd.concat([frame, other]), dataset="cad")
+    assert board["metric"].tolist() == ["d", "d"]  # nor one that is of other tables only
 
 
 def test_not_being_run_on_the_hard_case_does_not_help():
@@ -219,7 +230,7 @@ def test_a_wrong_name_gets_the_nearest_right_one(option):
         leaderboard(frame, **{option: right + "x"})
 
 
-@pytest.mark.parametrize("wrong", [{"level": 0}, {"level": 95}])
+@pytest.mark.parametrize("wrong", [{"level": 0}, {"level": 1}, {"level": 95}])
 def test_settings_that_make_no_sense(wrong):
     with pytest.raises(UsageError, match=next(iter(wrong))):
         leaderboard(table({"a": units(1, 2)}), **wrong)
@@ -236,6 +247,8 @@ def test_failures_are_listed_by_kinds_of_messages():
     ]
     frame.loc[frame["method"] == "a", "message"] = said
     got = failures(frame)
+    pd.testing.assert_frame_equal(got, failures(frame[::-1]))
+    assert list(got.columns) == [*GROUP, *CONTENDER, "status", "count", "message", "case"]
     assert got[["method", "status", "count", "message"]].to_numpy().tolist() == [
         ["a", "error", 2, said[0]],
         ["a", "error", 1, said[2]],
@@ -244,6 +257,13 @@ def test_failures_are_listed_by_kinds_of_messages():
     text = remarks(leaderboard(frame), frame)
     case = frame["case"][2]
     assert all(message in text for message in (said[0], said[4], f"{case}: nothing else")) and said[3] not in text
+
+
+def test_failures_without_a_message_are_of_one_kind():
+    """However a file leaves it out; a message that reads like that is another."""
+    frame = table({"a": units(*[None] * 6)})
+    frame["message"] = pd.Series([None, np.nan, "", "None", "nan", None], dtype=object)
+    assert failures(frame)["count"].tolist() == [4, 1, 1]
 
 
 def test_notes_of_solved_cases_are_listed_below_failures():

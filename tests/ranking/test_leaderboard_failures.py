@@ -168,7 +168,8 @@ def test_what_is_not_known_is_worse_than_any_answer():
     full = penalise(badness, known)[..., 0]
     assert full[known[..., 0]].tolist() == [1, -5, 2]
     assert (full[~known[..., 0]] == 5e6).all()
-    assert (penalise(np.zeros((2, 2, 1)), known[:, :2] & False) > 0).all()
+    assert (penalise(np.full((2, 2, 1), 0.25), known[:, :2])[~known[:, :2]] == 0.25e6).all()
+    assert (penalise(np.zeros((2, 2, 1)), known[:, :2] & False) == 1e6).all()
 
 
 def test_who_solved_nothing_has_no_mean_even_if_its_worth_is_known():
