@@ -24,6 +24,7 @@ from typing import Any
 from ..errors import UsageError, did_you_mean
 from ..plugins.config_files import OURS, ConfigFile
 from ..plugins.presets import content_of, files, names
+from .naming import parts_of
 
 GROUP = "experiment"
 
@@ -95,7 +96,7 @@ def all_parameters(method: str, variant: str) -> dict[str, str]:
 
     known = registry().find("method", method) if method in registry().names("method") else None
     usual = {key: _word(value) for key, value in defaults(known).items()} if known else {}
-    given = dict(part.split("=", 1) for part in variant.split(",") if "=" in part)
+    given = dict(part.split("=", 1) for part in parts_of(variant) if "=" in part)
     return usual | given
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from bench import PointCloud
 from bench.errors import UsageError
+from bench.plugins import config_files
 from bench.plugins.presets import names
 from bench.ranking import published
 from bench.ranking.published import Line, Published, all_parameters, load_published
@@ -70,6 +71,12 @@ def test_a_line_is_found_by_its_parameters_given_or_default():
     assert table.value("CD", "siren", "hidden_layers=7", "clean") is None
     assert table.value("other", "siren", "", "clean") is None
     assert all_parameters("siren", "omega=60")["omega"] == "60"
+    short, long = ({"betas": [0.1, 0.9]}, 1.0), ({"betas": [0.9, 0.99]}, 2.0)  # long: the default
+    table = replace(table, lines=tuple(Line({"CD": cd}, "idf_transfer", given) for given, cd in (short, long)))
+    assert table.value("CD", "idf_transfer", "steps=9,betas=[0.1, 0.9],every=1", "clean") == 1.0
+    assert table.value("CD", "idf_transfer", "steps=9", "clean") == 2.0
+    chained = "steps=smooth(sigma=0.1,times=2)+keep,last=1"
+    assert all_parameters("not_installed", chained) == {"steps": "smooth(sigma=0.1,times=2)+keep", "last": "1"}
 
 
 def test_a_line_may_be_of_one_sensor():
@@ -118,3 +125,24 @@ def test_an_experiment_without_a_table_is_refused():
         load_published("demo")
     with pytest.raises(UsageError, match="table_4_1"):
         load_published("table_4_11")
+
+
+@pytest.mark.parametrize(
+    ("text", "missing"),
+    [
+        ("{source: a paper, short: paper, convention: idf}", "lines"),
+        ("{short: paper, convention: idf, lines: [{method: siren, values: {CD: 2}}]}", "source"),
+        ("{source: a paper, short: paper, convention: idf, lines: [{method: siren}]}", "values"),
+        ("{source: a paper, short: paper, convention: idf, lines: [{method: siren, value: {CD: 2}}]}", "value"),
+    ],
+)
+def test_a_table_of_ones_own_that_lacks_something_is_refused_by_the_name_of_its_file(
+    tmp_path, monkeypatch, text, missing
+):
+    file = tmp_path / "conf" / "experiment" / "mine.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text(f"published: {text}\n")
+    monkeypatch.chdir(tmp_path)
+    config_files.use([])
+    with pytest.raises(UsageError, match=rf"mine\.yaml: published: expected source, .*\(.*'{missing}'.*\)"):
+        load_published("mine")
