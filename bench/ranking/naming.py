@@ -147,13 +147,12 @@ def _renamed(
     if head in names:
         return names[head] + (plain.removeprefix(head) if heads[head] > 1 else "")
     if method[0] in names:
-        parameters = label("", parts_of(method[1])) if head != method[0] else plain.removeprefix(head)
-        return names[method[0]] + (parameters if plugins[method[0]] > 1 else "")
+        return names[method[0]] + (label("", parts_of(method[1])) if plugins[method[0]] > 1 else "")
     return None
 
 
 def _shortened(text: str) -> str:
-    """A long label with the parameters that fit."""
+    """A long label with the first parameters, as many as fit."""
     if len(text) <= LONGEST or " (" not in text:
         return text
     head, _, inside = text.partition(" (")
