@@ -270,5 +270,7 @@ def _print(board: pd.DataFrame, output: Output, **options: Any) -> None:
 def _check_names(board: pd.DataFrame, look: Look) -> None:
     if look.names:
         from ..ranking.naming import check_names
+        from ..ranking.selection import GROUP
 
-        check_names(look.names, zip(board["method"], board["variant"], strict=True), board["metric"])
+        tables = (zip(part["method"], part["variant"], strict=True) for _, part in board.groupby(GROUP))
+        check_names(look.names, tables, board["metric"])

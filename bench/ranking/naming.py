@@ -98,26 +98,31 @@ def preset_of(method: str, variant: str) -> tuple[str, tuple[str, ...]]:
 
 
 def is_called(method: str, variant: str, name: str) -> bool:
-    """Whether ``name`` means this method: its plugin, its preset, ``plugin[variant]``; ``*`` stands for anything."""
+    """Whether ``name`` means this method: its plugin, its preset, ``plugin[variant]``; ``*`` stands for anything.
+
+    So do its labels, of its preset and, as in the table of a sweep, of its plugin with all parameters.
+    """
     head, rest = preset_of(method, variant)
     whole = f"{method}[{variant}]" if variant else method
     pattern = name.replace("[", "[[]")
-    return any(fnmatch.fnmatchcase(one, pattern) for one in {method, head, whole, label(head, rest)})
+    labels = {label(head, rest), label(method, parts_of(variant))}
+    return any(fnmatch.fnmatchcase(one, pattern) for one in {method, head, whole, *labels})
 
 
-def check_names(names: Mapping[str, str], methods: Iterable[Method], others: Iterable[str]) -> None:
-    """Refuse a new name for something that no table has: neither a method nor another column.
+def check_names(names: Mapping[str, str], tables: Iterable[Iterable[Method]], others: Iterable[str]) -> None:
+    """Refuse a new name for something that no table has: neither a method, as :func:`naming` knows it, nor a column.
 
     Raises
     ------
     UsageError
         With the nearest existing name.
     """
-    methods = list(dict.fromkeys(methods))
-    known = sorted({name for m in methods for name in (m[0], preset_of(*m)[0])} | set(others))
+    shown, columns = [list(methods) for methods in tables], set(others)
     for old in names:
-        if old not in known and not any(is_called(*method, old) for method in methods):
-            raise UsageError(f"--names {old}={names[old]}: no table has {old!r}. {did_you_mean(old, known)}")
+        renamed = (text for methods in shown for text in naming(methods, {old: "\0"}).labels.values())
+        if old not in columns and not any(text.startswith("\0") for text in renamed):
+            known = {name for methods in shown for m in methods for name in (m[0], preset_of(*m)[0])} | columns
+            raise UsageError(f"--names {old}={names[old]}: no table has {old!r}. {did_you_mean(old, sorted(known))}")
 
 
 def _is_swept(method: Method, found: Mapping[Method, tuple[str, tuple[str, ...]]]) -> bool:

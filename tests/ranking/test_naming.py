@@ -39,11 +39,16 @@ def test_what_differs_stands_behind_it_and_what_all_share_below():
     assert list(found.labels.values()) == ["idf_30", "siren", "idf"]
     assert found.notes == ("All methods: seconds=45.",)
     assert labels(("idf", "omega=30,seconds=45"), ("siren", "")) == ["idf_30 (seconds=45)", "siren"]
+    assert labels(("mine", "k=3")) == ["mine (k=3)"]  # alone it shares nothing
+    both = naming([("mine", "k=3"), ("yours", "k=3")])
+    assert list(both.labels.values()) == ["mine", "yours"] and both.notes == ("All methods: k=3.",)
 
 
 def test_a_sweep_has_parameters_and_not_the_name_of_one_of_its_values():
     assert labels(("poisson", "depth=9"), ("poisson", "")) == ["poisson_9", "poisson"]
     assert labels(("poisson", "depth=9"), ("poisson", "depth=7")) == ["poisson (depth=9)", "poisson (depth=7)"]
+    other = preset_files.variants("method", "idf")["idf_attenuated"]  # of another preset it is no sweep
+    assert labels(("idf", "omega=30"), ("idf", f"{other},omega=20")) == ["idf_30", "idf_attenuated (omega=20)"]
 
 
 def test_two_methods_of_one_name_are_distinguished():
@@ -64,15 +69,46 @@ def test_long_labels_are_shortened_and_their_parameters_noted():
     assert len(set(both)) == 2
 
 
+@pytest.mark.parametrize(
+    ("parts", "short"),
+    [
+        (("a=1", "b=" + "x" * 49), f"m (a=1, b={'x' * 49})"),  # 60 characters
+        (("a=1", "b=" + "x" * 50), "m (a=1, …)"),
+        (("a=1", "b=" + "x" * 46, "c=1"), f"m (a=1, b={'x' * 46}, …)"),  # 60 characters
+        (("a=1", "b=" + "x" * 47, "c=1"), "m (a=1, …)"),  # the first ones: c=1 would say less
+    ],
+)
+def test_a_short_label_has_as_many_parameters_as_fit(parts, short):
+    found = naming([("m", ",".join(parts))])
+    assert list(found.labels.values()) == [short]
+    whole = f"m ({', '.join(parts)})"
+    assert found.notes == (() if short == whole else (f"{short}: {whole}.",))
+
+
 def test_new_names_are_for_plugins_presets_and_variants():
     two = [("idf", "omega=30"), ("idf", "")]
     assert list(naming(two, {"idf_30": "Ours"}).labels.values()) == ["Ours", "idf"]
     assert list(naming(two, {"idf[omega=30]": "Ours"}).labels.values()) == ["Ours", "idf"]
+    assert list(naming(two, {"idf (omega=30)": "Ours"}).labels.values()) == ["Ours", "idf"]
     assert list(naming(two, {"idf": "IDF"}).labels.values()) == ["IDF (omega=30)", "IDF"]
+    assert labels(("a", "k=3"), ("a", "k=4"), a="A") == ["A (k=3)", "A (k=4)"]
     assert labels(("mine", "k=3"), mine="Ours") == ["Ours"]
     with pytest.raises(UsageError, match="no table has 'idff'.*Did you mean 'idf'"):
-        check_names({"idff": "x"}, two, ["d"])
-    check_names({"idf_30": "x", "d": "y"}, two, ["d"])
+        check_names({"idff": "x"}, [two], ["d"])
+    with pytest.raises(UsageError, match="Did you mean 'idf'"):
+        check_names({"idff": "x"}, [two[:1]], ["d"])
+    check_names({"idf_30": "x", "d": "y"}, [two], ["d"])
+    check_names({"idf[omega=30]": "x", "idf (omega=30)": "y"}, iter([[], iter(two)]), ["d"])
+
+
+def test_a_label_of_a_table_gets_a_new_name_and_a_pattern_does_not():
+    """In the table of a sweep the preset has no name, and what all share is left out."""
+    swept = [("poisson", f"depth={depth},samples=2") for depth in (9, 7)]
+    assert list(naming(swept, {"poisson (depth=9)": "Ours"}).labels.values()) == ["Ours", "poisson (depth=7)"]
+    check_names({"poisson (depth=9)": "Ours"}, [[("idf", "")], swept], [])
+    with pytest.raises(UsageError, match=r"no table has 'pois\*'"):
+        check_names({"pois*": "Ours"}, [swept], [])
+    assert is_called("poisson", "depth=9", "poisson (depth=9)") and is_called("poisson", "depth=9", "poisson_9")
 
 
 def frame():
