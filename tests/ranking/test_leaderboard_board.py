@@ -343,10 +343,23 @@ def test_across_groups_one_metric_stands_beside_that_over_all(spread, across, me
     assert list(board.columns) == list(leaderboard(spread).columns)
     assert dict(board[board["method"] == "poisson"].set_index("metric")["mean"]) == means
     assert len(board.groupby(["task", "dataset", "sensor", "split"])) == 1
+    assert list(board.index) == list(range(len(board)))
     text = render(board, "markdown", rows=pool(spread, "task"), metrics=list(dict.fromkeys(board["metric"])))
     head = text.splitlines()[2]
     assert all(f"| {name} ↓ " in head for name in means) and head.startswith("| method | rank | d ↓ |")
     assert text.count("###") == 1
+
+
+def test_across_groups_of_chosen_results_at_a_level_of_ones_own(spread):
+    board = overview(spread, "dataset", method="apss", sensor="clean", level=0.8, equal=0.1)
+    assert board[["metric", "method", "mean", "planned"]].to_numpy().tolist() == [
+        ["d", "apss", 7.5, 4],
+        ["bumps", "apss", 3.0, 2],
+        ["cad", "apss", 12.0, 2],
+    ]
+    reach = 3.077683537  # Student's t at 90 % with one degree of freedom, of 2 and 4
+    assert board.loc[1, ["ci_low", "ci_high"]].tolist() == pytest.approx([0, 3 + reach])
+    assert (board.attrs["level"], board.attrs["equal"]) == (0.8, 0.1)  # as notes below tables say it
 
 
 def test_across_takes_the_first_metric_asked_for():

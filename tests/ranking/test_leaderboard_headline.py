@@ -51,6 +51,15 @@ def test_reconstruct_is_ranked_by_the_exact_distance_and_denoise_by_chamfer():
     assert names == ["surface_distance_mean", "chamfer_l1_mean", "hausdorff"]  # Chamfer stays beside it
 
 
+def test_the_two_parts_of_an_f_score_are_for_those_who_ask():
+    frame = frame_of(SCORES | dict.fromkeys(("fscore@0.01", "precision@0.01", "recall@0.01"), 0.5))
+    board = leaderboard(frame)
+    shown = [m.name for m in tables(board)[0].metrics]
+    assert "fscore@0.01" in shown and not {"precision@0.01", "recall@0.01"}.intersection(shown)
+    asked = [m.name for m in tables(board, metrics=["recall@0.01"])[0].metrics]
+    assert asked[0] == "recall@0.01" and set(asked) == set(board["metric"])
+
+
 def test_the_users_metric_comes_first():
     assert heads(frame_of(), metrics=["hausdorff"]) == {"reconstruct": "hausdorff"}
 

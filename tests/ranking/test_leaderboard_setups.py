@@ -84,7 +84,9 @@ def test_lines_across_groups_have_one_name(across):
         *run(host="left", tags="thin"), *run(host="right", dataset="cad", sensor="noisy", tags="sharp", cases="efgh")
     )
     frame["parameters"] = 1_000_000
-    (table,) = tables(overview(frame, across), pool(frame, "task"))
+    board = overview(frame, across)
+    assert set(board["host"]) == {"left, right"}
+    (table,) = tables(board, pool(frame, "task"))
     assert table.methods == ("sap",) and table.parameters == ("1M",)
     twice = pd.concat([frame, frame.assign(host="third")], ignore_index=True)
     (table,) = tables(overview(twice, across), pool(twice, "task"))

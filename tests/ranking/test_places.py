@@ -26,6 +26,8 @@ def test_the_best_mean_the_ties_and_the_second():
 def test_equal_means_are_both_the_best_and_leave_no_second():
     assert marks([1.0, 1.0 + 1e-12, 2.0], [True] * 3) == ["best", "best", "tied"]
     assert marks([0.0, 0.0, 0.0], [True] * 3) == ["best"] * 3
+    assert marks([1e-6, 1.1e-6, 2e-6], [True] * 3) == ["best", "tied second", "tied"]  # relative to their size
+    assert marks([1e6, 1e6 + 1e-5, 2e6], [True] * 3) == ["best", "best", "tied"]
 
 
 @pytest.mark.parametrize("shapes", [1, 2, 3, 4, 6])
