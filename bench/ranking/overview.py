@@ -63,9 +63,7 @@ def overview(
     whole, parts = (lines[lines["metric"] == lines["task"].map(heads)] for lines in (board, parts))
     groups = parts["sensor" if chosen == ["sensor"] else "dataset"]
     parts = parts.assign(metric=groups, dataset=whole["dataset"].iloc[0], sensor=whole["sensor"].iloc[0])
-    joined = pd.concat([whole, parts]).sort_values(["task", "split"], kind="stable", ignore_index=True)
-    joined.attrs |= {"level": level, "equal": equal}
-    return joined
+    return pd.concat([whole, parts]).sort_values(["task", "split"], kind="stable", ignore_index=True)
 
 
 def _head(lines: pd.DataFrame, wanted: Sequence[str]) -> str:
