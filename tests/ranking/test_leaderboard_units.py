@@ -101,6 +101,7 @@ def test_units_that_were_not_run_and_units_without_a_score_are_counted():
     )
     board = leaderboard(frame).set_index(["metric", "method"])
     assert board["not_run"].to_dict() == {("d", "a"): 1, ("d", "b"): 0, ("e", "a"): 1, ("e", "b"): 0}
+    assert board["shapes"].to_dict() == {("d", "a"): 2, ("d", "b"): 3, ("e", "a"): 1, ("e", "b"): 2}
     assert board["undefined"].to_dict() == {("d", "a"): 0, ("d", "b"): 0, ("e", "a"): 1, ("e", "b"): 0}
 
 

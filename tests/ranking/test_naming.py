@@ -92,6 +92,7 @@ def test_new_names_are_for_plugins_presets_and_variants():
     assert list(naming(two, {"idf (omega=30)": "Ours"}).labels.values()) == ["Ours", "idf"]
     assert list(naming(two, {"idf": "IDF"}).labels.values()) == ["IDF (omega=30)", "IDF"]
     assert labels(("a", "k=3"), ("a", "k=4"), a="A") == ["A (k=3)", "A (k=4)"]
+    assert labels(two[0], idf="IDF") == ["IDF"]
     assert labels(("mine", "k=3"), mine="Ours") == ["Ours"]
     with pytest.raises(UsageError, match="no table has 'idff'.*Did you mean 'idf'"):
         check_names({"idff": "x"}, [two], ["d"])
