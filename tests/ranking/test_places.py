@@ -60,10 +60,16 @@ def test_nothing_is_highlighted_without_ranks():
         ([(0.0, 0.0, 0.0), (543.0, 60.0, 1026.0)], 0),
         ([(math.nan, math.nan, math.nan)], 0),
         ([(2.59, math.nan, math.nan), (0.894, math.nan, math.nan)], 2),
+        ([(10.0, 9.5, 10.5), (20.0, 15.0, 25.0), (30.0, -20.0, 80.0)], 1),  # 2, 1 and 0 are supported
+        ([(3.0, math.nan, math.nan), (12.0, math.nan, math.nan)], 0),  # numbers of something
+        ([(3.4, -30.0, 40.0)], 1),  # two digits, whatever the interval
+        ([(0.5, math.nan, math.nan), (1e-7, math.nan, math.nan)], 4),  # the most
+        ([(0.95, math.nan, math.nan)], 3),
     ],
 )
 def test_a_column_has_one_number_of_decimals(intervals, digits):
     assert column_digits(intervals) == digits
+    assert column_digits([tuple(1e-3 * x for x in one) for one in intervals], -3) == digits
 
 
 @pytest.mark.parametrize(

@@ -183,6 +183,10 @@ def test_what_describes_a_result_stands_behind_what_measures_it():
         (0.123456, np.nan, np.nan, "0.123"),
         (np.nan, np.nan, np.nan, "-"),
         (-0.001, -1.0, 1.0, "0.0 [-1.0, 1.0]"),
+        (0.5, 0.43, 0.57, "0.500 [0.430, 0.570]"),
+        (0.0, -1e-6, 1e-6, "0.0000 [0.0000, 0.0000]"),
+        (1234.6, np.nan, np.nan, "1235"),
+        (0.00012, np.nan, np.nan, "0.0001"),
     ],
 )
 def test_digits(value, low, high, text):
@@ -195,8 +199,10 @@ def test_units_of_columns():
     assert unit_exponent([0.5, 0.0, np.nan]) == 0
     assert unit_exponent([]) == 0
     assert unit_exponent([5e6]) == 6
+    assert (unit_exponent([99_999.0]), unit_exponent([1e5])) == (0, 6)
+    assert (unit_exponent([2e-5, 0.3]), unit_exponent([2e-5, 0.3, 0.4])) == (-6, 0)  # of two the smaller one
     assert decimals(2.0, np.nan, np.nan) == 0
-    assert [count(n) for n in (12, 1300, 1_250_000, np.nan)] == ["12", "1.3k", "1.25M", "-"]
+    assert [count(n) for n in (12, 1300, 1_250_000, 1.5e9, np.nan)] == ["12", "1.3k", "1.25M", "1.5G", "-"]
 
 
 def test_a_score_that_only_one_of_several_methods_has_marks_no_winner():
