@@ -323,3 +323,99 @@ def test_formats_have_all_lines(format):
     if format == "csv":
         frame = pd.read_csv(io.StringIO(text))
         assert len(frame) == 4 and frame["change"].max() == pytest.approx(0.05)
+
+
+def test_the_csv_has_the_speed_as_a_change():
+    found = compared(side(seconds=2.0, reference_seconds=0.01), side(0.05, seconds=3.0, reference_seconds=0.01))
+    back = pd.read_csv(io.StringIO(render_compared(found, "csv")))
+    speed = back[back["metric"] == "seconds"]
+    assert (speed[["then", "now"]] == [2.0, 3.0]).all(axis=None) and speed["normalised"].all()
+    assert speed[["change", "low", "high"]].to_numpy() == pytest.approx(0.5)
+    assert back.loc[back["metric"] == "d", "change"].tolist() == pytest.approx([0.05, 0.0])
+
+
+def printed(found, **options):
+    """The tables as printed: under each title the lines, by the columns, and the notes."""
+    tables = {}
+    for text in render_compared(found, "markdown", **options).split("### ")[1:]:
+        title, head, _, *others = filter(None, text.splitlines())
+        cells = [[cell.strip() for cell in text.strip("|").split("|")] for text in (head, *others) if text[0] == "|"]
+        notes = [text.removeprefix("- ") for text in others if text.startswith("- ")]
+        tables[title] = ([dict(zip(cells[0], line, strict=True)) for line in cells[1:]], notes)
+    return tables
+
+
+def test_a_line_has_its_numbers_in_their_columns():
+    then, now = (table({"a": enumerated([k, 4 * k] * 2), "b": enumerated([2.0] * 4)}) for k in (1.0, 1.5))
+    options = {"method": "a", "metric": "d", "shapes": "4", "verdict": "worse"}
+    quality = {"then": "2.5", "now": "3.75", "change": "+50.0% [+50.0%, +50.0%]"}
+    found = compared(then, now.assign(seconds=3.0, cpu_seconds=3.0))
+    tables = printed(found)
+    lines, notes = tables["quality: 8 pairs of cases"]
+    assert lines == [quality | options] and notes[0] == "1 more line the same."
+    same = {"method": "b", "then": "2", "now": "2", "change": "+0.0% [+0.0%, +0.0%]", "verdict": "same"}
+    lines, notes = printed(found, full=True)["quality: 8 pairs of cases"]
+    assert lines == [quality | options, options | same] and "the same." not in notes[0]
+    assert "the same." not in printed(compared(then, then), full=True)["quality: 8 pairs of cases"][1][0]
+    times = {"then (s)": "1", "now (s)": "3", "change": "+200.0% [+200.0%, +200.0%]", "time": "processor"}
+    times |= {"normalised": "no", "pairs": "4", "verdict": "slower"}
+    assert tables["speed"][0] == [{"method": name} | times for name in "ab"]
+    told = (rows.assign(reference_seconds=0.01) for rows in (then, now))
+    assert {line["normalised"] for line in printed(compared(*told))["speed"][0]} == {"yes"}
+
+
+@pytest.mark.parametrize(
+    ("then", "now", "wanted"),
+    [
+        ([1.0], [1.5], ("1", "1.5", "+50.0%")),  # one shape: no interval
+        ([1.0] * 2, [10.9] * 2, ("1", "10.9", "+990.0% [+990.0%, +990.0%]")),
+        ([1.0] * 2, [11.5] * 2, ("1", "11.5", "> 1000% [> 1000%, > 1000%]")),
+        ([0.0] * 2, [1.0] * 2, ("0", "1", "> 1000% [> 1000%, > 1000%]")),
+        ([1.0, None], [None, 1.0], ("-", "-", "+0.0% [-100.0%, > 1000%]")),  # no case that both solved
+    ],
+)
+def test_what_is_unknown_or_too_large_is_printed_as_such(then, now, wanted):
+    found = compared(*(table({"a": enumerated(values)}, worst={"d": 10.0}) for values in (then, now)))
+    ((line,), _) = next(iter(printed(found, full=True).values()))
+    assert (line["then"], line["now"], line["change"]) == wanted
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"": {}, "train": {"split": "train"}, "cuda, 2 threads": {"device": "cuda", "threads": 2}},
+        {"denoise": {"task": "denoise"}, "upsample, 4 threads": {"task": "upsample", "threads": 4}},
+    ],
+)
+def test_lines_say_how_they_were_run_if_not_as_usual(changes):
+    parts = [side(methods=("a",), shapes=1, variant="k=1,n=2", **change) for change in changes.values()]
+    both = pd.concat(parts, ignore_index=True)
+    wanted = [f"a (k=1, n=2) · {words}" if words else "a (k=1, n=2)" for words in changes]
+    for lines, _ in printed(compared(both, both), full=True).values():
+        assert sorted(line["method"] for line in lines) == sorted(wanted)
+
+
+def test_a_speed_that_nobody_knows_has_no_table():
+    failed = side(shapes=2, methods=("a",)).assign(status="error")
+    assert list(printed(compared(failed, side(shapes=2, methods=("a",))))) == [
+        "quality: 2 pairs of cases",
+        "solved now, failed then",
+    ]
+
+
+def test_a_long_list_is_cut_and_says_how_much_is_left():
+    then = side(shapes=12, methods=("a",), variant="k=1").assign(sensor="", message="m" * 300)
+    now = then.assign(status="timeout")
+    now.loc[0, "message"] = None
+    found = compared(then, now)
+    lines, notes = printed(found)["failed now, solved then"]
+    where = {"method": "a (k=1)", "case": "bumps s0", "sensor": "-", "seed": "0", "message": "timeout:"}
+    assert len(lines) == 10 and lines[0] == where and notes == ["and 2 more: --full"]
+    assert lines[1] == where | {"case": "bumps s1", "message": "timeout: " + "m" * 191}
+    lines, notes = printed(found, full=True)["failed now, solved then"]
+    assert len(lines) == 12 and not notes
+    other = side(shapes=1, methods=("b",))
+    found = printed(compared(pd.concat([then, other]), pd.concat([other, side(shapes=3, methods=("c",))])))
+    where = {"task": "reconstruct", "dataset": "bumps"}
+    assert found["gone: missing now"][0] == [where | {"method": "a (k=1)", "sensor": "-", "cases": "12"}]
+    assert found["new: missing then"][0] == [where | {"method": "c", "sensor": "samples", "cases": "3"}]

@@ -96,7 +96,7 @@ def _with_interval(line: dict[str, Any], offset: float) -> str:
     value = line["change"] if "change" in line else line["ratio"] - 1
     low, high = line["low"] - offset, line["high"] - offset
     text = _percent(value)
-    return f"{text} [{_percent(low)}, {_percent(high)}]" if math.isfinite(low) else text
+    return text if math.isnan(low) else f"{text} [{_percent(low)}, {_percent(high)}]"
 
 
 def _number(value: float) -> str:
@@ -104,8 +104,6 @@ def _number(value: float) -> str:
 
 
 def _percent(value: float) -> str:
-    if not math.isfinite(value):
-        return "-" if math.isnan(value) else "> 1000%"
     return f"{100 * value:+.1f}%" if abs(value) < 10 else "> 1000%"
 
 
@@ -147,9 +145,9 @@ def _cases(found: Compared, full: bool) -> list[Grid]:
                 f"{row['dataset']} {row['case']}",
                 row["sensor"] or "-",
                 str(row["seed"]),
-                f"{row[f'status_{side}']}: {row[f'message_{side}'] or ''}"[:200],
+                f"{row[f'status_{side}']}: {row[f'message_{side}']}"[:200],
             )
-            for row in rows.to_dict("records")
+            for row in rows.fillna({f"message_{side}": ""}).to_dict("records")
         ]
         grids.append(_some(title, ("method", "case", "sensor", "seed", "message"), lines, full))
     for title, rows in (("new: missing then", found.new), ("gone: missing now", found.gone)):
