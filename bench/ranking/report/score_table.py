@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Mapping
 from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple
@@ -87,8 +86,6 @@ def score_table(
 
 def _number(value: float, digits: int | None) -> str:
     """Four significant digits, or ``digits`` after the point."""
-    if not math.isfinite(value):
-        return str(value)
     return f"{value:.4g}" if digits is None else f"{value:.{digits}f}"
 
 
