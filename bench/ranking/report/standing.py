@@ -86,7 +86,7 @@ def equality(lines: Sequence[Line], names: Sequence[str], equal: float) -> list[
     equal : float
         The region of practical equivalence.
     """
-    if not is_ranked(lines) or len(lines) < 2:
+    if not is_ranked(lines):
         return []
     groups: dict[str, list[str]] = {"equal": [], "open": [], "less": []}
     for line, name in zip(lines[1:], names[1:], strict=True):
