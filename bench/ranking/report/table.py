@@ -163,7 +163,7 @@ def folded(
         places, costs = table.places, table.costs
         beside = sum(width(text(column)) for column in (*places, *costs))
         metrics = [column for column in columns if column.is_score]
-        if metrics and beside + width(text(metrics[0])) > room:
+        if beside + sum(width(text(column)) for column in metrics[:1]) > room:
             return _filled(columns, room, room, width, text)
         blocks = _filled(metrics, room - beside, room, width, text)
         return [[*places, *blocks[0], *costs], *blocks[1:]]
