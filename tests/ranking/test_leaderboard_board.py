@@ -153,6 +153,15 @@ def test_a_metric_that_a_method_is_never_scored_by_is_no_failure():
     assert board["metric"].tolist() == ["d", "d"]  # nor one that is of other tables only
 
 
+def test_the_only_method_of_several_that_has_a_score_is_not_the_best_by_it():
+    frame = rows(
+        *(row("clouds", c, 0, {"d": 1.0}) for c in "abcd"),
+        *(row("oriented", c, 0, {"d": 2.0, "normal": 3.0}) for c in "abcd"),
+    )
+    board = leaderboard(frame).set_index(["metric", "method"])
+    assert board["place"].to_dict() == {("d", "clouds"): "best", ("d", "oriented"): "", ("normal", "oriented"): ""}
+
+
 def test_not_being_run_on_the_hard_case_does_not_help():
     hard = units(1.0, 1.1, 0.9, 1.2, 50.0)
     easy = units(1.2, 1.3, 1.1, 1.45)

@@ -8,7 +8,7 @@ import pytest
 from boards import row, rows, table, units
 
 from bench.ranking.leaderboard import FAR, leaderboard, unit_scores, unit_values
-from bench.ranking.selection import CONTENDER, UNIT, pool
+from bench.ranking.selection import CONTENDER, GROUP, UNIT, pool
 
 STUDENT = 12.706204736  # the quantile of Student's t at 97.5 % with one degree of freedom: of two shapes
 
@@ -40,7 +40,8 @@ def test_not_even_the_last_digit_depends_on_the_order_of_several_results():
     means = {leaderboard(rows(*order)).loc[0, "mean"] for order in itertools.permutations(records)}
     assert len(means) == 1
     bare = rows(*records).drop(columns="finished")  # as other tools may write them
-    assert leaderboard(bare).loc[0, "mean"] == pytest.approx(0.2)
+    got = leaderboard(bare).loc[0]
+    assert got["mean"] == pytest.approx(0.2) and pd.isna(got["floor"])
 
 
 @pytest.fixture
@@ -76,6 +77,7 @@ def test_the_scores_of_units_as_readers_see_them(three):
         ["z", "b", np.nan, np.nan, 1, 0, 0],
     ]
     columns = ["case", "method", "value", "badness", "planned", "solved", "imputed"]
+    assert set(found.columns) == {*GROUP, *UNIT, *CONTENDER, *columns, "better"}
     pd.testing.assert_frame_equal(found[columns], pd.DataFrame(wanted, columns=columns), check_dtype=False)
     assert set(found["better"]) == {"higher"}
 
