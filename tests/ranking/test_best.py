@@ -17,8 +17,10 @@ from bench.errors import UsageError
 from bench.plan.cell import Choice
 from bench.plugins import config_files
 from bench.plugins.presets import presets
-from bench.ranking.best import best
+from bench.ranking.best import Best, Effect, Variant, best
+from bench.ranking.report import in_format
 from bench.ranking.report.best_tables import best_tables, frame_of
+from bench.ranking.report.look import Look
 from bench.results.store import Results
 
 CASES = [f"s{i}" for i in range(6)]
@@ -320,6 +322,93 @@ def test_the_csv_has_every_variant():
     frame = frame_of(found)
     assert frame["geometric_mean"].tolist() == [v.mean for v in found[0].variants]
     assert set(frame["split"]) == {"train"}
+
+
+# --- in print ---------------------------------------------------------------------------------------------------------
+
+
+def of_lines(*lines, shapes=6, effects=()):
+    """Variants by hand, from their names, means, ratios, and the intervals of these."""
+    variants = (Variant(name, {}, mean, ratio, *ends, 3, 4, 1.5) for name, mean, ratio, ends in lines)
+    group = ("reconstruct", "all datasets", "all sensors", "train")
+    return Best(group, "mine", "d", "lower", shapes, 0.95, tuple(variants), effects, (), ())
+
+
+def printed(one, **options):
+    """The cells of all tables in Markdown, a line each."""
+    text = in_format(best_tables([one], Look(**options)), "markdown", Look())
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:2] == "| "]
+
+
+NO_ENDS = (math.nan, math.nan)
+LINES = (
+    ("", 2.5, 1.0, (1.0, 1.0)),
+    ("x=2,y=3", 2.75, 1.1, (0.9, 1.3)),
+    ("x=3", 5.0, 2.0, (1.5, 2.6)),
+    ("x=4", math.nan, math.nan, NO_ENDS),  # failed at unknown cost
+)
+
+
+def test_the_ratios_stand_with_their_intervals_and_ties():
+    one = of_lines(*LINES)
+    assert printed(one) == [
+        ["parameters", "d ↓", "ratio", "solved", "seconds"],
+        ["---", "---", "---", "--:", "--:"],
+        ["(the defaults)", "2.500", "**1**", "3/4", "1.50"],
+        ["x=2, y=3", "2.750", "1.100 [0.900, 1.300] ≈", "3/4", "1.50"],
+        ["x=3", "5.000", "2.000 [1.500, 2.600]", "3/4", "1.50"],
+        ["x=4", "-", "-", "3/4", "1.50"],
+    ]
+    (table,) = best_tables([one])
+    assert any("it holds 1 for 1 of the others" in note for note in table.notes)
+    (table,) = best_tables([of_lines(LINES[0], LINES[3])])
+    assert any("it holds 1 for 0 of the others" in note for note in table.notes)
+
+
+def test_without_intervals_nothing_ties():
+    one = of_lines(*((name, mean, ratio, NO_ENDS) for name, mean, ratio, _ in LINES), shapes=3)
+    assert [line[2] for line in printed(one)[2:]] == ["**1**", "1.100", "2.000", "-"]
+    (table,) = best_tables([one])
+    assert not any("interval over shapes" in note for note in table.notes)
+    assert any(note.startswith("Fewer than 4 shapes") for note in table.notes)
+
+
+@pytest.mark.parametrize("more", [0, 1, 5])
+def test_a_long_table_is_cut_but_not_its_ties(more):
+    (table,) = best_tables([of_lines(LINES[0], *LINES[1:2] * (29 + more))])
+    assert len(table.methods) == 30
+    assert [note[0] for note in table.notes if "more variants" in note] == ([str(more)] if more else [])
+    assert any(f"it holds 1 for {29 + more} of the others" in note for note in table.notes)
+
+
+@pytest.mark.parametrize(
+    ("means", "digits", "texts"),
+    [
+        ((2.5, 3.5), None, ["2.500", "3.500"]),  # one digit more than in a table of methods
+        ((0.004, 0.25, 0.3), None, ["0.0040", "0.2500", "0.3000"]),  # but not more than four
+        ((2.5, 3.5), 1, ["2.5", "3.5"]),
+    ],
+)
+def test_the_means_have_a_digit_more_for_variants_are_close(means, digits, texts):
+    lines = printed(of_lines(*((f"x={mean}", mean, 2.0, NO_ENDS) for mean in means)), digits=digits)
+    assert [line[1] for line in lines[2:]] == texts
+
+
+def test_the_best_value_of_each_parameter_is_bold():
+    values = (
+        ("x", "1", 3.0, 1.2, 2),
+        ("x", "2", 2.5, 1.0, 3),
+        ("y", "a", 2.5, 1.0, 1),
+        ("y", "b", math.nan, math.nan, 2),
+    )
+    assert printed(of_lines(LINES[0], effects=tuple(Effect(*value) for value in values)))[3:] == [
+        ["parameter", "d ↓", "ratio", "variants"],
+        ["---"] * 4,
+        ["x=1", "3.000", "1.200", "2"],
+        ["x=2", "2.500", "**1.000**", "3"],
+        ["y=a", "2.500", "**1.000**", "1"],
+        ["y=b", "-", "-", "2"],
+    ]
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from ..best import Best, Effect, Variant
 from ..naming import parts_of
 from ..resolution import FEWEST
 from .look import Look
-from .numbers import column_digits, plain, unit_exponent
+from .numbers import column_digits, plain, unit_exponent, with_interval
 from .table import Cell, Metric, Table
 
 if TYPE_CHECKING:
@@ -44,13 +44,11 @@ def frame_of(found: Iterable[Best]) -> pd.DataFrame:
 
 def _variants(one: Best, look: Look) -> Table:
     shown = one.variants[:MOST]
-    first = shown[0]
-    significant = not math.isnan(first.low)
-    ratios = [_ratio(v, i == 0, significant) for i, v in enumerate(shown)]
+    ratios = [_ratio(v, i == 0) for i, v in enumerate(shown)]
     what = f"geometric mean over all cases, {counted(one.shapes, 'shape')}; a failed case has the worst pseudo-method's"
     notes = [
         f"{what} score.",
-        *([_tie_note(one, shown)] if significant else []),
+        *_tie_note(one),
         *([f"Fewer than {FEWEST} shapes: no interval of a ratio ({one.shapes})."] if one.shapes < FEWEST else []),
         *one.edges,
         *([f"{len(one.variants) - MOST} more variants are in the CSV."] if len(one.variants) > MOST else []),
@@ -71,11 +69,7 @@ def _variants(one: Best, look: Look) -> Table:
 
 
 def _effects(one: Best, look: Look) -> Table:
-    least: dict[str, float] = {}
-    for effect in one.effects:
-        least[effect.parameter] = min(least.get(effect.parameter, math.inf), abs(math.log(effect.ratio or math.inf)))
-    best = [abs(math.log(e.ratio)) == least[e.parameter] if e.ratio > 0 else False for e in one.effects]
-    ratios = (Cell(f"{e.ratio:.3f}", is_best) for e, is_best in zip(one.effects, best, strict=True))
+    ratios = (Cell(plain(e.ratio, digits=3), best=e.ratio == 1) for e in one.effects)
     counts = (Cell(str(e.variants)) for e in one.effects)
     return Table(
         *one.group,
@@ -104,18 +98,20 @@ def _means(one: Best, shown: Iterable[Variant | Effect], look: Look) -> Metric:
     return Metric(one.metric, one.better, exponent, tuple(cells), title=look.names.get(one.metric, ""))
 
 
-def _ratio(variant: Variant, first: bool, significant: bool) -> Cell:
+def _ratio(variant: Variant, first: bool) -> Cell:
     if not math.isfinite(variant.ratio):
         return Cell("-")
     if first:
         return Cell("1", best=True)
-    interval = f" [{variant.low:.3f}, {variant.high:.3f}]" if significant else ""
-    return Cell(f"{variant.ratio:.3f}{interval}", tied=significant and variant.is_tied)
+    return Cell(with_interval(variant.ratio, variant.low, variant.high, digits=3), tied=variant.is_tied)
 
 
-def _tie_note(one: Best, shown: tuple[Variant, ...]) -> str:
-    tied = sum(variant.is_tied for variant in shown[1:])
-    return f"ratio: to the best, with its {one.level:.0%} interval over shapes; it holds 1 for {tied} of the others."
+def _tie_note(one: Best) -> list[str]:
+    first, *others = one.variants
+    if math.isnan(first.low):
+        return []
+    tied = sum(variant.is_tied for variant in others)
+    return [f"ratio: to the best, with its {one.level:.0%} interval over shapes; it holds 1 for {tied} of the others."]
 
 
 def _split_note(one: Best) -> list[str]:
