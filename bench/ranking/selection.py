@@ -21,8 +21,8 @@ UNIT = ["case", "seed", "condition"]  # the first one is the cluster: a shape; t
 CONTENDER = ["method", "variant", "threads", "device", "host"]  # one line each
 
 # Key columns of tables that rows of results may lack, and their defaults. ``condition`` is how the
-# units of one case differ if sensors are pooled; rows read by other tools may have no ``split``.
-LATER = {"split": "test", "condition": ""}
+# units of one case differ if sensors are pooled; rows read by other tools may have no ``split`` or no ``host``.
+LATER = {"split": "test", "condition": "", "host": "unknown"}
 
 
 def completed(rows: pd.DataFrame) -> pd.DataFrame:

@@ -5,14 +5,15 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
-from boards import row, rows
+from boards import row, rows, table
 
 from bench.commands.leaderboard import Output, show_by_case
 from bench.errors import UsageError
 from bench.ranking.by_case import COLUMNS, by_case, without_case
-from bench.ranking.report import FORMATS
+from bench.ranking.report import FORMATS, in_format
 from bench.ranking.report.case_tables import case_tables
 from bench.ranking.report.look import Look
+from bench.ranking.report.tables import FAILED_NOTE, LEFT_OUT_NOTE
 
 CASES = ["plate", "bracket", "knot", "chain", "bowl"]
 
@@ -96,14 +97,19 @@ def test_tables_without_a_metric_do_not_hide_the_others():
         scores, board = by_case(made, by="case", metric=metric)
         found = scores[["task", "dataset", "metric"]].drop_duplicates()
         assert list(found.itertuples(index=False, name=None)) == wanted
-        assert len(scores) == 8 * len(wanted) and len(case_tables(scores, board)) == len(wanted)
+        assert len(scores) == 8 * len(wanted)
+        titles = [(one.task, one.dataset, one.subject.removesuffix(" ↓")) for one in case_tables(scores, board)]
+        assert titles == wanted
     with pytest.raises(UsageError, match="chamfer"):
         by_case(made, by="case", metric="chamfer")
 
 
 def test_results_of_unknown_machines_have_lines_too():
     made = rows(*(row(m, c, 0, {"d": 1.0}, host=None) for m in "ab" for c in "wxyz"))
-    assert len(by_case(made, by="case", metric="d")[0]) == 8
+    scores, board = by_case(made, by="case", metric="d")
+    assert len(scores) == 8
+    (table,) = case_tables(scores, board)
+    assert [(column.feet[1].text, column.feet[1].best) for column in table.metrics] == [("4", True)] * 2
 
 
 def test_higher_is_better_where_the_metric_declares_it(frame):
@@ -125,7 +131,7 @@ def test_ties_count_for_each_and_failures_for_nobody():
     (table,) = case_tables(scores, board)
     failed = next(c for c in table.metrics if c.name == "c").cells[0]
     assert (failed.text, failed.mark, failed.best) == ("5.00", "†", False)
-    assert any(note.startswith("† failed cases") for note in table.notes)
+    assert FAILED_NOTE in table.notes and LEFT_OUT_NOTE not in table.notes
 
 
 @pytest.mark.parametrize(
@@ -142,6 +148,52 @@ def test_ties_count_for_each_and_failures_for_nobody():
 def test_a_tie_is_one_up_to_rounding(values, wins):
     made = rows(*(row(m, "w", 0, {"d": value}) for m, value in zip("ab", values, strict=True)))
     assert tuple(by_case(made, by="case", metric="d")[0]["best"]) == wins
+
+
+def test_a_table_by_hand():
+    """One method failed at unknown cost; two are about as good, and the others surely worse."""
+    scores = {
+        "good": (1.0, 2.0, 3.0, 4.0, 5.0),
+        "near": (1.1, 1.9, 3.1, 4.2, 4.9),
+        "bad": (3.0, 6.0, 9.0, 12.0, 15.0),
+        "worse": (3.2, 6.0, 9.2, 13.0, 16.0),
+        "fails": (None, 2.0, 3.0, 4.0, 5.5),
+    }
+    made = table({method: {(c, 0): v for c, v in zip("abcde", line, strict=True)} for method, line in scores.items()})
+    tables = case_tables(*by_case(made, by="case"))
+    lines = [line for line in in_format(tables, "markdown", Look()).splitlines() if line.startswith("|")]
+    assert [[cell.strip() for cell in line.strip("|").split("|")] for line in lines] == [
+        ["case", "good", "near", "fails", "bad", "worse"],
+        ["---"] * 6,
+        ["a", "**1.0**", "1.1", "-††", "3.0", "3.2"],
+        ["b", "2.0", "**1.9**", "2.0", "6.0", "6.0"],
+        ["c", "**3.0**", "3.1", "**3.0**", "9.0", "9.2"],
+        ["d", "**4.0**", "4.2", "**4.0**", "12.0", "13.0"],
+        ["e", "5.0", "**4.9**", "5.5", "15.0", "16.0"],
+        ["*mean*", "**3.0**", "*3.0* ≈", "3.6 ≈", "9.0", "9.5"],
+        ["*wins*", "**3**", "2", "2", "0", "0"],
+    ]
+    assert len(tables[0].notes) == 2 and tables[0].notes[1] == LEFT_OUT_NOTE
+
+
+def test_where_nobody_is_the_best_no_number_of_wins_is():
+    made = table({m: {(c, s): [1.0, None][s] for c in "wxyz" for s in (0, 1)} for m in "ab"}, worst={"d": 5.0})
+    (found,) = case_tables(*by_case(made, by="case"))
+    assert [(column.feet[1].text, column.feet[1].best) for column in found.metrics] == [("0", False)] * 2
+    assert {(cell.text, cell.mark, cell.best) for column in found.metrics for cell in column.cells} == {
+        ("3", "†", False)
+    }
+    assert found.notes[0].startswith("mean of a case over its seeds") and FAILED_NOTE in found.notes
+
+
+@pytest.mark.parametrize(
+    ("better", "scale", "subject"),
+    [("lower", 1e-3, "CD ↓ (1e-3)"), ("higher", 1.0, "CD ↑"), ("reference", 1.0, "CD |diff| ↓")],
+)
+def test_the_subject_has_the_direction_and_the_unit(better, scale, subject):
+    values = {m: {(c, 0): scale * k for c in "wxyz"} for k, m in enumerate("ab", 2)}
+    made = table(values, better=better, floors={"d": scale})
+    assert [one.subject for one in case_tables(*by_case(made, by="case"), Look(names={"d": "CD"}))] == [subject]
 
 
 @pytest.mark.parametrize("format", FORMATS)

@@ -39,7 +39,7 @@ def _table(group: tuple, scores: pd.DataFrame, means: list[Mapping[str, Any]], l
     digits = look.digits
     if digits is None:
         digits = column_digits(((value, float("nan"), float("nan")) for value in scores["value"]), exponent)
-    most = max(scores.groupby(CONTENDER, dropna=False)["best"].sum(), default=0)
+    most = int(scores.groupby(CONTENDER, dropna=False)["best"].sum().max())
     columns = []
     for line in _ordered(means, look):
         who = tuple(line[name] for name in CONTENDER)
