@@ -110,12 +110,12 @@ def _notes(table: Table) -> tuple[str, list[str]]:
 
 
 def _names(table: Table, look: Look) -> list[str]:
-    """The names of the lines in LaTeX, each with its citation."""
+    """The names of the lines in LaTeX; of methods with their citations."""
     names = list(map(escape, table.methods))
-    if look.cite:
+    if look.cite and table.plugins:
         from .citing import cited
 
-        names = [f"{name} {cited(plugin)}".rstrip() for name, plugin in zip(names, table.plugins, strict=False)]
+        names = [f"{name} {cited(plugin)}".rstrip() for name, plugin in zip(names, table.plugins, strict=True)]
     return names
 
 

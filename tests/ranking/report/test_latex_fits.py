@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,10 +14,10 @@ from bench.ranking.leaderboard import leaderboard
 from bench.ranking.overview import overview
 from bench.ranking.report import in_format, render
 from bench.ranking.report.case_tables import case_tables
-from bench.ranking.report.citing import key_of
-from bench.ranking.report.latex import COLUMN, wrapped
+from bench.ranking.report.citing import cited, key_of
+from bench.ranking.report.latex import COLUMN, latex, wrapped
 from bench.ranking.report.look import INTERVALS, Look
-from bench.ranking.report.table import TIED
+from bench.ranking.report.table import TIED, Cell, Metric, Table
 from bench.ranking.report.titles import in_words
 from bench.ranking.report.widths import width_of
 
@@ -153,8 +154,60 @@ def test_a_line_breaks_where_it_is_too_wide():
     assert width_of(r"\textbf{12}") > width_of("12") and width_of(r"a\_b") < width_of(r"a\textbackslash{}b") < COLUMN
 
 
+def by_hand(*cells, **options):
+    column = Metric("hausdorff", "lower", -3, tuple(map(Cell, cells)), floor="0.1")
+    lines = {"methods": ("a", "b_c"), "plugins": ("poisson", "gone")}
+    return Table("reconstruct", "bumps", "", "test", metrics=(column,), **lines | options)
+
+
+def tabular(text):
+    return text[text.index(r"\begin{tabular}") : text.index(r"\end{tabular}")].splitlines()
+
+
+def test_each_cell_stands_in_its_column():
+    table = by_hand("-0.5", "-", ranks=("1-2", "2"), solved=("4/4", "3/4"))
+    assert tabular(latex([table])) == [
+        r"\begin{tabular}{@{}llrr@{}}",
+        r"\toprule",
+        r" &  & Hausdorff &  \\",
+        r"method & rank & $\downarrow$ ($10^{-3}$) & solved \\",
+        r"\midrule",
+        r"a & 1--2 & $-$0.5 & 4/4 \\",
+        r"b\_c & 2 & -- & 3/4 \\",
+        r"\midrule",
+        r"floor / reference &  & 0.1 &  \\",
+        r"\bottomrule",
+    ]
+    assert r"a & $-$0.5 [$-$1.0, 2.0] \\" in tabular(latex([by_hand("-0.5 [-1.0, 2.0]", "3.0")]))
+    without = replace(table, metrics=(replace(table.metrics[0], floor=""),))
+    assert tabular(latex([without])).count(r"\midrule") == 1
+
+
+def test_methods_are_cited_and_other_lines_stay():
+    """Lines of cases and of settings are no methods."""
+    for plugins, name in ((("poisson", "gone"), r"a \cite{kazhdan2013}"), ((), "a")):
+        lines = tabular(latex([by_hand("1.0", "2.0", plugins=plugins)], Look(cite=True)))
+        assert [line.partition(" & ")[0] for line in lines[-5:-3]] == [name, r"b\_c"]
+    assert cited("identity") == ""
+
+
+def test_notes_for_readers_stand_below_and_others_in_comments():
+    """A name that is shortened is one that readers cannot know."""
+    text = latex([by_hand("1.0", "2.0", notes=("a…: a long name", "for authors"))])
+    comments = [line for line in text.splitlines() if line.startswith("% ")]
+    assert r"a\dots{}: a long name" in text and comments[1:] == ["% for authors"]
+
+
 @pytest.mark.parametrize(
-    ("text", "key"), [("Kazhdan and Hoppe 2013", "kazhdan2013"), ("after Jakab et al. 2021", "jakab2021"), ("ours", "")]
+    ("text", "key"),
+    [
+        ("Kazhdan and Hoppe 2013", "kazhdan2013"),
+        ("after Jakab et al. 2021", "jakab2021"),
+        ("See Kazhdan 2006", "kazhdan2006"),
+        ("ours", ""),
+        ("2013", ""),
+        ("Kazhdan", ""),
+    ],
 )
 def test_keys_of_what_is_cited(text, key):
     assert key_of(text) == key
