@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,7 @@ from scipy.stats import kendalltau, ttest_1samp
 
 from bench.cli import main
 from bench.errors import UsageError
-from bench.ranking.agreement import RANK, Scores, agreement, compare, family_of, places, tau_b
+from bench.ranking.agreement import RANK, Agreement, Scores, Tau, agreement, compare, family_of, places, tau_b
 from bench.ranking.report import FORMATS
 from bench.ranking.report.agreement import render_agreement
 from bench.ranking.selection import CONTENDER
@@ -374,6 +375,70 @@ def test_every_format_has_both_orders_and_tau(found, format):
         place = "(rank)" if format == "latex" else "place (rank)"  # there a title has several lines
         for words in ("procedural", "real", place, "tau", "clean", "bumps"):
             assert words in text
+
+
+def tau_of(part, name, without, tau, spread=(0.25, 1.0)):
+    return Tau(part, name, without, tau, -1.0, 0.5, *spread, agree=2, reverse=0, open=1, shapes=8, shapes_other=4)
+
+
+@pytest.fixture
+def by_hand():
+    """Three methods, of which c solved nothing real; without family y the orders agree as well as without x."""
+    methods = pd.DataFrame({"method": list("abc"), "variant": "", "threads": 1, "device": "cpu", "host": "h"})
+    ranks = {"place_1": [1, 2, 3], "rank_low_1": [1, 2, 2], "rank_high_1": [1, 3, 3]}
+    ranks |= {"place_2": [2, 1, 3], "rank_low_2": [1, 1, pd.NA], "rank_high_2": [2, 2, pd.NA]}
+    means = {"mean_1": [1e-3, 2e-3, 3e-3], "ci_low_1": [8e-4, 1.8e-3, 2.8e-3], "ci_high_1": [1.2e-3, 2.2e-3, 3.2e-3]}
+    means |= {"mean_2": [5e-3, 4e-3, np.nan], "ci_low_2": [4e-3, 3e-3, np.nan], "ci_high_2": [6e-3, 5e-3, np.nan]}
+    counts = {"solved_1": [8, 8, 7], "planned_1": 8, "solved_2": [4, 4, 0], "planned_2": 4}
+    taus = [tau_of("all", "all", False, 1 / 3, (np.nan, np.nan)), tau_of("sensor", "noisy", False, -1.0)]
+    for name, alone, others in (("x", 0.2, 0.9), ("y", -0.1, 0.9), ("z", 0.5, np.nan)):
+        taus += [tau_of("family", name, False, alone), tau_of("family", name, True, others)]
+    methods = methods.assign(**{name: pd.array(values, dtype="Int64") for name, values in ranks.items()}, **means)
+    about = ("reconstruct", "test", "d", "lower", ("procedural", "real"), ("x", "y", "z"))
+    return Agreement(*about, methods.assign(**counts), tuple(taus), (), (0.75, np.nan), 0)
+
+
+def printed(found, **options):
+    """The tables in Markdown: the lines of cells of each, its heading first, without the rule."""
+    text = render_agreement([found], "markdown", **options).replace(r"\|", "/")
+    tables = [[line for line in part.splitlines() if line.startswith("|")] for part in text.split("### ")[1:]]
+    return [[[cell.strip() for cell in line.strip("|").split("|")] for line in (t[0], *t[2:])] for t in tables]
+
+
+def test_each_number_stands_in_its_column(by_hand):
+    methods, taus, families = printed(by_hand)
+    sides = [words for side in by_hand.sides for words in (f"{side}: place (rank)", "d ↓ (1e-3)", "solved")]
+    assert methods == [
+        ["method", *sides],
+        ["a", "1 (1)", "1.00 [0.80, 1.20]", "8/8", "2 (1-2)", "5.0 [4.0, 6.0]", "4/4"],
+        ["b", "2 (2-3)", "2.00 [1.80, 2.20]", "8/8", "1 (1-2)", "4.0 [3.0, 5.0]", "4/4"],
+        ["c", "3 (2-3)", "3.00 [2.80, 3.20]", "7/8", "3 (-)", "-", "0/4"],
+    ]
+    assert taus[1:] == [
+        ["all", "0.33", "[-1.00, 0.50]", "[-, -]", "2", "0", "1", "8 / 4"],
+        ["noisy", "-1.00", "[-1.00, 0.50]", "[0.25, 1.00]", "2", "0", "1", "8 / 4"],
+    ]
+    assert families[1:] == [["y", "-0.10", "0.90", "8"], ["x", "0.20", "0.90", "8"], ["z", "0.50", "-", "8"]]
+    assert "0.75 (procedural) and - (real)" in render_agreement([by_hand])
+    assert "90% interval" in printed(by_hand, level=0.9)[1][0]
+    assert len(printed(replace(by_hand, families=("x",)))) == 2  # nothing to leave out
+
+
+def test_units_left_out_are_counted_in_a_note(by_hand):
+    assert "Left out" not in render_agreement([by_hand])
+    assert "Left out: 3 units not planned" in render_agreement([replace(by_hand, left_out=3)])
+
+
+@pytest.mark.parametrize(("better", "arrow"), [("higher", "↑"), ("reference", "/diff/ ↓")])
+def test_the_mean_has_its_direction_and_no_unit_if_it_needs_none(by_hand, better, arrow):
+    large = by_hand.methods.assign(**{name: by_hand.methods[name] * 1e3 for name in ("mean_1", "mean_2")})
+    head = printed(replace(by_hand, better=better, methods=large))[0][0]
+    assert head[2] == head[5] == f"d {arrow}"
+
+
+def test_an_unknown_format_gets_the_nearest(by_hand):
+    with pytest.raises(UsageError, match="Did you mean 'markdown'"):
+        render_agreement([by_hand], "markdwn")
 
 
 def test_the_command(monkeypatch, capsys):

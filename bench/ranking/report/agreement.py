@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from ...text import counted
 from ..agreement import Agreement, Tau, as_records
 from ..naming import naming
 from . import check_format
@@ -81,7 +82,7 @@ def _methods(one: Agreement, title: str, level: float) -> Grid:
         f"mean [{level:.0%} interval over shapes].",
     ]
     if one.left_out:
-        notes.append(f"{one.left_out} units that were not planned for all of these methods are left out.")
+        notes.append(f"Left out: {counted(one.left_out, 'unit')} not planned for all of these methods.")
     return Grid(title, tuple(head), tuple(cells), tuple(notes))
 
 
