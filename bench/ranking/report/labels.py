@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 
@@ -17,13 +17,12 @@ def with_setup(name: str, setup: str) -> str:
     return f"{name} · {setup}" if setup else name
 
 
-def shown_setup(lines: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
+def shown_setup(lines: Collection[Mapping[str, Any]]) -> tuple[str, ...]:
     """Which of device, threads and host belong to the labels of a table's lines.
 
     The device and the number of threads if the table has more than one; the host if one method, otherwise the
     same, was run on several machines and has a line for each.
     """
-    lines = list(lines)
     shown = [name for name in ("device", "threads") if len({line[name] for line in lines}) > 1]
     scored = [tuple(line[name] for name in ("metric", "method", "variant", "threads", "device")) for line in lines]
     if len(set(scored)) < len(scored):

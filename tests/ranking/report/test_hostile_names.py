@@ -23,6 +23,7 @@ from bench.ranking.report.best_tables import best_tables
 from bench.ranking.report.case_tables import case_tables
 from bench.ranking.report.cells import csv as as_csv
 from bench.ranking.report.cells import plain_texts
+from bench.ranking.report.grids import Grid, rendered
 from bench.ranking.report.look import Look
 from bench.ranking.report.markdown import escape
 from bench.ranking.report.score_table import Score, score_table
@@ -166,6 +167,18 @@ def test_two_orders_side_by_side():
     for text in texts.values():
         assert "x1b[31m" in text and not re.search(rf"(?!\n)[{OBEYED}]", text)
     assert r"'=\x1b" in texts["csv"] and not re.search(r"(^|,)=", texts["csv"], re.MULTILINE)
+
+
+@pytest.mark.parametrize("format", ["terminal", "markdown", "latex"])
+def test_a_grid(format):
+    found = [rendered([Grid(n, (n, n), ((n, n),), (n,))], format) for n in (f"a\nb{ESCAPES}", "plain")]
+    assert not re.search(rf"(?!\n)[{OBEYED}]", found[0])
+    assert len(found[0].splitlines()) == len(found[1].splitlines())
+
+
+def test_a_message_keeps_its_lines_for_its_printer():
+    found = plain_texts(pd.DataFrame({"message": ["a\nb"], "name": ["a\nb"], "size": [1]}))
+    assert found.to_dict("records") == [{"message": "a\nb", "name": r"a\nb", "size": 1}]
 
 
 @pytest.mark.parametrize("name", ["[/]", "[bold]x", "[link=y]z[/link]", ":smile:", ESCAPES])
