@@ -78,6 +78,15 @@ def test_a_sweep_spread_over_machines_stays_one_line_and_reports_it():
     assert not any("machines" in note for note in table.notes)
 
 
+def test_results_of_an_unknown_machine_have_their_costs_and_are_told_apart():
+    """As those of another tool."""
+    frame = rows(*run(cases="ab", host=None, seconds=2.0), *run(cases="cd", host="left", seconds=2.0))
+    for made in (frame, frame.drop(columns="host"), frame.assign(host=None)):
+        (table,) = tables(leaderboard(made), made)
+        assert (table.methods, table.seconds, table.memory) == (("sap",), ("2",), ("100",))
+        assert any("(left, unknown)" in note for note in table.notes) == (made is frame)
+
+
 @pytest.mark.parametrize("across", ["dataset", "sensor", "tag"])
 def test_lines_across_groups_have_one_name(across):
     frame = rows(
