@@ -22,7 +22,8 @@ def trained(rows: pd.DataFrame | None) -> dict[tuple, str]:
         return {}
     from ..selection import prepared
 
-    learned = prepared(rows[rows["weights"].fillna("") != ""])
+    learned = prepared(rows)  # all of them: the host of a line names the machines of its failures, too
+    learned = learned[learned["weights"].fillna("") != ""]
     known = costs(rows)
     return {
         key: sentence(part.to_dict("records"))
