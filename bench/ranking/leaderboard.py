@@ -567,18 +567,19 @@ def failures(rows: pd.DataFrame) -> pd.DataFrame:
         Columns ``task, dataset, sensor, split, method, variant, threads, device, host, status, count, message, case``;
         the last is the case of the message.
     """
-    return _told(rows[(rows["status"] != "ok").to_numpy()])
+    return _told(rows, (rows["status"] != "ok").to_numpy())
 
 
 def notes(rows: pd.DataFrame) -> pd.DataFrame:
     """The notes of methods on cases that they solved (:meth:`bench.Run.note`), counted like :func:`failures`."""
     said = rows["message"].fillna("").astype(str) != ""
-    return _told(rows[((rows["status"] == "ok") & said).to_numpy()])
+    return _told(rows, ((rows["status"] == "ok") & said).to_numpy())
 
 
-def _told(rows: pd.DataFrame) -> pd.DataFrame:
-    """How many rows of each group, contender, status and kind of message there are, and the first message."""
-    rows = prepared(rows).sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
+def _told(rows: pd.DataFrame, which: np.ndarray) -> pd.DataFrame:
+    """How many of these rows each group, contender, status and kind of message has, and the first message."""
+    # Prepared with all others, since the host of a line names the machines of its solved cases, too.
+    rows = prepared(rows)[which].sort_values([*GROUP, *CONTENDER, "status", *UNIT], kind="stable")
     kinds = [_kind(message, case) for message, case in zip(rows["message"], rows["case"], strict=True)]
     grouped = rows.assign(kind=kinds).groupby([*GROUP, *CONTENDER, "status", "kind"], sort=False)
     told = grouped.agg(count=("message", "size"), message=("message", "first"), case=("case", "first")).reset_index()

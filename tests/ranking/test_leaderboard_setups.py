@@ -7,7 +7,7 @@ from boards import row, rows
 from records import record
 
 from bench.commands.leaderboard import read_rows
-from bench.ranking.leaderboard import failures, leaderboard
+from bench.ranking.leaderboard import failures, leaderboard, notes
 from bench.ranking.overview import overview
 from bench.ranking.report import FORMATS, render
 from bench.ranking.report.tables import tables
@@ -123,6 +123,19 @@ def test_failures_name_the_device_as_the_table_does():
     frame.loc[4, "message"] = "stopped"
     assert failures(frame)[["method", "device", "count"]].to_numpy().tolist() == [["sap", "cuda", 1]]
     assert "sap · cuda: 1 timeout (reconstruct · bumps · samples): stopped" in remarks(leaderboard(frame), frame)
+
+
+def test_failures_and_notes_of_one_of_two_machines_are_listed_under_the_line_of_both():
+    frame = rows(
+        row("sap", "a", 0, {"d": 1.0}, host="left"),
+        row("sap", "b", 0, {"d": 1.0}, host="right", message="half of it"),
+        row("sap", "c", 0, host="right", message="stopped"),
+        row("other", "a", 0, {"d": 1.0}, host="left"),
+    )
+    assert failures(frame)["host"].tolist() == notes(frame)["host"].tolist() == ["left, right"]
+    text = remarks(leaderboard(frame), frame)
+    assert "sap: 1 error (reconstruct · bumps · samples): stopped" in text
+    assert "sap: 1 (reconstruct · bumps · samples): half of it" in text
 
 
 def test_the_order_of_rows_does_not_matter():
