@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from ...text import one_line
+from ...text import counted, one_line
 from ..naming import naming
 from .labels import setup, shown_setup, with_setup
 from .table import Cell, Column, Metric, Table, folded, shared_notes, standing_notes, title_of
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 ARROWS = {"lower": "↓", "higher": "↑", "reference": "→ref", "difference": "|diff| ↓", "": ""}
-GAP = 2  # blanks between columns
+GAP = 3  # blanks between columns
 NOTES = 100  # columns for notes even if the terminal is narrower
 MOST_MESSAGE = 600  # characters of a failure's message; the rest is in the record
 MOST_REMARKS = 30  # messages of one caption
@@ -45,7 +45,8 @@ def heading(column: Column) -> str:
 def blocks(table: Table, width: int) -> list[list[Column]]:
     """The columns, as many to a block as fit; the first block has ranks and costs beside the metrics."""
     left = _width([table.head, *table.methods, *(name for name, _ in table.feet)])
-    return folded(table, width - left, _width, lambda column: _texts(table, column))
+    room = width - left + GAP  # behind the last column there need be no gap
+    return folded(table, room, _width, lambda column: _texts(table, column))
 
 
 def _texts(table: Table, column: Column) -> list[str]:
@@ -88,7 +89,8 @@ def _block(table: Table, columns: list[Column]) -> RichTable:
     from rich.table import Table as RichTable
     from rich.text import Text
 
-    grid = RichTable(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, GAP, 0, 0), pad_edge=False, header_style="")
+    padding = (0, GAP - 1, 0, 0)  # the box has one blank more
+    grid = RichTable(box=box.SIMPLE_HEAD, show_edge=False, padding=padding, pad_edge=False, header_style="")
     grid.add_column(table.head, no_wrap=True)
     for column in columns:
         right = not isinstance(column, Metric) and column.right
@@ -109,7 +111,7 @@ def _score(cell: Cell, plain: str = "") -> Text:
 
     # The star repeats the bold letters for files, and for readers who do not see bold.
     style = "bold" if cell.best else "underline" if cell.second else plain
-    text = Text(cell.text + ("*" if cell.best else ""), style=style)
+    text = Text().append(cell.text + ("*" if cell.best else ""), style=style)  # not of the blanks up to the next column
     text.append(cell.signs)
     return text.append(f"\n{cell.below}", style="dim") if cell.below else text
 
@@ -147,7 +149,8 @@ def remarks(
         ]
         lines = [_remark(line, name, named) for name, (line, named) in zip(who, found, strict=True)]
         lines, more = lines[:MOST_REMARKS], len(lines) - MOST_REMARKS
-        lines += [Text(f"  and {more} other messages; the rows of the results have them all")] if more > 0 else []
+        others = f"  and {counted(more, 'other message')}; the rows of the results have them all"
+        lines += [Text(others)] if more > 0 else []
         parts += [Text(f"\n{caption}", style="bold"), *lines] if lines else []
     return _print(parts, color) if parts else ""
 
@@ -170,9 +173,7 @@ def _print(parts: list, color: bool) -> str:
 
     out = io.StringIO()
     # Wider than anything: the blocks were made to fit, and a longer line must wrap rather than vanish.
-    console = Console(
-        file=out, width=10_000, force_terminal=color, no_color=not color, highlight=False, markup=False, emoji=False
-    )
+    console = Console(file=out, width=10_000, force_terminal=color, highlight=False, markup=False, emoji=False)
     for part in parts:
         console.print(part, soft_wrap=True)
     return "".join(line.rstrip() + "\n" for line in out.getvalue().splitlines())
