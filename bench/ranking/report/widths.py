@@ -49,10 +49,11 @@ def width_of(latex: str) -> float:
     text = re.sub(r"\\(textbf|underline|scriptsize)\b ?", "", text)
     text, arrows = re.subn(r"\\(downarrow|uparrow|rightarrow|approx|cdot|pm|times|S)\b", "", text)
     text = re.sub(r"\\text\w+", "W", text)
-    text = re.sub(r"\\(?=[#$%&_{}])", "", text)
-    plain = sum(_OF.get(letter, _OTHER) for letter in text if letter not in "${}\\")
-    powers = sum(_OF[letter] for letter in "-3") * _SMALL if signs else 0.0
-    return round(_SAFE * (bold * plain + signs * powers + arrows * _OTHER), 2)
+    escaped = re.findall(r"\\([#$%&_{}])", text)
+    printed = [*escaped, *re.sub(r"\\[#$%&_{}]|[${}\\]", "", text)]
+    plain = sum(_OF.get(letter, _OTHER) for letter in printed)
+    power = sum(_OF[letter] for letter in "-3") * _SMALL
+    return round(_SAFE * (bold * plain + signs * power + arrows * _OTHER), 2)
 
 
 def widest(texts: Iterable[str]) -> float:
