@@ -30,8 +30,8 @@ LABELS = 0.36  # of the width at most for the names of the methods, which are fo
 CUT = "…"  # in a name that is shortened, which a note gives in full
 # The beginnings of notes that readers need, not only authors.
 LEGENDS = (
-    *("†", "‡", "§", "|diff|", "mean", "Only", "Methods were run", "All methods", "wins", "ratio", "one parameter"),
-    *("geometric", "place", "tau:", "spread"),
+    *("†", "‡", "§", "¶", "|diff|", "mean", "Only", "Methods were run", "All methods", "wins", "ratio"),
+    *("one parameter", "geometric", "place", "tau:", "spread"),
 )
 _ESCAPES = {
     "\\": r"\textbackslash{}",

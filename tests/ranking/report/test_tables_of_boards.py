@@ -1,6 +1,7 @@
 """The tables of boards that are written down: who is marked, what the notes say, the format of each number."""
 
 import math
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -8,6 +9,7 @@ from boards import row, rows
 
 from bench.plugins import config_files
 from bench.ranking.published import Line, Published
+from bench.ranking.report.latex import escape, latex
 from bench.ranking.report.look import Look
 from bench.ranking.report.table import FLOOR, GIVEN, LEARNED, TUNED
 from bench.ranking.report.tables import FAILED, FAILED_NOTE, LEFT_OUT, LEFT_OUT_NOTE, looking, tables
@@ -74,6 +76,14 @@ def test_methods_are_marked_by_what_they_were_given(tmp_path, monkeypatch):
     assert made.methods == ("a", f"b {GIVEN}", f"mine {GIVEN}{TUNED}")
     assert [note[0] for note in made.notes if note[0] in (GIVEN, LEARNED, TUNED)] == [GIVEN, TUNED]
     assert not any(note[0] in (GIVEN, TUNED) for note in table({}, {"method": "jet"}).notes)
+
+
+@pytest.mark.parametrize("sign", [FAILED, LEFT_OUT, GIVEN, LEARNED, TUNED, "|diff|"])
+def test_the_signs_of_a_table_are_explained_below_it_in_latex_too(sign):
+    made = replace(table({}), notes=(f"{sign} is what it is.", "An author may need this."))
+    text = latex([made])
+    below = next(line for line in text.splitlines() if "parbox" in line)
+    assert f"{escape(sign)} is what it is." in below and "% An author may need this." in text.splitlines()
 
 
 @pytest.mark.parametrize(
