@@ -65,9 +65,8 @@ def noncentrality(n: np.ndarray, alpha: np.ndarray, power: float = POWER) -> np.
     alpha : (...) array
         The level of the test; half of it is on the side of the mean.
     """
-    n = np.asarray(n, dtype=float)
     freedom = np.maximum(n - 1, 1)
-    found = special.nctdtrinc(freedom, 1 - power, student_quantile(1 - np.asarray(alpha) / 2, freedom))
+    found = special.nctdtrinc(freedom, 1 - power, student_quantile(1 - alpha / 2, freedom))
     return np.where(n > 1, found, np.nan)
 
 
@@ -115,7 +114,7 @@ class Pairs:
 
     def within(self, region: float, level: float) -> np.ndarray:
         """Whether both one-sided tests at ``level`` find the mean inside ``-region`` to ``region``."""
-        reach = student_quantile(level, np.maximum(self.n - 1.0, 1.0)) * self.error
+        reach = student_quantile(level, self.n - 1.0) * self.error
         return (self.n >= FEWEST) & (abs(self.mean) + reach < region)
 
 

@@ -12,7 +12,7 @@ from bench.cli import main
 from bench.errors import UsageError
 from bench.ranking.leaderboard import leaderboard
 from bench.ranking.report import render
-from bench.ranking.resolution import FEWEST, MOST, as_difference, as_ratio, more_needed, noncentrality, pairs
+from bench.ranking.resolution import FEWEST, MOST, Pairs, as_difference, as_ratio, more_needed, noncentrality, pairs
 from bench.ranking.statistics import rank_intervals
 
 
@@ -29,7 +29,7 @@ def test_ratios_and_differences_are_inverse(ratio):
     a, b = 3 * (1 + ratio), 3.0
     assert as_difference(ratio) == pytest.approx((a - b) / (a + b))
     assert as_ratio(np.array(as_difference(ratio))) == pytest.approx(ratio)
-    assert as_ratio(np.array(1.0)) == np.inf
+    assert as_ratio(np.array([1.0, 1.5])).tolist() == [np.inf, np.inf]  # few shapes may detect no ratio at all
 
 
 @pytest.mark.parametrize("n", [4, 6, 17])
@@ -50,7 +50,7 @@ def test_the_power_is_that_of_the_noncentral_t():
 
 
 def test_how_many_more_against_a_loop():
-    for mean, spread, n in ((0.1, 0.1, 4), (-0.05, 0.2, 8), (0.01, 0.1, 17), (0.5, 0.1, 8)):
+    for mean, spread, n in ((0.1, 0.1, 4), (-0.05, 0.2, 8), (0.01, 0.1, 17), (0.5, 0.1, 8), (0.05, 0.1, 2)):
         loop = next(
             (k for k in range(MOST + 1) if noncentrality(n + k, 0.05) * spread / np.sqrt(n + k) <= abs(mean)), np.inf
         )
@@ -97,6 +97,71 @@ def test_neighbours_against_scipy(rng):
     wanted = more_needed(np.array([d.mean()]), np.array([d.std(ddof=1)]), np.array([12]), np.array([0.05]))[0]
     assert board["more_shapes"].iloc[0] == wanted > 0
     assert board["more_shapes"].iloc[1:].isna().all() and np.isnan(board["detectable"].iloc[2])
+
+
+@pytest.mark.parametrize("level", [0.95, 0.99])
+def test_the_level_is_shared_by_the_comparisons_that_are_open(level, rng):
+    """Of four methods with a far fourth, each of the first three has two that are."""
+    scores = noisy(rng, {"a": 1.0, "b": 1.03, "c": 1.05, "d": 9.0})
+    board = leaderboard(table(scores), level=level).set_index("method")
+    assert ranks(board.reset_index()) == {"a": (1, 3), "b": (1, 3), "c": (1, 3), "d": (4, 4)}
+    for one, other in (board.index[:2], board.index[1:3]):
+        step = noncentrality(12, (1 - level) / 2) * stats.sem(relative(scores, one, other))
+        assert board["detectable"][one] == pytest.approx(2 * step / (1 - step))
+    assert board["more_shapes"].iloc[0] > 0 and board["more_shapes"].iloc[1:].isna().all()
+
+
+def against_one(d):
+    """Two methods with these relative differences, of the second to the first."""
+    return {"a": units(*np.ones(len(d)), cases="abcdefghijkl"), "b": units(*(1 + d) / (1 - d), cases="abcdefghijkl")}
+
+
+def test_what_is_separated_needs_no_more_shapes():
+    """It takes a larger difference to be found in four of five tables than to be significant in this one."""
+    wobble = np.repeat([1.0, -1.0], 6)
+    d = 0.02 + 0.02 / 2.5 * 11**0.5 * wobble  # 2.5 standard errors
+    assert stats.ttest_1samp(d, 0).pvalue < 0.05
+    assert more_needed(np.array([0.02]), np.array([d.std(ddof=1)]), np.array([12]), np.array([0.05]))[0] > 0
+    assert leaderboard(table(against_one(d)))["more_shapes"].iloc[0] == 0
+    assert "the first two are separated." in printed(against_one(d))
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        # A tenth worse on eleven shapes, and so much better on one that its mean is: the ranks believe neither.
+        ((*[1.1] * 11, 10.0), (*[1.0] * 11, 20.0)),
+        # Clearly better on eleven shapes, and so much worse on one that the means are the same.
+        ((*[1.0] * 11, 102.75), (*[1.25] * 11, 100.0)),
+    ],
+)
+def test_where_means_and_relative_differences_disagree_more_shapes_do_not_help(a, b):
+    scores = {m: units(*values, cases="abcdefghijkl") for m, values in (("a", a), ("b", b))}
+    board = leaderboard(table(scores))
+    assert board["method"].tolist() == ["a", "b"] and board["versus_next"].tolist() == ["open", ""]
+    assert np.isnan(board["more_shapes"].iloc[0])
+    assert "more shapes would not separate the first two." in printed(scores)
+
+
+def test_pairs_by_hand():
+    """Two perfect results, a difference of rounding only, results of any size, and a shape that one was not run on."""
+    x = np.array([0.0, 1.0, 1e-12, 3.0, 5.0])[:, None, None]
+    y = np.array([0.0, 1 + 1e-14, 3e-12, 1.0, 7.0])[:, None, None]
+    planned = np.ones((5, 2, 1), dtype=bool)
+    planned[4, 1] = False
+    found = pairs(np.concatenate([x, y], axis=1), planned, np.arange(5), np.array([[0]]), np.array([[1]]))
+    assert found.mean.item() == pytest.approx(0, abs=1e-15) and found.n.item() == 4  # of 0, 0, -1/2 and 1/2
+    assert found.error.item() == pytest.approx(stats.sem([0, 0, -0.5, 0.5]), abs=1e-12)
+    alike = pairs(np.concatenate([x, y], axis=1)[:2], planned[:2], np.arange(2), np.array([[0]]), np.array([[1]]))
+    assert (alike.mean.item(), alike.error.item()) == (0.0, 0.0)
+    planned[:3, 0] = False
+    single = pairs(np.concatenate([x, y], axis=1), planned, np.arange(5), np.array([[0]]), np.array([[1]]))
+    assert (single.mean.item(), single.n.item()) == (0.5, 1) and np.isnan(single.error.item())
+
+
+def test_exactly_as_much_as_the_region_is_not_equal():
+    two = Pairs(np.array([0.25, -0.25, 0.2499, 0.0]), np.zeros(4), np.array([4, 4, 4, 3]))
+    assert two.within(0.25, 0.95).tolist() == [False, False, True, False]
 
 
 def test_the_seeds_of_a_shape_are_one_cluster(rng):
@@ -271,7 +336,7 @@ def test_how_often_a_table_of_equal_methods_has_a_wrong_interval(sigma, shapes, 
 # -- the command -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wrong", [0.0, 1.5, -0.1])
+@pytest.mark.parametrize("wrong", [0.0, 1.0, 1.5, -0.1])
 def test_a_region_that_makes_no_sense_is_refused(wrong, capsys):
     with pytest.raises(UsageError, match="equal .*: expected a share"):
         leaderboard(table({"a": units(1, 2)}), equal=wrong)
@@ -299,6 +364,14 @@ def test_different_cases_are_named_where_methods_were_not_run_on_the_same():
     assert f"{DIFFERENT}: b lacks 1. Each pair is compared on the cases that both were run on." in text
     assert UNDEFINED not in text
     assert board.set_index("method")["not_run"].to_dict() == {"a": 0, "b": 1}
+
+
+@pytest.mark.parametrize(("common", "versus"), [(1, ""), (2, "open")])
+def test_methods_that_share_a_single_shape_are_not_compared(common, versus):
+    scores = {"a": units(1, 2, 3, 4, cases="abcd"), "b": units(5, 2, 7, 3, cases="abcdefgh"[4 - common :])}
+    board = leaderboard(table(scores))
+    assert board["versus_next"].tolist() == [versus, ""]
+    assert board["detectable"].notna().tolist() == [versus == "open", False]
 
 
 def test_as_many_but_other_cases_are_different_cases():
