@@ -24,7 +24,7 @@ import numpy as np
 from scipy import special
 
 from ..errors import UsageError
-from .statistics import SAME, standard_error, student_quantile
+from .statistics import SAME, p_without_spread, standard_error, student_quantile
 
 FEWEST = 4  # shapes that a table of ranks needs
 POWER = 0.8
@@ -70,7 +70,9 @@ def noncentrality(n: np.ndarray, alpha: np.ndarray, power: float = POWER) -> np.
     return np.where(n > 1, found, np.nan)
 
 
-def more_needed(mean: np.ndarray, spread: np.ndarray, n: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+def more_needed(
+    mean: np.ndarray, spread: np.ndarray, n: np.ndarray, alpha: np.ndarray, units: np.ndarray | float = 1.0
+) -> np.ndarray:
     """How many more values the t test needs to find a mean with the power :data:`POWER`.
 
     Parameters
@@ -79,6 +81,8 @@ def more_needed(mean: np.ndarray, spread: np.ndarray, n: np.ndarray, alpha: np.n
         Taken to be the true ones.
     n, alpha : (...) arrays
         How many values there are, and the level of the test.
+    units : (...) array or float
+        Of how many measurements each value is the mean: these count where there is no spread.
 
     Returns
     -------
@@ -87,7 +91,8 @@ def more_needed(mean: np.ndarray, spread: np.ndarray, n: np.ndarray, alpha: np.n
     """
 
     def enough(more: np.ndarray) -> np.ndarray:
-        return noncentrality(n + more, alpha) * spread <= abs(mean) * np.sqrt(n + more)
+        found = noncentrality(n + more, alpha) * spread <= abs(mean) * np.sqrt(n + more)
+        return np.where(spread <= SAME * np.sqrt(n), p_without_spread(units * (n + more)) <= alpha, found)
 
     low, high = np.zeros(np.shape(mean)), np.full(np.shape(mean), float(MOST))
     within, now = enough(high), enough(low)
@@ -106,6 +111,7 @@ class Pairs:
     mean: np.ndarray
     error: np.ndarray  # standard error of the mean
     n: np.ndarray  # clusters that both were run on
+    units: np.ndarray  # units that both were run on
 
     @property
     def spread(self) -> np.ndarray:
@@ -135,8 +141,9 @@ def pairs(values: np.ndarray, planned: np.ndarray, starts: np.ndarray, a: np.nda
     differ = both & (abs(x - y) > SAME * size)
     relative = np.divide(x - y, size, out=np.zeros_like(size), where=differ)
     sums, counts = np.add.reduceat(relative, starts), np.add.reduceat(both.astype(float), starts)
-    mean = sums.sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
-    return Pairs(mean, standard_error(sums, counts), (counts > 0).sum(axis=0))
+    units = counts.sum(axis=0)
+    mean = sums.sum(axis=0) / np.maximum(units, 1)
+    return Pairs(mean, standard_error(sums, counts), (counts > 0).sum(axis=0), units)
 
 
 @dataclass(frozen=True)
@@ -198,8 +205,10 @@ def resolve(standings: Standings, taking_part: np.ndarray, level: float, equal: 
     alpha = (1 - level) / open_ones
     found = as_ratio(noncentrality(next_one.n, alpha) * next_one.error)
     # For the first two only; if the first one is not the better one by d, more shapes will not help.
-    top = [x[:1] for x in (np.minimum(next_one.mean, 0), next_one.spread, next_one.n, alpha)]
+    each = next_one.units / np.maximum(next_one.n, 1)
+    top = [x[:1] for x in (np.minimum(next_one.mean, 0), next_one.spread, next_one.n, alpha, each)]
     more = more_needed(*top)
+    # Found already and yet not significant: the means are equal, whatever the relative difference; they remain so.
     more = np.where(apart[:1], 0.0, np.where(more == 0, np.nan, more))
     first = pairs(s.values, s.planned, s.starts, np.broadcast_to(line[:1], (k, m)), line)
     alike = first.within(as_difference(equal), level)

@@ -145,15 +145,22 @@ def paired_differences(values: np.ndarray, planned: np.ndarray, starts: np.ndarr
     return difference, p
 
 
+def p_without_spread(units: np.ndarray) -> np.ndarray:
+    """The two-sided p-value of a difference that is the same in every unit, as with yes/no metrics.
+
+    It has no measurable spread. Two methods whose answers are independent tosses of one coin differ so, in either
+    direction, with probability 2 / 4^units at most.
+    """
+    return 2 * 0.25**units
+
+
 def _p_value(sums: np.ndarray, counts: np.ndarray, difference: np.ndarray) -> np.ndarray:
     """Student's t of a mean over clusters against 0; 1 if its sign is not that of ``difference``."""
     n, units = (counts > 0).sum(axis=0), counts.sum(axis=0)
     mean, error = sums.sum(axis=0) / np.maximum(units, 1), np.nan_to_num(standard_error(sums, counts))
     with np.errstate(divide="ignore", invalid="ignore"):
         p = 2 * special.stdtr(np.maximum(n - 1.0, 1.0), -abs(mean / error))
-    # The same difference in every unit, as with yes/no metrics, has no measurable spread. Two methods whose
-    # answers are independent tosses of one coin differ so, in either direction, with probability 2 / 4^units at most.
-    p = np.where(error <= SAME, 2 * 0.25**units, p)
+    p = np.where(error <= SAME, p_without_spread(units), p)
     return np.where((n > 1) & (mean * difference > 0), p, 1.0)
 
 
@@ -283,6 +290,6 @@ def beyond(
         mean = np.where(n > 0, sums.sum(axis=0) / units, np.nan)
         p = special.stdtr(freedom, -(mean - bound) / error)
     # Without any spread, as in paired_differences: all units lie on one side of the bound.
-    p = np.where(error <= SAME, np.where(mean > bound, 0.25**units, 1.0), p)
+    p = np.where(error <= SAME, np.where(mean > bound, p_without_spread(units) / 2, 1.0), p)
     reach = student_quantile((1 + level) / 2, freedom) * error
     return mean, mean - reach, mean + reach, np.where(n > 1, p, 1.0)

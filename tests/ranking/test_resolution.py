@@ -143,6 +143,15 @@ def test_where_means_and_relative_differences_disagree_more_shapes_do_not_help(a
     assert "more shapes would not separate the first two." in printed(scores)
 
 
+@pytest.mark.parametrize(("shapes", "seeds", "more"), [(4, 1, 1), (5, 1, 0), (4, 2, 0)])
+def test_where_nothing_varies_more_measurements_separate_the_first_two(shapes, seeds, more):
+    """Only one of nine methods is right, and always: 2 / 4^4 is more than 0.05 / 8, and one more shape is enough."""
+    right = {m: units(*[float(m != "a")] * 10, cases="abcdefgh"[:shapes], seeds=seeds) for m in "abcdefghi"}
+    board = leaderboard(table(right))
+    assert board["more_shapes"].iloc[0] == more
+    assert board["versus_next"].iloc[0] == ("open" if more else "better")
+
+
 def test_pairs_by_hand():
     """Two perfect results, a difference of rounding only, results of any size, and a shape that one was not run on."""
     x = np.array([0.0, 1.0, 1e-12, 3.0, 5.0])[:, None, None]
@@ -150,7 +159,8 @@ def test_pairs_by_hand():
     planned = np.ones((5, 2, 1), dtype=bool)
     planned[4, 1] = False
     found = pairs(np.concatenate([x, y], axis=1), planned, np.arange(5), np.array([[0]]), np.array([[1]]))
-    assert found.mean.item() == pytest.approx(0, abs=1e-15) and found.n.item() == 4  # of 0, 0, -1/2 and 1/2
+    assert found.mean.item() == pytest.approx(0, abs=1e-15)  # of 0, 0, -1/2 and 1/2
+    assert found.n.item() == found.units.item() == 4
     assert found.error.item() == pytest.approx(stats.sem([0, 0, -0.5, 0.5]), abs=1e-12)
     alike = pairs(np.concatenate([x, y], axis=1)[:2], planned[:2], np.arange(2), np.array([[0]]), np.array([[1]]))
     assert (alike.mean.item(), alike.error.item()) == (0.0, 0.0)
@@ -160,7 +170,7 @@ def test_pairs_by_hand():
 
 
 def test_exactly_as_much_as_the_region_is_not_equal():
-    two = Pairs(np.array([0.25, -0.25, 0.2499, 0.0]), np.zeros(4), np.array([4, 4, 4, 3]))
+    two = Pairs(np.array([0.25, -0.25, 0.2499, 0.0]), np.zeros(4), np.array([4, 4, 4, 3]), np.full(4, 8))
     assert two.within(0.25, 0.95).tolist() == [False, False, True, False]
 
 
@@ -169,7 +179,7 @@ def test_the_seeds_of_a_shape_are_one_cluster(rng):
     d = relative(scores, "a", "b").reshape(8, 3).mean(axis=1)
     values = np.array([list(s.values()) for s in scores.values()]).T[..., None]
     found = pairs(values, np.ones(values.shape, bool), np.arange(0, 24, 3), np.array([[0]]), np.array([[1]]))
-    assert found.mean.item() == pytest.approx(d.mean()) and found.n.item() == 8
+    assert found.mean.item() == pytest.approx(d.mean()) and (found.n.item(), found.units.item()) == (8, 24)
     assert found.spread.item() == pytest.approx(d.std(ddof=1))
     assert (leaderboard(table(scores))["shapes"] == 8).all()
 
