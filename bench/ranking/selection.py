@@ -104,17 +104,15 @@ def _called(rows: pd.DataFrame, names: Names) -> np.ndarray:
     """(rows,) bool array: whose method has one of the names, by its plugin or, as in tables, by its preset."""
     pairs = rows[["method", "variant"]].drop_duplicates()
     variants: list[tuple[str, str]] = list(pairs.itertuples(index=False, name=None))
-    heads = {pair: preset_of(*pair)[0] for pair in variants}
+    heads = [preset_of(*pair)[0] for pair in variants]
     wanted = set()
     for name in split_names(names) or [""]:
         found = {pair for pair in variants if is_called(*pair, name)}
-        wanted |= found or set(_of_plugins(variants, matching("method", [name], {*rows["method"], *heads.values()})))
+        if not found:
+            matching("method", [name], {*rows["method"], *heads})  # refused, with the nearest one
+        wanted |= found
     keys = rows["method"] + "\0" + rows["variant"]
     return keys.isin({f"{method}\0{variant}" for method, variant in wanted}).to_numpy()
-
-
-def _of_plugins(variants: Sequence[tuple[str, str]], plugins: Sequence[str]) -> list[tuple[str, str]]:
-    return [pair for pair in variants if pair[0] in plugins]
 
 
 SHAPES = 4  # fewer of one kind are not informative, and a chair, a gear and a tree would have a column each
