@@ -431,7 +431,7 @@ def test_units_left_out_are_counted_in_a_note(by_hand):
 
 @pytest.mark.parametrize(("better", "arrow"), [("higher", "↑"), ("reference", "/diff/ ↓")])
 def test_the_mean_has_its_direction_and_no_unit_if_it_needs_none(by_hand, better, arrow):
-    large = by_hand.methods.assign(**{name: by_hand.methods[name] * 1e3 for name in ("mean_1", "mean_2")})
+    large = by_hand.methods.assign(mean_1=by_hand.methods["mean_1"] * 1e3)  # most of the means of both sides
     head = printed(replace(by_hand, better=better, methods=large))[0][0]
     assert head[2] == head[5] == f"d {arrow}"
 

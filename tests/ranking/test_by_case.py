@@ -147,7 +147,10 @@ def test_ties_count_for_each_and_failures_for_nobody():
 )
 def test_a_tie_is_one_up_to_rounding(values, wins):
     made = rows(*(row(m, "w", 0, {"d": value}) for m, value in zip("ab", values, strict=True)))
-    assert tuple(by_case(made, by="case", metric="d")[0]["best"]) == wins
+    scores, board = by_case(made, by="case", metric="d")
+    assert tuple(scores["best"]) == wins
+    (found,) = case_tables(scores, board)
+    assert {column.name: column.feet[1].best for column in found.metrics} == dict(zip("ab", wins, strict=True))
 
 
 def test_a_table_by_hand():

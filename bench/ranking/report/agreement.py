@@ -133,7 +133,7 @@ def _taus(one: Agreement, title: str, level: float) -> Grid:
 def _families(one: Agreement, title: str) -> Grid:
     """The families, first that without which the agreement is best."""
     alone = {tau.name: tau for tau in one.taus if tau.part == "family" and not tau.without}
-    without = {tau.name: tau for tau in one.taus if tau.part == "family" and tau.without}
+    without = {tau.name: tau for tau in one.taus if tau.without}
     order = sorted(without, key=lambda name: (-_or_least(without[name]), _or_least(alone[name]), name))
     lines = tuple((n, _tau(alone[n].tau), _tau(without[n].tau), str(alone[n].shapes)) for n in order)
     side = one.sides[1]

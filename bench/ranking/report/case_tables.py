@@ -39,17 +39,16 @@ def _table(group: tuple, scores: pd.DataFrame, means: list[Mapping[str, Any]], l
     digits = look.digits
     if digits is None:
         digits = column_digits(((value, float("nan"), float("nan")) for value in scores["value"]), exponent)
-    most = int(scores.groupby(CONTENDER, dropna=False)["best"].sum().max())
+    ordered = _ordered(means, look)
+    found = [[by_case.get((case, *(line[name] for name in CONTENDER))) for case in cases] for line in ordered]
+    wins = [sum(one["best"] for one in column if one) for column in found]
     columns = []
-    for line in _ordered(means, look):
-        who = tuple(line[name] for name in CONTENDER)
-        found = [by_case.get((case, *who)) for case in cases]
-        wins = sum(one["best"] for one in found if one)
+    for line, column, won in zip(ordered, found, wins, strict=True):
         place = str(line["place"]).split()
         mean = Cell(plain(line["mean"], exponent, digits), BEST in place, second=SECOND in place, tied=TIED in place)
         name = with_setup(called.labels[line["method"], line["variant"]], setup(line, shown))
-        cells = tuple(_cell(one, exponent, digits) for one in found)
-        columns.append(Metric(name, "", 0, cells, feet=(mean, Cell(str(wins), wins == most > 0)), title=name))
+        cells = tuple(_cell(one, exponent, digits) for one in column)
+        columns.append(Metric(name, "", 0, cells, feet=(mean, Cell(str(won), won == max(wins) > 0)), title=name))
     better = means[0]["better"]
     arrow = ARROWS["difference" if better == "reference" else better]
     unit = f" (1e{exponent})" if exponent else ""
