@@ -8,6 +8,7 @@ import pytest
 from boards import row, rows
 
 from bench.plugins import config_files
+from bench.plugins.registry import registry
 from bench.ranking.published import Line, Published
 from bench.ranking.report.latex import escape, latex
 from bench.ranking.report.look import Look
@@ -54,6 +55,34 @@ def test_a_board_of_an_earlier_version_is_a_table():
 def test_fronts_with_gaps_as_a_file_gives_them():
     made = board({}, {"method": "b"}, {"method": "c"}).assign(front=pd.array([1, None, 0], "Int64"))
     assert tables(made)[0].fronts == ("1", "", "")
+
+
+def test_a_front_replaces_the_rank_of_a_task_that_is_judged_by_two_metrics(monkeypatch):
+    monkeypatch.setattr(registry().find("task", "reconstruct").cls, "primary", ("e", "d"))
+    lines = board(*({"method": m, "metric": name} for m in "ab" for name in "de"))
+    lines = lines.assign(task="reconstruct", front=[1.0, 1.0, math.nan, math.nan])
+
+    def shown(metrics=(), **attrs):
+        lines.attrs = attrs
+        (made,) = tables(lines, metrics=metrics)
+        said = [note for note in made.notes if "front:" in note or "single rank" in note]
+        return [m.name for m in made.metrics], made.ranks, made.fronts, said
+
+    by = "front: 1 where no other method is better in both {0}, by the means; equal is not better."
+    two, costs = by.format("e and d"), by.format("d and seconds")
+    instead = "This task has no single rank: it is judged by e and d."
+    assert shown() == (["e", "d"], (), ("1", ""), [instead, two])
+    assert shown(metrics=["d"]) == (["d", "e"], ("1", "1"), ("1", ""), [two])
+    assert shown(pareto=("d", "seconds")) == (["e", "d"], ("1", "1"), ("1", ""), [costs])
+
+
+def test_methods_and_metrics_that_lack_cases_are_named():
+    lines = board({}, {"method": "b"}, {"metric": "precision@0.01"}).assign(undefined=[2, 0, 5], not_run=[0, 3, 0])
+    (made,) = tables(lines)
+    assert [metric.name for metric in made.metrics] == ["d"]  # half of an F-score is not shown
+    different, undefined = made.notes[-2:]
+    assert different.startswith("Methods were run on different cases: b lacks 3.")
+    assert undefined.startswith("Not defined for every output: d (up to 2 outputs of a method). Each pair")
 
 
 def test_where_all_failed_there_is_a_line_and_no_score():
@@ -182,16 +211,16 @@ def test_only_what_is_shown_is_explained():
 
 
 def test_parameters_are_those_of_learned_methods():
-    def shown(first, second, active=None):
-        changes = {"task": "of_nobody", "host": ""}
-        made = rows(row("a", **changes, parameters=first), row("b", **changes, parameters=second))
-        made = made.assign(active_parameters=[active, None], status="ok")
-        return table({}, {"method": "b"}, rows=made).parameters
+    def shown(*counts):
+        changes = {"task": "of_nobody", "host": "", "status": "ok"}
+        names = "abcde"[: len(counts)]
+        made = rows(*(row(m, **changes, parameters=n) for m, (n, _) in zip(names, counts, strict=True)))
+        made = made.assign(active_parameters=[active for _, active in counts])
+        return table(*({"method": m} for m in names), rows=made).parameters
 
-    assert shown(1_300_000, None) == ("1.3M", "-") and shown(1_300_000, 0) == ("1.3M", "-")
-    assert shown(1_300_000, 1, active=420_036) == ("1.3M (420k active)", "1")
-    assert shown(1_300_000, None, active=0) == ("1.3M", "-") and shown(2, None, active=1) == ("2 (1 active)", "-")
-    assert shown(0, 0) == shown(None, None) == ()
+    counts = [(1_300_000, None), (None, None), (0, None), (2, 1), (1_300_000, 0)]
+    assert shown(*counts) == ("1.3M", "-", "-", "2 (1 active)", "1.3M")
+    assert shown((0, None), (None, None)) == ()
 
 
 # -- the user's wishes -------------------------------------------------------------------------------------------------
@@ -208,11 +237,12 @@ def test_captions_and_columns():
 
 
 def test_a_papers_column_stands_beside_ours():
-    lines = (Line({"d": 9.85}, "a"), Line({"d": 3.0}, "c"), Line({"d": 4.0}, "a", sensor="other", name="elsewhere"))
+    lines = (Line({"d": 9.85}, "a"), Line({"d": 3.0}, "c"), Line({"d": 4.0}, "a", sensor="other"))
+    lines += (Line({"d": 5.0}, "e", sensor="samples"), Line({"d": 6.0}, "f", sensor="test"))
     paper = Published("their table", "paper", "", lines)
     made = table({}, {"method": "b"}, {"metric": "e"}, published=paper)
     assert [metric.name for metric in made.metrics] == ["d", "d, paper", "e"]
     _, theirs, _ = made.metrics
     assert [cell.text for cell in theirs.cells] == ["9.85", ""]
     assert (theirs.exponent, theirs.floor, theirs.better) == (0, "", "lower")
-    assert made.notes[-2:] == ("paper: their table.", "paper, not among ours: c: d 3.0.")
+    assert made.notes[-2:] == ("paper: their table.", "paper, not among ours: c: d 3.0; e: d 5.0.")
