@@ -40,7 +40,7 @@ def sentence(rows: list[Mapping[str, Any]]) -> str:
     if not seconds:
         return f"{first['method']}: {FROM.get(first['weights_from'], '')}its training is not known."
     time = duration(min(seconds))
-    time += f" to {duration(max(seconds))}" if len(trainings) > 1 and duration(max(seconds)) != time else ""
+    time += f" to {duration(max(seconds))}" if duration(max(seconds)) != time else ""
     which = ", ".join(sorted(weights[:6] for weights in trainings))
     count = f"{len(trainings)} trainings, each " if len(trainings) > 1 else "trained "
     data = f" of {first['train_data']}" if first.get("train_data") else ""

@@ -5,6 +5,7 @@ import math
 import pandas as pd
 import pytest
 
+from bench.ranking.report.terminal import heading
 from bench.ranking.report.worst_tables import worst_tables
 from bench.ranking.worst import COLUMNS, Tag, Worst
 
@@ -25,7 +26,7 @@ def table(*changes, count=10, **options):
 
 
 def columns(*changes, **options):
-    return {m.name: [cell.text for cell in m.cells] for m in table(*changes, **options).metrics}
+    return {heading(m): [cell.text for cell in m.cells] for m in table(*changes, **options).metrics}
 
 
 def test_the_columns_of_a_case():
@@ -71,9 +72,9 @@ def test_the_title_has_the_direction_and_the_unit(better, value, subject):
 
 
 def test_notes_say_what_is_first_what_is_left_out_and_why_there_are_no_tags():
-    lines = [{"case": name} for name in "abcdefghi"]
+    lines = [{"case": name} for name in "abcdefgh"]
     first, more, tags = table(*lines, count=2).notes
-    assert "ratio to the best other method" in first and more == "7 more are not shown: --count 9."
+    assert "ratio to the best other method" in first and more == "6 more are not shown: --count 8."
     assert tags == "No tag is among the worst shapes, or all shapes have the same."
     first, few = table(*lines[:7], order="score").notes
     assert "by the score;" in first and few == "Only 7 shapes: a test of tags takes 8."

@@ -51,14 +51,16 @@ def test_what_is_said_of_one_training(changes, said):
         ((1260.0, 120.0, 7200.0), "2 min to 2 h"),
         ((1260.0, 1261.0, 1262.0), "21 min"),  # the same in words
         ((1260.0, None, 120.0), "2 min to 21 min"),
+        ((1260.0, 120.0), "2 min to 21 min"),
     ],
 )
 def test_of_several_trainings_the_range_is_given(seconds, time):
-    names = ("bbbbbbbb", "cccccccc", "aaaaaaaa")
+    n = len(seconds)
+    names = ("bbbbbbbb", "aaaaaaaa", "cccccccc")[:n]
     made = [TRAINING | {"weights": w, "train_seconds": s} for w, s in zip(names, seconds, strict=True)]
     assert sentence(made) == (
-        f"mpu: 3 trainings, each for {time} (20,000 steps) on cuda on 1,040 train shapes of fbm, noisy; "
-        "weights aaaaaa, bbbbbb, cccccc."
+        f"mpu: {n} trainings, each for {time} (20,000 steps) on cuda on 1,040 train shapes of fbm, noisy; "
+        f"weights {', '.join(('aaaaaa', 'bbbbbb', 'cccccc')[:n])}."
     )
 
 
