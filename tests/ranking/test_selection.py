@@ -34,6 +34,12 @@ def test_hosts_that_share_a_case_of_one_table_stay_apart_in_all():
     assert prepared(again)["host"].tolist() == ["left, mid, right"] * 3
 
 
+def test_hosts_that_ran_a_case_on_different_devices_did_not_run_it_twice():
+    places = [("a", "left", "cpu"), ("b", "right", "cpu"), ("a", "right", "cuda"), ("b", "left", "cuda")]
+    frame = rows(*(row(case=case, host=host, device=device) for case, host, device in places))
+    assert prepared(frame)["host"].tolist() == ["left, right"] * 4
+
+
 def test_rows_without_the_later_key_columns_have_their_defaults():
     bare = rows(row(case="a", scores={"d": 1.0}), row(case="b", host="other")).drop(columns="split")
     assert select(bare, split="test")["case"].tolist() == ["a", "b"]
