@@ -194,8 +194,7 @@ def test_where_nobody_is_the_best_no_number_of_wins_is():
     [("lower", 1e-3, "CD ↓ (1e-3)"), ("higher", 1.0, "CD ↑"), ("reference", 1.0, "CD |diff| ↓")],
 )
 def test_the_subject_has_the_direction_and_the_unit(better, scale, subject):
-    values = {m: {(c, 0): scale * k for c in "wxyz"} for k, m in enumerate("ab", 2)}
-    made = table(values, better=better, floors={"d": scale})
+    made = table({"only": {(c, 0): 2 * scale for c in "wxyz"}}, better=better, floors={"d": scale})
     assert [one.subject for one in case_tables(*by_case(made, by="case"), Look(names={"d": "CD"}))] == [subject]
 
 
