@@ -84,7 +84,7 @@ def mean_intervals(
     n = (counts > 0).sum(axis=0)
     root = np.sqrt(np.maximum(n, 1))
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(n > 0, sums.sum(axis=0) / counts.sum(axis=0), np.nan)
+        mean = sums.sum(axis=0) / counts.sum(axis=0)
     error, skew = standard_error(sums, counts), skewness(sums, counts)
     t = student_quantile((1 + level) / 2, np.maximum(n - 1.0, 1.0))
     reach = [root * error * _untransformed((q - skew / (6 * root)) / root, skew) for q in (t, -t)]
@@ -93,9 +93,9 @@ def mean_intervals(
 
 def skewness(sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Skewness of the cluster means, as in :func:`standard_error`; 0 where they do not differ."""
-    n = np.maximum((counts > 0).sum(axis=0), 1)
+    n = (counts > 0).sum(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        residuals = np.nan_to_num(sums - sums.sum(axis=0) / counts.sum(axis=0) * counts)
+        residuals = sums - sums.sum(axis=0) / counts.sum(axis=0) * counts
         size = np.sqrt((residuals**2).sum(axis=0) / n)
         skew = (residuals**3).sum(axis=0) / n / size**3
     return np.where(size > SAME * abs(sums).max(axis=0, initial=0), skew, 0.0)
@@ -130,7 +130,6 @@ def paired_differences(values: np.ndarray, planned: np.ndarray, starts: np.ndarr
     """
     units, k, m = values.shape
     difference, p = np.zeros((k, k, m)), np.ones((k, k, m))
-    values = np.where(planned, values, 0.0)
     step = max(1, _BLOCK // max(1, units * k * m))
     for first in range(0, k, step):
         mine = slice(first, min(first + step, k))
@@ -226,7 +225,7 @@ def significant_differences(
     difference, p = paired_differences(values, planned, starts)
     taking_part = planned.any(axis=0).sum(axis=0)
     rejected = holm(p.transpose(2, 0, 1).reshape(m * k, k), 1 - level, np.repeat(taking_part - 1, k))
-    return difference, rejected.reshape(m, k, k).transpose(1, 2, 0) & (p < 1)
+    return difference, rejected.reshape(m, k, k).transpose(1, 2, 0)
 
 
 def rank_intervals(
@@ -287,7 +286,7 @@ def beyond(
     error = standard_error(sums, counts)
     freedom = np.maximum(n - 1.0, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(n > 0, sums.sum(axis=0) / units, np.nan)
+        mean = sums.sum(axis=0) / units
         p = special.stdtr(freedom, -(mean - bound) / error)
     # Without any spread, as in paired_differences: all units lie on one side of the bound.
     p = np.where(error <= SAME, np.where(mean > bound, p_without_spread(units) / 2, 1.0), p)

@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bench.ranking.statistics import holm, mean_intervals, paired_differences, rank_intervals, skewness, standard_error
+from bench.ranking.statistics import (
+    beyond,
+    holm,
+    mean_intervals,
+    paired_differences,
+    rank_intervals,
+    skewness,
+    standard_error,
+)
+
+
+TINY = 2.0**-40
 
 
 @pytest.fixture
@@ -55,7 +66,9 @@ def test_skewness_moves_the_interval_to_the_side_of_the_long_tail():
 def test_skewness_is_that_of_the_cluster_means_whatever_their_counts(rng):
     x = np.exp(rng.normal(size=(9, 4)))
     assert skewness(3 * x, np.full_like(x, 3)) == pytest.approx(stats.skew(x, axis=0))
+    assert skewness(1e-12 * x, np.ones_like(x)) == pytest.approx(stats.skew(x, axis=0))  # in any unit
     assert skewness(np.full((4, 1), 0.1), np.ones((4, 1))).tolist() == [0]
+    assert skewness(np.zeros((4, 1)), np.zeros((4, 1))).tolist() == [0]
 
 
 def test_a_higher_level_is_wider(rng):
@@ -71,6 +84,14 @@ def test_one_cluster_or_none_has_no_interval():
     assert mean[:2].tolist() == [2, 2]
     assert np.isnan(mean[2])
     assert np.isnan(low).tolist() == np.isnan(high).tolist() == [False, True, True]
+    assert np.isnan(standard_error(np.array([1.0, 0.0]), np.array([49.0, 0.0])))  # 1 / 49 * 49 is not 1
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_mean_is_in_its_interval_at_any_level(sign):
+    """A single hard shape of thirty: Hall's interval alone would be off the mean."""
+    mean, low, high = intervals(sign * np.r_[np.zeros(29), 1.0][:, None], level=0.1)
+    assert low <= mean <= high and low < high
 
 
 def test_clusters_without_a_value_do_not_count():
@@ -79,6 +100,12 @@ def test_clusters_without_a_value_do_not_count():
     assert mean[0] == 2
     # Two values: mean and standard error 1; Student's quantile for one degree of freedom.
     assert high[0] - low[0] == pytest.approx(2 * stats.t.ppf(0.975, 1))
+
+
+def test_clusters_without_a_value_change_no_interval(rng):
+    x = np.exp(rng.normal(size=(7, 3)))
+    padded = mean_intervals(np.r_[x, np.zeros((5, 3))], np.r_[np.ones_like(x), np.zeros((5, 3))])
+    assert padded == pytest.approx(np.array(intervals(x)))
 
 
 @pytest.mark.parametrize("cases", [2, 4, 8, 20])
@@ -102,6 +129,7 @@ def test_paired_differences_against_a_naive_loop(rng):
     cases, seeds, k = 5, 3, 4
     values = np.exp(rng.normal(size=(cases * seeds, k, 2)))
     planned = rng.random(values.shape) > 0.2
+    values[~planned] = np.nan
     difference, p = paired_differences(values, planned, np.arange(0, cases * seeds, seeds))
     for i in range(k):
         for j in range(k):
@@ -118,6 +146,28 @@ def test_paired_differences_against_a_naive_loop(rng):
                 residual = np.array([(relative[case == c] - relative.mean()).sum() for c in set(case)])
                 t = relative.mean() * len(a) / np.sqrt(n / (n - 1) * (residual**2).sum())
                 assert p[i, j, m] == pytest.approx(2 * stats.t.sf(abs(t), n - 1))
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "both", "difference", "p"),
+    [
+        ((3, 3, 3, 3), (1, 1, 1, 1), "", 0, 1),
+        ((3, 3, 3, 3), (1, 1, 1, 1), "0", 2, 1),
+        ((3, 3, 3, 3), (1, 1, 1, 1), "01", 2, 1),  # two seeds of one shape
+        ((3, 3, 3, 3), (1, 1, 1, 1), "02", 2, 2 / 4**2),
+        ((3, 3, 3, 3), (1, 1, 1, 1), "012", 2, 2 / 4**3),
+        ((1, 1, 1, 1), (0, 0, 0, 0), "0123", 1, 2 / 4**4),  # yes or no
+        ((3 * TINY,) * 4, (TINY,) * 4, "0123", 2 * TINY, 2 / 4**4),  # in any unit
+        ((1, 1, 102.5, 102.5), (1.5, 1.5, 102, 102), "0123", 0, 1),  # the relative difference is -0.1
+    ],
+)
+def test_a_paired_difference_by_hand(a, b, both, difference, p):
+    """Of two shapes with two seeds each."""
+    values = np.array([a, b], dtype=float).T[..., None]
+    planned = np.ones(values.shape, dtype=bool)
+    planned[:, 1, 0] = [str(unit) in both for unit in range(4)]
+    found = [array[..., 0].tolist() for array in paired_differences(values, planned, np.array([0, 2]))]
+    assert found == [[[0, difference], [-difference, 0]], [[1, p], [p, 1]]]
 
 
 @pytest.mark.parametrize("cases", [2, 3, 9])
@@ -164,10 +214,52 @@ def test_a_method_without_a_planned_unit_takes_no_part(rng):
 
 
 def test_holm_by_hand():
-    p = np.array([[0.01, 0.04, 0.03, 0.005], [0.02, 0.5, 0.5, 0.5]])
-    # Row 1, alpha 0.05: 0.005 <= .0125, 0.01 <= .0167, 0.03 > .025: stop. Row 2: 0.02 > .0125.
+    p = np.array([[0.012, 0.04, 0.03, 0.005], [0.02, 0.5, 0.5, 0.5]])
+    # Row 1, alpha 0.05: 0.005 <= .0125, 0.012 <= .0167, 0.03 > .025: stop. Row 2: 0.02 > .0125.
     assert holm(p, 0.05).tolist() == [[True, False, False, True], [False] * 4]
     assert holm(np.array([[0.02, 1.0, 1.0]]), 0.05, np.array([2])).tolist() == [[True, False, False]]
+    assert holm(np.array([[0.5, 0.25]]), 0.5).tolist() == [[True, True]]  # neither is above its level
+
+
+@pytest.mark.parametrize(("k", "sure"), [(7, True), (8, False)])
+def test_a_method_is_compared_with_all_others_that_take_part(k, sure):
+    """One is right on four shapes and all others are wrong: 2 / 4^4 is less than 0.05 / 6, and more than 0.05 / 7."""
+    values = np.ones((4, k + 1, 1))
+    values[:, 0] = 0
+    planned = np.ones(values.shape, dtype=bool)
+    planned[:, k] = False
+    low, high, beaten = rank_intervals(values, planned, np.arange(4))
+    assert (low[0, 0], high[0, 0]) == (1, 1 if sure else k) and beaten.ravel().tolist() == [0, *[1] * (k - 1), 0]
+
+
+def test_beyond_against_scipy(rng):
+    """Of two to six clusters: those that lines lack beside longer ones count for nothing."""
+    x = 1 + rng.normal(size=(6, 5))
+    there = np.arange(6)[:, None] < np.arange(2, 7)
+    mean, low, high, p = beyond(np.where(there, 3 * x, 0), 3.0 * there, 0.7, 0.9)
+    for column, n in enumerate(range(2, 7)):
+        own = x[:n, column]
+        reach = stats.t.ppf(0.95, n - 1) * stats.sem(own)
+        assert (mean[column], low[column], high[column]) == pytest.approx(
+            (own.mean(), own.mean() - reach, own.mean() + reach)
+        )
+        assert p[column] == pytest.approx(stats.ttest_1samp(own, 0.7, alternative="greater").pvalue)
+
+
+@pytest.mark.parametrize(
+    ("sums", "counts", "mean", "p"),
+    [
+        ((0, 0), (0, 0), np.nan, 1),
+        ((6, 0), (3, 0), 2, 1),
+        ((6, 4), (3, 2), 2, 1 / 4**5),  # all of five units are above the bound
+        ((3, 2), (3, 2), 1, 1),  # at the bound
+        ((0, 0), (3, 2), 0, 1),
+    ],
+)
+def test_beyond_without_any_spread(sums, counts, mean, p):
+    found = np.ravel(beyond(np.array(sums, float)[:, None], np.array(counts, float)[:, None], 1.0))
+    width = 0 if min(counts) else np.nan
+    np.testing.assert_array_equal(found, [mean, mean - width, mean + width, p])
 
 
 @pytest.mark.parametrize("cases", [4, 12])
