@@ -204,7 +204,7 @@ def holm_p(p: Sequence[float]) -> list[float]:
 
 
 def significant_differences(
-    values: np.ndarray, planned: np.ndarray, starts: np.ndarray, level: float = 0.95
+    values: np.ndarray, planned: np.ndarray, starts: np.ndarray, level: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which two methods significantly differ, for each metric.
 

@@ -14,7 +14,6 @@ from bench.ranking.statistics import (
     standard_error,
 )
 
-
 TINY = 2.0**-40
 
 
@@ -68,7 +67,7 @@ def test_skewness_is_that_of_the_cluster_means_whatever_their_counts(rng):
     assert skewness(3 * x, np.full_like(x, 3)) == pytest.approx(stats.skew(x, axis=0))
     assert skewness(1e-12 * x, np.ones_like(x)) == pytest.approx(stats.skew(x, axis=0))  # in any unit
     assert skewness(np.full((4, 1), 0.1), np.ones((4, 1))).tolist() == [0]
-    assert skewness(np.zeros((4, 1)), np.zeros((4, 1))).tolist() == [0]
+    assert skewness(np.zeros((4, 2)), np.array([[1.0, 0.0]] * 4)).tolist() == [0, 0]  # perfect, and never run
 
 
 def test_a_higher_level_is_wider(rng):
@@ -234,9 +233,9 @@ def test_a_method_is_compared_with_all_others_that_take_part(k, sure):
 
 def test_beyond_against_scipy(rng):
     """Of two to six clusters: those that lines lack beside longer ones count for nothing."""
-    x = 1 + rng.normal(size=(6, 5))
+    x, each = 1 + rng.normal(size=(6, 5)), np.arange(1.0, 6)
     there = np.arange(6)[:, None] < np.arange(2, 7)
-    mean, low, high, p = beyond(np.where(there, 3 * x, 0), 3.0 * there, 0.7, 0.9)
+    mean, low, high, p = beyond(np.where(there, each * x, 0), each * there, 0.7, 0.9)
     for column, n in enumerate(range(2, 7)):
         own = x[:n, column]
         reach = stats.t.ppf(0.95, n - 1) * stats.sem(own)
