@@ -17,7 +17,7 @@ from bench.ranking.report import FORMATS, in_format
 from bench.ranking.report.look import Look
 from bench.ranking.report.worst_tables import case_notes, worst_tables
 from bench.ranking.statistics import holm_p
-from bench.ranking.worst import commands, folder_of, outputs, worst
+from bench.ranking.worst import COLUMNS, commands, folder_of, outputs, worst
 from bench.results.store import Results
 
 CASES = [f"s{i:02d}" for i in range(12)]
@@ -57,12 +57,23 @@ def test_cases_are_in_the_order_of_their_ratio_to_the_best_other(frame):
     assert found.cases["ratio"].tolist() == pytest.approx(ratios.tolist())
     assert set(found.cases["case"][:3]) == THIN and found.method == "mine (k=3)"
     assert set(found.cases["best_method"]) <= {"a", "b", "mine"}
+    assert list(found.cases) == list(COLUMNS) and found.cases.index.equals(pd.RangeIndex(12))
 
 
 def test_a_failure_has_the_score_of_the_worst_pseudo_method(frame):
     (found,) = worst(frame, "mine[k=3]", order="score")
     first = found.cases.iloc[0]
     assert (first["case"], first["value"], first["status"]) == ("s04", 100.0, "error")
+
+
+def test_the_score_of_a_failure_may_stand_in_the_row_of_another_method(frame):
+    """As that of a method that ended its process; the rows are of files without splits, and the filters leave some."""
+    bare = frame.drop(columns="split")
+    bare.loc[(bare["method"] == "mine") & (bare["variant"] == "k=3"), "worst.d"] = np.nan
+    bare = pd.concat([bare.assign(dataset="cad"), bare.assign(sensor="noisy"), bare], ignore_index=True)
+    (found,) = worst(bare, "mine[k=3]", order="score", dataset="bumps", sensor="samples")
+    assert found.cases["value"].iloc[0] == 100 and len(found.cases) == 12
+    assert (set(found.cases["dataset"]), set(found.cases["sensor"])) == ({"bumps"}, {"samples"})
 
 
 def test_a_failure_of_unknown_worth_comes_first(frame):
@@ -74,6 +85,34 @@ def test_higher_is_better_turns_the_ratio_around():
     made = rows(*(row(m, c, 0, {"f": f}, better="higher") for m, f in (("mine", 0.2), ("a", 0.8)) for c in CASES))
     (found,) = worst(made, "mine")
     assert found.cases["ratio"].tolist() == pytest.approx([4.0] * 12)
+
+
+def test_perfect_results_are_as_good_as_each_other():
+    """A distance of 0 is no finite number of times better than another, and not better than 0."""
+    scores = {"mine": (0.0, 0.2, 0.0, 0.3), "a": (0.0, 0.1, 0.5, 0.0)}
+    made = rows(*(row(m, c, 0, {"d": d}) for m, of in scores.items() for c, d in zip("wxyz", of, strict=True)))
+    (found,) = worst(made, "mine")
+    assert dict(zip(found.cases["case"], found.cases["ratio"], strict=True)) == {"z": np.inf, "x": 2, "w": 1, "y": 0}
+    assert found.cases["case"].tolist() == ["z", "x", "w", "y"]
+
+
+def test_the_first_metric_that_is_asked_for_decides_or_that_which_ranks():
+    scores, directions = {"d": 1.0, "f": 0.5}, '{"d": "lower", "f": "higher"}'
+    made = rows(*(row(m, c, 0, scores, directions=directions) for m in ("mine", "a") for c in "xy"))
+    chosen = {asked: worst(made, "mine", metric=asked)[0] for asked in (None, "d,f", "f,d", "f")}
+    assert {asked: (one.metric, one.better) for asked, one in chosen.items()} == {
+        None: ("d", "lower"),
+        "d,f": ("d", "lower"),
+        "f,d": ("f", "higher"),
+        "f": ("f", "higher"),
+    }
+
+
+def test_a_metric_that_is_not_for_the_output_of_the_method_is_refused():
+    made = rows(row("mine", "x", 0, {"d": 1.0}), row("a", "x", 0, {"d": 1.0, "angle": 2.0}))
+    with pytest.raises(UsageError, match="^mine: has no score by angle here"):
+        worst(made, "mine", metric="angle")
+    assert worst(made, "mine")[0].metric == "d"
 
 
 def test_tags_against_fishers_exact_test(frame):
@@ -101,6 +140,8 @@ def test_the_correction_is_holms(rng=None):
 def test_few_shapes_have_no_test(frame):
     (found,) = worst(frame[frame["case"].isin(CASES[:7])], "mine[k=3]")
     assert found.tags == () and "a test of tags takes 8" in " ".join(worst_tables(found, 3)[0].notes)
+    (found,) = worst(frame[frame["case"].isin(CASES[:8])], "mine[k=3]")
+    assert {tag.of_shapes for tag in found.tags} == {8} and {tag.of_bad for tag in found.tags} == {2}
 
 
 def test_one_method_is_meant(frame):
@@ -108,12 +149,12 @@ def test_one_method_is_meant(frame):
         worst(frame, "mine")
     with pytest.raises(UsageError, match="Did you mean 'mine'"):
         worst(frame, "mien")
-    with pytest.raises(UsageError, match="has no score"):
+    with pytest.raises(UsageError, match="^a: has no score here"):
         worst(frame.assign(status="error", directions=""), "a")
 
 
 def test_train_and_test_shapes_stay_apart(frame):
-    both = pd.concat([frame, frame.assign(split="train")], ignore_index=True)
+    both = pd.concat([frame.assign(split="train"), frame], ignore_index=True)
     assert [(one.split, len(one.cases)) for one in worst(both, "a")] == [("test", 12), ("train", 12)]
 
 
@@ -146,6 +187,7 @@ def test_the_commands_and_outputs_are_those_of_the_folder_of_a_row(tmp_path):
     (found,) = worst(rows, "identity")
     line = found.cases.to_dict("records")[0]
     assert folder_of(line, folders) == str(folder)
+    assert folder_of(line | {"fingerprint": "e" * 16}, folders) == folders[0]  # no folder has such a file
     runs, files = commands(found.cases, folders), outputs(found.cases, folders)
     assert runs[0] == f"detailbench reproduce {cell.id} results='{folder}'" and files[0] == str(kept)
 
