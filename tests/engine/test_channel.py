@@ -2,6 +2,9 @@
 
 import json
 import os
+import pathlib
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -9,6 +12,7 @@ import pytest
 
 from bench.engine import watch
 from bench.engine.channel import EVENTS, Channel, NoEvent, plain, read_event
+from bench.engine.forkserver import ServerDied
 from bench.engine.runner import _Job
 from bench.plan.limits import Limits
 from bench.text import bounded, cut
@@ -189,6 +193,26 @@ def test_nothing_that_changes_a_result_comes_after_the_end():
 
     death, _ = watched(more)
     assert death.status == "crashed" and "an event 'result' after 'done'" in death.message
+    assert death.message.startswith("something other than the worker wrote to its event pipe: ")
+
+
+def test_what_it_wrote_before_it_ended_counts_whenever_it_is_read():
+    """It may write and end after a look at its messages, and before the look whether it has ended."""
+    begin, begun = os.pipe()
+
+    def late(channel):
+        os.read(begin, 1)
+        channel.send("done")
+        channel.send("result", row={"status": "ok"})
+
+    def alive():
+        os.write(begun, b"x")
+        os.waitid(os.P_PID, worker.pid, os.WEXITED | os.WNOWAIT)
+
+    worker = watch.Worker(Server(late), {}, Limits(), lambda event: None, alive)
+    death = worker.watch()
+    os.close(begin), os.close(begun)
+    assert death.status == "crashed" and "an event 'result' after 'done'" in death.message
 
 
 def test_nothing_counts_after_a_message_that_no_worker_sends(monkeypatch):
@@ -221,6 +245,51 @@ def test_a_clock_that_was_stopped_twice_stands_still_until_it_is_started_twice()
     assert watched(nested, seconds=0.2)[0] is None
     death, _ = watched(lambda channel: channel.send("resume"))
     assert "without a 'pause'" in death.message
+
+
+def test_a_pipe_that_is_never_empty_is_read_to_its_end(monkeypatch):
+    """With looks at the limits in between: so many reads, and on."""
+    monkeypatch.setattr(watch, "READS", 1)
+
+    def busy(channel):
+        channel.enter("method", 0)
+        for done in range(5000):  # more than a pipe holds
+            channel.send("progress", done=done, total=5000)
+        channel.send("done")
+        os._exit(0)
+
+    death, heard = watched(busy, seconds=5)
+    assert death is None and [event["done"] for event in heard[1:]] == list(range(5000))
+
+
+def test_the_memory_of_what_a_program_of_the_method_has_started_counts(monkeypatch):
+    monkeypatch.setattr(watch, "LOOK_BELOW", 0.0)
+    program = "import time; block = b'1' * (250 << 20); time.sleep(60)"
+
+    def starting(channel):
+        channel.enter("method", 0)
+        subprocess.run(["sh", "-c", f'{sys.executable} -c "{program}"; true'])
+
+    death, _ = watched(starting, seconds=20, memory_gb=0.2)
+    assert death.status == "oom" and death.message.endswith(" GB (limit.memory_gb=0.2)")
+
+
+def test_memory_is_measured_alike_where_there_is_no_proc(monkeypatch):
+    here = watch._resident_mb(os.getpid())
+    monkeypatch.setattr(watch, "Path", lambda name: pathlib.Path("/nowhere"))
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert watch._resident_mb(os.getpid()) == pytest.approx(here, rel=0.1)
+
+
+def test_a_server_that_cannot_fork_costs_no_descriptor():
+    class Gone:
+        def fork(self, spec, messages, output):
+            raise ServerDied("gone")
+
+    before = os.listdir("/proc/self/fd")
+    with pytest.raises(ServerDied):
+        watch.Worker(Gone(), {}, Limits(), lambda event: None)
+    assert os.listdir("/proc/self/fd") == before
 
 
 def test_a_text_without_end_gets_one():
