@@ -9,6 +9,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import UsageError
@@ -463,17 +464,16 @@ _sources: dict[str, str] = {}  # digests of the plugin sources loaded by the ser
 
 
 def server_for(cell: Cell, settings: Settings) -> ForkServer:
-    """The fork server for the libraries of a cell's method; all are restarted when a plugin was edited since.
+    """The fork server for the libraries of a cell's method; all are restarted when a plugin of it was edited since.
 
     What the dataset, the sensor and the metrics of the first cell need is loaded with it; a later cell's dataset is
     imported by the worker, off the clock.
     """
     plugins = [plugin for choice in cell.choices for plugin in choice.parts]
-    for plugin in plugins:
-        digest = source_digest(plugin.file)
-        if _sources.setdefault(str(plugin.file), digest) != digest:
-            forget_servers()
-            break
+    digests = {str(plugin.file): source_digest(plugin.file) for plugin in plugins}
+    if any(_sources.get(file, digest) != digest for file, digest in digests.items()):
+        forget_servers()
+    _sources.update(digests)
     libraries = frozenset(library for plugin in cell.method.parts for library in plugin.requires)
     key = (os.getpid(), libraries, settings.plugins, cell.threads)
     if key in _servers:
@@ -482,6 +482,8 @@ def server_for(cell: Cell, settings: Settings) -> ForkServer:
     while len(_servers) >= MAX_SERVERS:
         _servers.pop(next(iter(_servers))).close()
     preload = tuple(sorted({library for plugin in plugins for library in plugin.requires}))
+    for file in settings.plugins:  # it loads them all, also those of later cells, which may be edited until then
+        _sources.setdefault(file, source_digest(Path(file)))
     server = take_prestarted(cell.threads)
     try:
         server.load(preload, settings.plugins)

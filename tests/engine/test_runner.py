@@ -1,0 +1,144 @@
+"""What the runner does between a cell and its workers: which servers it keeps, and how often it tries again."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from bench.engine import runner
+from bench.engine.forkserver import CannotStart, ServerDied
+from bench.engine.watch import Death
+from bench.plan.cell import Settings
+
+# -- servers that have loaded what was edited since --------------------------------------------------------------------
+
+
+class Loaded:
+    """A fork server that remembers what the plugin files said when it loaded them."""
+
+    def __init__(self, threads):
+        self.closed = False
+
+    def load(self, preload, plugins):
+        self.preload, self.sources = preload, {name: Path(name).read_text() for name in plugins}
+
+    def close(self):
+        self.closed = True
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """Two plugin files, ``a`` and ``b``, and no server."""
+    monkeypatch.setattr(runner, "take_prestarted", Loaded)
+    monkeypatch.setattr(runner, "_servers", {})
+    monkeypatch.setattr(runner, "_sources", {})
+    for name in "ab":
+        (tmp_path / f"{name}.py").write_text(f"{name} = 1\n")
+    return {name: tmp_path / f"{name}.py" for name in "ab"}
+
+
+def server_of(files, *names, requires=()):
+    """The server for a cell whose method is the first of these plugins."""
+    parts = [SimpleNamespace(file=files[name], requires=requires) for name in names]
+    choices = [SimpleNamespace(parts=[part]) for part in parts]
+    cell = SimpleNamespace(choices=choices, method=choices[0], threads=1)
+    return runner.server_for(cell, Settings(plugins=tuple(map(str, files.values()))))
+
+
+def test_a_plugin_that_is_edited_again_is_loaded_again(files):
+    first = server_of(files, "a", "b")
+    assert server_of(files, "a", "b") is first
+    for edit in ("a = 22\n", "a = 333\n"):
+        files["a"].write_text(edit)
+        other = server_of(files, "a", "b")
+        assert other.sources[str(files["a"])] == edit and first.closed
+    assert server_of(files, "b", "a") is other
+    files["b"].write_text("b = 22\n")
+    assert server_of(files, "a", "b").sources[str(files["b"])] == "b = 22\n"
+
+
+def test_the_plugin_of_a_later_cell_is_loaded_again_if_it_was_edited_before_that(files):
+    first = server_of(files, "a")
+    files["b"].write_text("b = 22\n")
+    assert server_of(files, "a") is first  # it is nothing to this cell: b may not even be whole yet
+    assert server_of(files, "b").sources[str(files["b"])] == "b = 22\n" and first.closed
+
+
+def test_the_server_that_was_not_used_for_longest_is_ended_first(files):
+    servers = [server_of(files, "a", requires=(str(i),)) for i in range(runner.MAX_SERVERS)]
+    assert server_of(files, "a", requires=("0",)) is servers[0]
+    server_of(files, "a", requires=("one more",))
+    assert [server.closed for server in servers] == [False, True] + [False] * (runner.MAX_SERVERS - 2)
+
+
+# -- workers that die --------------------------------------------------------------------------------------------------
+
+
+class Job(runner._Job):
+    """The cases of a cell, of which nothing is stored, and workers that end as they are told."""
+
+    def __init__(self, *ends, cases=2):
+        self.ids, self.rows, self.ends = [f"case {i}" for i in range(cases)], {}, list(ends)
+        self.cell = SimpleNamespace(planned=cases)
+        self.reporter = runner.Silent()
+
+    def work(self, cpus):
+        end = self.ends.pop(0)
+        if isinstance(end, Exception):
+            raise end
+        return end
+
+    def keep(self, row):
+        self.rows[row["case_index"]] = row
+
+
+def death(index, with_server=False):
+    return Death("crashed", "killed", index, "method", 1.0, "", with_server)
+
+
+def test_what_cannot_start_is_tried_three_times_and_is_no_result():
+    job = Job(CannotStart("no memory"), CannotStart("no memory"), None)
+    job.run([0])
+    assert job.ends == []
+    job = Job(*[CannotStart("no memory")] * 3, None)
+    with pytest.raises(CannotStart):
+        job.run([0])
+    assert job.ends == [None] and job.rows == {}
+
+
+def test_a_library_that_ends_its_process_is_the_result_after_three_tries():
+    job = Job(ServerDied("gone"), ServerDied("gone"), None)
+    job.run([0])
+    assert job.rows == {}
+    job = Job(*[ServerDied("gone while it loaded torch")] * 3, None)
+    job.run([0])
+    assert job.ends == [None] and [row["stage"] for row in job.rows.values()] == ["start", "start"]
+    assert {row["message"] for row in job.rows.values()} == {"gone while it loaded torch"}
+
+
+def test_a_case_whose_server_was_killed_is_tried_once_more():
+    job = Job(death(0, with_server=True), death(0, with_server=True), death(1, with_server=True), None)
+    job.run([0])
+    assert list(job.rows) == [0] and job.ends == []
+
+
+def test_workers_that_die_between_their_cases_for_ever_are_given_up():
+    job = Job(death(0), *[death(0)] * 4, None)
+    job.run([0])
+    assert job.ends == [None] and list(job.rows) == [0, 1] and job.rows[1]["message"] == "killed"
+
+
+def test_a_worker_that_ends_before_it_began_is_reported_with_its_last_line(monkeypatch):
+    class Ended:
+        def __init__(self, *_):
+            pass
+
+        def watch(self):
+            return Death("crashed", "ended with exit status 70", -1, "start", 0.1, "Traceback:\nImportError: no numpy")
+
+    monkeypatch.setattr(runner, "server_for", lambda cell, settings: None)
+    monkeypatch.setattr(runner, "Worker", Ended)
+    job = Job()
+    job.settings, job.alive, job.spec = Settings(), None, lambda cpus: {}
+    with pytest.raises(CannotStart, match="exit status 70; ImportError: no numpy. No result was stored"):
+        runner._Job.work(job, [0])
