@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
+from bench.engine import runner
 from bench.engine.runner import must_rerun
 from bench.plan.cell import Settings
 from bench.plan.limits import Limits
@@ -60,7 +62,7 @@ def test_a_record_that_does_not_say_its_limits_is_not_made_anew_for_them(limit):
 
 @pytest.mark.parametrize(("status", "limit"), [("timeout", "limit_seconds"), ("oom", "limit_memory_gb")])
 def test_a_row_that_does_not_say_its_limit_is_made_anew(status, limit):
-    assert again(FAILED[status] | {limit: None})
+    assert again(FAILED[status] | {limit: None}, seconds=0.1, memory_gb=0.1)
 
 
 @pytest.mark.parametrize("stage", ["start", "plan", "train", "prepare", "method"])
@@ -80,3 +82,18 @@ def test_what_ended_before_any_case_is_made_anew(stage):
 @pytest.mark.parametrize("name", ROWS)
 def test_failures_are_made_anew_where_that_is_asked_for(name):
     assert again(ROWS[name], rerun="failed") == (ROWS[name]["status"] != "ok")
+
+
+def test_what_is_added_to_a_record_of_an_earlier_version_is_of_the_current_one(monkeypatch):
+    """Its finished rows and those of the run that was interrupted; a record that is whole stays as it is."""
+    stands = SimpleNamespace(record="earlier", mark="now")
+    finished = {
+        "earlier": ({0: {"fingerprint": "earlier"}, 1: {"fingerprint": "earlier"}}, SimpleNamespace(rows=[{}] * 3)),
+        "now": ({1: {"fingerprint": "now", "new": True}}, None),
+    }
+    monkeypatch.setattr(runner, "finished_rows", lambda results, cell, mark, settings: finished[mark])
+    rows, stored = runner.standing_rows(None, None, stands, Settings())
+    assert rows == {0: {"fingerprint": "now"}, 1: {"fingerprint": "now", "new": True}}
+    assert stored is finished["earlier"][1]
+    stored.rows.pop()
+    assert runner.standing_rows(None, None, stands, Settings()) == finished["earlier"]
