@@ -350,7 +350,7 @@ LINES = (
 
 
 def test_the_ratios_stand_with_their_intervals_and_ties():
-    one = of_lines(*LINES)
+    one = of_lines(*LINES, shapes=4)
     assert printed(one) == [
         ["parameters", "d ↓", "ratio", "solved", "seconds"],
         ["---", "---", "---", "--:", "--:"],
@@ -361,6 +361,7 @@ def test_the_ratios_stand_with_their_intervals_and_ties():
     ]
     (table,) = best_tables([one])
     assert any("it holds 1 for 1 of the others" in note for note in table.notes)
+    assert not any("Fewer than" in note for note in table.notes)
     (table,) = best_tables([of_lines(LINES[0], LINES[3])])
     assert any("it holds 1 for 0 of the others" in note for note in table.notes)
 
