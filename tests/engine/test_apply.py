@@ -1,0 +1,144 @@
+"""One method applied to files: what its row says of sizes, colours and stages, and what a dead server costs."""
+
+from contextlib import nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+
+from bench import PointCloud
+from bench.engine import application, isolate
+from bench.engine.application import Application, Applier, _StageClock
+from bench.engine.forkserver import CannotStart, ServerDied
+from bench.engine.watch import Death
+from bench.notices import collected
+from bench.plan.choice import Choice
+
+BOX = trimesh.creation.box()
+JOB = Application(Choice("task", "denoise"), Choice("method", "identity"), ("a.ply",), "b.ply")
+
+
+def noticed(function, *values):
+    """What a function returns, and its notices."""
+    with collected() as notes:
+        return function(*values), list(notes)
+
+
+def test_a_mesh_of_few_faces_is_not_simplified_and_that_is_said(monkeypatch):
+    monkeypatch.setattr("bench.geometry.simplify.simplify", lambda mesh, faces: mesh)  # does not wait for Open3D
+    asked = {"simplify": 12, "seed": 0}
+    assert noticed(application._simplified, BOX, asked) == (BOX, ["not simplified: it has 12 faces"])
+
+
+def test_colours_are_those_of_the_first_input_that_has_any():
+    plain = PointCloud(np.eye(3))
+    red = PointCloud(np.eye(3), colors=np.tile([1.0, 0, 0], (3, 1)))
+    assert [application._has_colors(value) for value in (plain, red, 3, BOX)] == [False, True, False, False]
+    assert noticed(application._colored, plain, []) == (plain, ["no colours: the input has none"])
+    assert np.allclose(application._colored(plain, [red]).colors, red.colors, atol=0.01)
+
+
+def test_inputs_and_outputs_are_told_in_words_and_numbers():
+    cloud = PointCloud(np.eye(3), normals=np.eye(3), colors=np.zeros((3, 3)))
+    found = application._sizes({"cloud": cloud, "ratio": 4}, BOX + BOX.copy().apply_translation([3, 0, 0]))
+    assert (found["input"], found["input_points"]) == ("3 points with normals, colours", 3)
+    assert (found["output"], found["pieces"]) == ("16 vertices, 24 faces, 2 pieces", 2)
+    assert (found["output_points"], found["output_faces"]) == (16, 24)
+    found = application._sizes({"mesh": BOX}, BOX)
+    assert (found["output"], found["pieces"]) == ("8 vertices, 12 faces", 1)
+    found = application._sizes({}, PointCloud(np.eye(3)))
+    assert found["output"] == "3 points" and "pieces" not in found
+
+
+def test_the_seconds_of_a_stage_that_comes_again_add_up(monkeypatch):
+    now = iter([0.0, 1.0, 3.0, 7.0, 15.0])
+    monkeypatch.setattr(application.time, "monotonic", lambda: next(now))
+    told = []
+    clock = _StageClock(SimpleNamespace(send=lambda event, what: told.append(what)))
+    for name in ("reading", "solving", "reading", ""):
+        clock(name)
+    assert clock.seconds == {"reading": 2.0 + 8.0, "solving": 4.0} and told == ["reading", "solving", "reading", ""]
+
+
+def test_reading_and_writing_are_not_the_method_s_time(tmp_path):
+    """The runner holds each stage to its own limit."""
+    (tmp_path / "a.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n")
+    job = replace(JOB, inputs=(str(tmp_path / "a.xyz"),), output=str(tmp_path / "b.ply"))
+    events = []
+    channel = SimpleNamespace(
+        send=lambda event, **values: events.append(values.get("what", event)),
+        enter=lambda stage, index: events.append(stage),
+    )
+    spec = {"arguments": application._arguments(job), "threads": 1, "seconds": 100.0, "memory_gb": 8.0}
+    row = application._applied(spec, channel, [])
+    assert (row["output"], row["input_points"]) == ("3 points", 3) and (tmp_path / "b.ply").exists()
+    assert events == ["prepare", "case", "prepare", "method", "write"]
+
+
+# -- servers -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def servers(monkeypatch):
+    """All that an Applier started; each answers with the next of ``answers``."""
+    made = []
+
+    class Calls:
+        answers = []
+
+        def __init__(self, *_):
+            self.closed = 0
+            made.append(self)
+
+        def call(self, *_, **__):
+            answer = Calls.answers.pop(0)
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+        def close(self):
+            self.closed += 1
+
+    monkeypatch.setattr(application, "Isolation", Calls)
+    made_by = SimpleNamespace(made=made, answers=Calls.answers)
+    return made_by
+
+
+def test_a_server_that_died_of_one_file_is_replaced_for_the_next(servers):
+    servers.answers += [{"status": "ok"}, ServerDied("killed"), {"status": "ok", "seconds": 2}, ServerDied("killed")]
+    with Applier(JOB) as apply:
+        assert apply(JOB) == {"status": "ok"}
+        assert apply(JOB) == {"status": "ok", "seconds": 2}
+        assert [server.closed for server in servers.made] == [1, 0]
+        servers.answers += [CannotStart("no memory")]
+        with pytest.raises(CannotStart):
+            apply(JOB)
+    assert [server.closed for server in servers.made] == [1, 1, 1]
+    with Applier(JOB):
+        pass  # no file: no server
+    assert len(servers.made) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "given"), [({"device": "cuda"}, {"device": "cuda:1"}), ({"seed": 3}, {"seed": 3})]
+)
+def test_a_call_is_told_the_device_that_was_claimed_for_it(monkeypatch, arguments, given):
+    specs = []
+
+    class Ended:
+        def __init__(self, server, spec, limit, hear, verbose):
+            specs.append(spec)
+            hear({"event": "result", "row": {"status": "ok"}})
+
+        def watch(self):
+            return None
+
+    monkeypatch.setattr(isolate, "Worker", Ended)
+    monkeypatch.setattr(isolate, "claim_device", lambda device: nullcontext("cuda:1" if device == "cuda" else device))
+    monkeypatch.setattr(isolate, "take_prestarted", lambda threads: SimpleNamespace(load=lambda *_: None))
+    assert isolate.Isolation().call("module:name", arguments) == {"status": "ok"}
+    assert specs[0]["arguments"] == given
+    monkeypatch.setattr(Ended, "watch", lambda self: Death("oom", "too much", 0, "case", 1.0, "", True))
+    assert isolate.Isolation().call("module:name", arguments)["status"] == "oom"
