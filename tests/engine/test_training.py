@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,13 +17,17 @@ from trimesh.creation import icosphere
 
 from bench import BadInput, Run, UsageError, fit
 from bench.contract import run as run_module
+from bench.engine import again
+from bench.engine import training as module
 from bench.engine.fitting import Fit, read_log, thinned
-from bench.plan.cell import Cell
+from bench.engine.trainer import _data, _fitted
+from bench.plan.cell import Cell, Settings
 from bench.plan.choice import Choice
 from bench.plan.training import Training
 from bench.plugins.registry import registry
 from bench.plugins.weights import as_bytes, check_fits, content, facts_of, load, shipped
 from bench.results.provenance import examples_key, explain, ingredients, weights_of
+from bench.results.store import Results
 
 LEARNER = Path(__file__).with_name("toy_learner.py")
 OTHER = "{ball: {stretch: 1.5}}"  # whose shapes are not those of the tests
@@ -72,6 +77,7 @@ def test_cells_share_one_training_under_every_launcher(shell, words_of, launcher
     rows = shell.rows()
     assert len(rows) == 4 and rows["weights"].nunique() == 1
     (path,) = weights_in(shell)
+    assert json.loads((path.parent / "about.json").read_text())["title"].startswith("training of toy_learner")
     assert set(rows["weights"]) == {content(path)[:12]}
     assert set(rows["weights_from"]) == {"trained"} and set(rows["train_cases"]) == {1}  # two of one mesh
     assert set(rows["train_steps"]) == {200} and set(rows["train_device"]) == {"cpu"}
@@ -108,15 +114,13 @@ def test_a_failed_training_fails_each_cell_once_with_one_message(shell, words_of
 
 
 def test_a_training_that_does_not_end_is_stopped(shell, monkeypatch):
-    from bench.engine import training as module
-    from bench.plan.cell import Settings
-
     monkeypatch.setattr(module, "SPARE_SECONDS", 1.0)
     training = Training.of({"cases": 1, "seconds": 0.1, "threads": 1}, choices(fail="hang"))
     begin = time.monotonic()
-    with pytest.raises(module.TrainingFailed, match=r"stopped after 1.12 s .*run.seconds_left"):
+    with pytest.raises(module.TrainingFailed, match=r"stopped after 1.12 s .*run.seconds_left") as caught:
         module.weights_for(training, Settings(results=str(shell.results), plugins=(str(LEARNER),)))
     assert time.monotonic() - begin < 60
+    assert str(caught.value) == caught.value.row["message"]
 
 
 # -- interrupted -------------------------------------------------------------------------------------------------------
@@ -204,8 +208,6 @@ def test_a_shape_that_was_trained_on_is_refused_in_a_test(shell, words_of):
 
 
 def test_training_cases_are_of_the_train_split(monkeypatch):
-    from bench.engine.trainer import _data
-
     training = cell_of({"cases": 3, "dataset": "ball"}).training
     seen = []
     cases = list(_data(training, seen.append).cases)
@@ -378,6 +380,59 @@ def test_a_run_stores_checkpoints_at_most_once_a_minute():
     run.checkpoint(lambda: {"a": np.ones(1)})
     assert len(stored) == 1
     Run().checkpoint(lambda: 1 / 0)  # nobody stores: it is not even made
+
+
+def trained_in(folder: Path, training: Training) -> tuple[Results, Path]:
+    """A results folder in which a training has left its weights."""
+    results = Results(folder)
+    path = module.folder_of(results, training) / "weights.safetensors"
+    path.parent.mkdir(parents=True)
+    return results, file_of(path, 1.0)
+
+
+def test_weights_that_are_there_wait_for_nobody_and_examples_are_made_though_they_are(tmp_path, monkeypatch):
+    training = cell_of({}).training
+    results, path = trained_in(tmp_path, training)
+    settings = Settings(results=str(tmp_path))
+    with monkeypatch.context() as patch:
+        patch.setattr(Results, "lock", None)  # it may be held, for hours, by what makes examples
+        assert module.weights_for(training, settings) == module.Weights.of(path, "trained")
+
+    def train(training, settings, results, hear, alive, extra):
+        examples = module.examples_file(results, training)
+        examples.parent.mkdir()
+        examples.write_bytes(as_bytes({"centroids": np.zeros((1, 3))}, {"method": "toy_learner"}))
+        return {"status": "ok"}
+
+    monkeypatch.setattr(module, "_train", train)
+    made = module.weights_for(training, settings, extra=module.Extra(only_examples=True))
+    assert made.path == module.examples_file(results, training) and made.origin == "examples"
+
+
+def test_a_case_that_is_run_again_elsewhere_has_the_very_weights_of_its_cell(tmp_path, monkeypatch):
+    cell = cell_of({})
+    results, path = trained_in(tmp_path / "here", cell.training)
+    monkeypatch.setattr(again, "run_cell", lambda cell, settings, known: SimpleNamespace(record=known))
+    monkeypatch.setattr(again, "writing_nothing", lambda cell: (cell, []))
+    rows = [{"case": name, "case_index": index} for index, name in enumerate("abc")]
+    stored = SimpleNamespace(cell=cell, results=results, settings=Settings(), shown=SimpleNamespace(rows=rows))
+    assert again.run_again(stored, tmp_path / "there", {"b"}) == {0: rows[0], 2: rows[2]}
+    copy = module.known_weights(Results(tmp_path / "there"), cell.training)
+    assert copy is not None and copy.path.read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("commit", "said"),
+    [({"commit": "abc", "dirty": False}, "abc"), ({"commit": "abc", "dirty": True}, "abc+"), (None, "")],
+)
+def test_weights_say_of_which_commit_they_are_and_whether_it_was_edited(tmp_path, monkeypatch, commit, said):
+    monkeypatch.setattr("bench.results.provenance.machine", lambda: {"commit": commit, "detailbench": "1"})
+    asked = {"device": "cpu", "fingerprint": "f", "folder": str(tmp_path)}
+    channel = SimpleNamespace(enter=lambda *_: None, send=lambda *_, **__: None)
+    spec = {"threads": 1, "seconds": 100.0}
+    _fitted(cell_of({}, steps=3).training, asked, spec, channel, {"centroids": np.zeros((1, 3))}, {})
+    facts = facts_of(tmp_path / "weights.safetensors")
+    assert (facts["commit"], facts["detailbench"], facts["training"]) == (said, "1", "f")
 
 
 # -- commands ----------------------------------------------------------------------------------------------------------
