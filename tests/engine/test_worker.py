@@ -190,6 +190,56 @@ def test_one_processor_imports_nothing_in_advance(monkeypatch):
     assert forkserver._prestarted == []
 
 
+@pytest.fixture
+def server_that(monkeypatch):
+    """A fork server whose process runs other lines of Python, which have the ``channel`` to the runner."""
+
+    def start(lines):
+        code = f"import socket, sys, os, signal, time\nchannel = socket.socket(fileno=int(sys.argv[1]))\n{lines}"
+        monkeypatch.setattr(
+            forkserver,
+            "start_process",
+            lambda channel, threads, printed: subprocess.Popen(
+                [sys.executable, "-S", "-c", code, str(channel)], pass_fds=[channel], stderr=printed
+            ),
+        )
+        return forkserver.ForkServer(1)
+
+    return start
+
+
+def test_a_server_that_ends_is_reported_with_its_exit_status_and_its_last_words(server_that):
+    answer = "channel.recv(999); channel.send(b'{}'); channel.recv(999)"
+    end = "time.sleep(0.1); sys.exit('first line\\nlast line')"
+    server = server_that(f"channel.recv(999); channel.close(); {end}")
+    with pytest.raises(forkserver.CannotStart, match=r"ended unexpectedly \(exit status 1\): last line\. No result"):
+        server.load(("a",), ("b",))
+    server.close()
+    server = server_that(f"{answer}; channel.close(); {end}")
+    with pytest.raises(forkserver.ServerDied, match=r"\(exit status 1\) while it loaded a, b: last line$"):
+        server.load(("a",), ("b",))
+    server.close()
+
+
+def test_a_server_that_does_not_answer_is_ended(server_that, monkeypatch):
+    monkeypatch.setattr(forkserver, "LOAD_SECONDS", 0.1)
+    monkeypatch.setattr(forkserver, "LOOK", 0.05)
+    server = server_that("time.sleep(60)")
+    with pytest.raises(forkserver.CannotStart, match="exit status -9"):
+        server.load((), ())
+    server.close()
+
+
+def test_a_server_that_was_stopped_goes_on(server_that, monkeypatch):
+    """A method that it has forked can stop it."""
+    monkeypatch.setattr(forkserver, "LOOK", 0.05)
+    answer = "channel.recv(999); channel.send(b'{}')"
+    server = server_that(f"os.kill(os.getpid(), signal.SIGSTOP); {answer}; {answer}; channel.recv(999)")
+    server.load((), ())
+    server.close()
+    assert server._process.returncode == 0
+
+
 def test_threads_that_wait_sleep_unless_the_user_wants_them_to_spin(monkeypatch):
     monkeypatch.delenv("OMP_WAIT_POLICY", raising=False)
     made = forkserver.server_environment(3)
