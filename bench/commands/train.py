@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     if args.examples and not Path(os.path.expanduser(args.examples)).is_file():
         raise UsageError(f"--examples {args.examples}: no such file")
     training, settings, folder = job_of(overrides, plugins)
-    results = Results(folder)
+    results = Results(folder, mends=True)
     results.prepare()
     if settings.rerun == "always":
         forget(results, training)
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     extra = Extra(str(Path(os.path.expanduser(args.examples))) if args.examples else "", bool(args.export_examples))
     try:
         with Shown(training) as shown:
-            weights = weights_for(training, settings, shown.event, extra=extra)
+            weights = weights_for(training, settings, shown.event, extra=extra, results=results)
     except TrainingFailed as failed:
         if args.plugin and failed.row.get("traceback"):
             print(failed.row["traceback"], file=sys.stderr)
@@ -78,6 +78,9 @@ def run(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("interrupted: the same command continues from the last checkpoint", file=sys.stderr)
         return 130
+    finally:
+        for note in results.damaged:
+            print(f"warning: {note}", file=sys.stderr)
     if args.export_examples:
         shutil.copyfile(weights.path, Path(os.path.expanduser(args.export_examples)))
         size = weights.path.stat().st_size / 1e6

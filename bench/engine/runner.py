@@ -100,7 +100,7 @@ def run_cell(
         if stored and all(rows.get(row["case_index"]) is row for row in stored.rows):
             return Outcome(stored, len(rows), results.damaged)
         check_device(cell.device)
-        weights = prepared_weights(cell, settings, reporter, alive)
+        weights = prepared_weights(cell, settings, results, reporter, alive)
         for_outputs = len(_without_output(results, cell, stands.record, settings) - rows.keys())
         job = _Job(cell, settings, results, mark, rows, reporter or Silent(), alive, weights)
         cached = len(rows)
@@ -116,7 +116,7 @@ def run_cell(
 
 
 def prepared_weights(
-    cell: Cell, settings: Settings, reporter: Reporter | None, alive: Callable[[], None]
+    cell: Cell, settings: Settings, results: Results, reporter: Reporter | None, alive: Callable[[], None]
 ) -> dict[str, Any]:
     """The weights that the worker of a cell needs: none, a file, or the reason why there is none.
 
@@ -127,7 +127,7 @@ def prepared_weights(
     from .training import TrainingFailed, weights_for
 
     try:
-        weights = weights_for(cell.training, settings, (reporter or Silent()).event, alive)
+        weights = weights_for(cell.training, settings, (reporter or Silent()).event, alive, results=results)
     except TrainingFailed as failed:
         return {"failed": failed.row}
     seen = weights.facts.get("shapes") or [] if cell.split == "test" else []

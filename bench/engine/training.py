@@ -151,6 +151,7 @@ def weights_for(
     hear: Callable[[Mapping[str, Any]], None] = lambda event: None,
     alive: Callable[[], None] = lambda: None,
     extra: Extra = Extra(),
+    results: Results | None = None,
 ) -> Weights:
     """The weights of a training, which runs now unless it ran before; others that need it wait.
 
@@ -160,6 +161,7 @@ def weights_for(
     hear : called with events: ``train`` when it starts, ``waits`` while another process does it, ``progress``
     alive : called while waiting; raises to stop
     extra : the other options of the command ``train``
+    results : those of the settings, if their owner reports what is damaged
 
     Raises
     ------
@@ -170,7 +172,7 @@ def weights_for(
     StoreError
         If it cannot be stored.
     """
-    results = Results(settings.results, mends=True)
+    results = results or Results(settings.results, mends=True)
     if not extra.only_examples and (known := known_weights(results, training)):
         return known
     waiting = {"event": "waits", "title": training.title}

@@ -17,7 +17,7 @@ from trimesh.creation import icosphere
 
 from bench import BadInput, Run, UsageError, fit
 from bench.contract import run as run_module
-from bench.engine import again
+from bench.engine import again, runner
 from bench.engine import training as module
 from bench.engine.fitting import Fit, read_log, thinned
 from bench.engine.trainer import _data, _fitted
@@ -323,7 +323,7 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
             facts_of(path)
 
 
-def test_damaged_weights_are_trained_again(shell):
+def test_damaged_weights_are_trained_again_and_that_is_said(shell):
     assert train(shell).returncode == 0
     (path,) = weights_in(shell)
     expected, whole = load(path), path.read_bytes()
@@ -331,7 +331,8 @@ def test_damaged_weights_are_trained_again(shell):
         path.write_bytes(damaged)
         with pytest.raises(BadInput):
             facts_of(path)
-    assert train(shell).returncode == 0
+    done = train(shell)
+    assert done.returncode == 0 and done.stderr.count("; moved aside; the method is trained again") == 1
     assert (load(path)["shift"] == expected["shift"]).all() and path.with_suffix(".damaged").exists()
     assert logged(shell) == ["examples", "fit", "fit"]
 
@@ -407,6 +408,18 @@ def test_weights_that_are_there_wait_for_nobody_and_examples_are_made_though_the
     monkeypatch.setattr(module, "_train", train)
     made = module.weights_for(training, settings, extra=module.Extra(only_examples=True))
     assert made.path == module.examples_file(results, training) and made.origin == "examples"
+
+
+def test_a_run_says_that_it_trains_again_what_is_damaged(tmp_path, monkeypatch):
+    cell = cell_of({})
+    _, path = trained_in(tmp_path, cell.training)
+    path.write_bytes(path.read_bytes()[:-3])
+    monkeypatch.setattr(module, "_train", lambda *_: {"status": "error", "message": "no memory"})
+    results = Results(tmp_path, mends=True)
+    made = runner.prepared_weights(cell, Settings(results=str(tmp_path)), results, None, lambda: None)
+    assert made["failed"]["message"].endswith(": no memory")
+    (note,) = results.damaged
+    assert str(path) in note and note.endswith("; moved aside; the method is trained again")
 
 
 def test_a_case_that_is_run_again_elsewhere_has_the_very_weights_of_its_cell(tmp_path, monkeypatch):
