@@ -61,6 +61,7 @@ def test_nothing_of_them_is_left(swept):
 
 def test_the_memory_is_the_program_s(swept):
     assert 90 < swept.found["whole"]["peak_rss_mb"] < 300  # its own 90 MB, or twice that, and Python
+    assert swept.found["whole"]["rss_before_mb"] == 0
 
 
 def test_the_files_are_not_the_method_s_time(swept):

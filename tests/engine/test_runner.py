@@ -128,17 +128,51 @@ def test_workers_that_die_between_their_cases_for_ever_are_given_up():
     assert job.ends == [None] and list(job.rows) == [0, 1] and job.rows[1]["message"] == "killed"
 
 
-def test_a_worker_that_ends_before_it_began_is_reported_with_its_last_line(monkeypatch):
-    class Ended:
-        def __init__(self, *_):
+@pytest.fixture
+def workers(monkeypatch):
+    """A job whose workers do, one after the other, what a list of functions says, and end as these return."""
+
+    class Told:
+        def __init__(self, server, spec, limit, hear, *_):
             pass
 
         def watch(self):
-            return Death("crashed", "ended with exit status 70", -1, "start", 0.1, "Traceback:\nImportError: no numpy")
+            return left.pop(0)(job)
 
+    def start(*functions):
+        left[:] = functions
+        return job
+
+    left, job = [], Job(cases=3)
+    job.settings, job.alive, job.spec, job.left = Settings(), None, lambda cpus: {}, left
     monkeypatch.setattr(runner, "server_for", lambda cell, settings: None)
-    monkeypatch.setattr(runner, "Worker", Ended)
-    job = Job()
-    job.settings, job.alive, job.spec = Settings(), None, lambda cpus: {}
-    with pytest.raises(CannotStart, match="exit status 70; ImportError: no numpy. No result was stored"):
+    monkeypatch.setattr(runner, "Worker", Told)
+    return start
+
+
+def solves(*indices, replace=False):
+    def watch(job):
+        job.rows |= dict.fromkeys(indices, {})
+        job.replaced = replace
+
+    return watch
+
+
+def test_a_worker_that_a_method_has_changed_gets_a_successor_as_long_as_that_helps(workers):
+    job = workers(solves(0, replace=True), solves(1, 2))
+    assert runner._Job.work(job, [0]) is None and job.left == []
+    job.rows = {}
+    job = workers(solves(0, replace=True), solves(replace=True), solves(1, 2))
+    death = runner._Job.work(job, [0])
+    assert (death.status, death.index) == ("crashed", 1) and "before the case was done" in death.message
+    assert len(job.left) == 1
+    job.rows = {}
+    job = workers(solves(0, 1), solves(2))  # it says that it is done, as a method can, and asks for none
+    assert runner._Job.work(job, [0]).index == 2 and len(job.left) == 1
+
+
+def test_a_worker_that_ends_before_it_began_is_reported_with_its_last_line(workers):
+    said = "Traceback:\nImportError: no numpy"
+    job = workers(lambda job: Death("crashed", "ended with exit status 70", -1, "start", 0.1, said))
+    with pytest.raises(CannotStart, match=r"exit status 70; ImportError: no numpy\. No result was stored"):
         runner._Job.work(job, [0])
