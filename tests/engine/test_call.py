@@ -3,17 +3,22 @@
 import json
 import random
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from conftest import TOYS
+from trimesh import Trimesh
 
 from bench import PointCloud, generator
 from bench.authoring.conformance import LIMIT, _Trials, digest_of, toy_cloud, toy_shape
 from bench.contract.case import Case
-from bench.engine.call import score
+from bench.contract.shape import Shape
+from bench.engine.call import MeasuredCall, score
 from bench.engine.isolate import Isolation
+from bench.engine.meter import Meter
+from bench.errors import InvalidOutput
 from bench.geometry.io.files import load_cloud
 from bench.plan.cell import Choice
 from bench.plugins.registry import registry
@@ -150,6 +155,34 @@ def test_check_scores_as_run_does(plugin):
     with Isolation((), (str(plugin),)) as isolation:
         done = _Trials(registry().find("metric", "choosy"), isolation, {}, LIMIT).run("metric")
     assert done["message"] == "RuntimeError: not the perfect one (while scoring choosy)"
+
+
+def call_of(**values):
+    """A measured call that is not made."""
+    parts = {"task": Choice("task", "denoise"), "method": Choice("method", "shuffled"), "inputs": {}, "seed": 0}
+    solver = SimpleNamespace(validate=lambda output, inputs: None)
+    spec = {"threads": 1, "seconds": 60.0, "output_points": 3}
+    return MeasuredCall(**parts, solver=solver, spec=spec, meter=Meter(4, "cpu"), channel=None, **values)
+
+
+def test_there_is_a_truth_where_the_reference_has_a_face():
+    triangle = Trimesh(np.eye(3), [[0, 1, 2]], process=False)
+    for reference, has_truth in ((None, False), (PointCloud(np.eye(3)), False), (triangle, True)):
+        shape = reference and Shape("toy", reference)
+        assert call_of(reference=shape)._new_run().has_truth == has_truth
+
+
+def test_an_output_may_have_as_many_points_as_the_limit_and_no_more():
+    call = call_of()
+    call.validate(PointCloud(np.eye(3)))
+    call.validate(4)  # neither points nor faces
+    for output, said in (
+        (PointCloud(np.ones((4, 3))), "returned 4 points, more than limit.output_points=3"),
+        (Trimesh(np.ones((4, 3)), [[0, 1, 2]], process=False), "returned 4 vertices, more than"),
+        (Trimesh(np.eye(3), [[0, 1, 2]] * 4, process=False), "returned 4 faces, more than"),
+    ):
+        with pytest.raises(InvalidOutput, match=said):
+            call.validate(output)
 
 
 def test_what_a_metric_raises_names_it(plugin):
