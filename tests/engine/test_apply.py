@@ -1,5 +1,6 @@
 """One method applied to files: what its row says of sizes, colours and stages, and what a dead server costs."""
 
+import sys
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ from bench.engine import application, isolate
 from bench.engine.application import Application, Applier, _StageClock
 from bench.engine.forkserver import CannotStart, ServerDied
 from bench.engine.watch import Death
+from bench.errors import UsageError
 from bench.notices import collected
 from bench.plan.choice import Choice
 
@@ -75,6 +77,14 @@ def test_reading_and_writing_are_not_the_method_s_time(tmp_path):
     row = application._applied(spec, channel, [])
     assert (row["output"], row["input_points"]) == ("3 points", 3) and (tmp_path / "b.ply").exists()
     assert events == ["prepare", "case", "prepare", "method", "write"]
+
+
+def test_a_device_that_is_not_there_is_told_before_a_file_is_read(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    arguments = application._arguments(replace(JOB, inputs=("no such file.ply",), device="cuda"))
+    channel = SimpleNamespace(send=lambda *_, **__: None, enter=lambda *_: None)
+    with pytest.raises(UsageError, match="device=cuda: .*install it with"):
+        application._applied({"arguments": arguments}, channel, [])
 
 
 # -- servers -----------------------------------------------------------------------------------------------------------

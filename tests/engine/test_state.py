@@ -11,6 +11,7 @@ import time
 import numpy as np
 import pytest
 
+from bench.engine import state as module
 from bench.engine.state import changes, state
 
 
@@ -100,3 +101,12 @@ def test_a_change_is_seen(what, tmp_path):
 @pytest.mark.parametrize("what", HARMLESS)
 def test_what_hurts_no_other_call_is_no_change(what, tmp_path):
     assert left_by(HARMLESS[what], tmp_path) == ""
+
+
+def test_a_thread_that_waits_for_a_processor_computes_too(tmp_path, monkeypatch):
+    """On a busy machine it may wait for longer than it runs."""
+    for thread, times in (("7", "5 70 1"), (str(os.getpid()), "1 1 1"), ("8", "ended")):
+        (tmp_path / thread).mkdir()
+        (tmp_path / thread / "schedstat").write_text(times)
+    monkeypatch.setattr(module, "Path", lambda name: tmp_path)
+    assert module._threads() == {"7": 75}
