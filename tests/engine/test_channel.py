@@ -3,6 +3,7 @@
 import json
 import os
 import pathlib
+import signal
 import subprocess
 import sys
 import time
@@ -245,6 +246,21 @@ def test_a_clock_that_was_stopped_twice_stands_still_until_it_is_started_twice()
     assert watched(nested, seconds=0.2)[0] is None
     death, _ = watched(lambda channel: channel.send("resume"))
     assert "without a 'pause'" in death.message
+
+
+def test_a_run_that_is_stopped_leaves_no_worker():
+    class Interrupted(Exception):
+        pass
+
+    def alive():
+        raise Interrupted
+
+    ends = []
+    server = Server(lambda channel: time.sleep(10))
+    server.reap = lambda pid: ends.append(os.waitpid(pid, 0)[1])
+    with pytest.raises(Interrupted):
+        watch.Worker(server, {}, Limits(), lambda event: None, alive).watch()
+    assert list(map(os.WTERMSIG, ends)) == [signal.SIGKILL]
 
 
 def test_a_pipe_that_is_never_empty_is_read_to_its_end(monkeypatch):
