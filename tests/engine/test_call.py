@@ -20,6 +20,7 @@ from bench.engine.isolate import Isolation
 from bench.engine.meter import Meter
 from bench.errors import InvalidOutput
 from bench.geometry.io.files import load_cloud
+from bench.notices import notice
 from bench.plan.cell import Choice
 from bench.plugins.registry import registry
 
@@ -159,10 +160,27 @@ def test_check_scores_as_run_does(plugin):
 
 def call_of(**values):
     """A measured call that is not made."""
-    parts = {"task": Choice("task", "denoise"), "method": Choice("method", "shuffled"), "inputs": {}, "seed": 0}
-    solver = SimpleNamespace(validate=lambda output, inputs: None)
-    spec = {"threads": 1, "seconds": 60.0, "output_points": 3}
-    return MeasuredCall(**parts, solver=solver, spec=spec, meter=Meter(4, "cpu"), channel=None, **values)
+    parts = {
+        "task": Choice("task", "denoise"),
+        "method": SimpleNamespace(parts=(), build=object),
+        "solver": SimpleNamespace(validate=lambda output, inputs: None),
+        "spec": {"threads": 1, "seconds": 60.0, "output_points": 3},
+        "channel": SimpleNamespace(enter=lambda *_: None, send=lambda *_, **__: None),
+    }
+    return MeasuredCall(inputs={}, seed=0, meter=Meter(4, "cpu"), **parts | values)
+
+
+def test_what_a_method_says_is_told_once_also_if_it_fails():
+    def solve(method, task, inputs, run):
+        run.note("half of it")
+        for text in ("half of it", "few points"):
+            notice(text)
+        raise ArithmeticError
+
+    call = call_of(solver=SimpleNamespace(solve=solve))
+    with pytest.raises(ArithmeticError):
+        call()
+    assert call.columns["message"] == "half of it; few points" and call.columns["seconds"] >= 0
 
 
 def test_there_is_a_truth_where_the_reference_has_a_face():

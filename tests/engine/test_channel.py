@@ -263,6 +263,23 @@ def test_a_run_that_is_stopped_leaves_no_worker():
     assert list(map(os.WTERMSIG, ends)) == [signal.SIGKILL]
 
 
+def test_a_worker_that_died_with_its_server_is_followed_no_further():
+    """Its process is nobody's child any more, and gone."""
+
+    class Killed(Server):
+        def fork(self, spec, messages, output):
+            pid = super().fork(spec, messages, output)
+            os.waitpid(pid, 0)
+            return pid
+
+        def reap(self, pid):
+            raise ServerDied("killed")
+
+    limits = Limits(seconds=2, setup_seconds=2)
+    death = watch.Worker(Killed(lambda channel: None), {}, limits, lambda event: None).watch()
+    assert death.with_server and (death.status, death.message) == ("crashed", "the fork server was killed")
+
+
 def test_a_pipe_that_is_never_empty_is_read_to_its_end(monkeypatch):
     """With looks at the limits in between: so many reads, and on."""
     monkeypatch.setattr(watch, "READS", 1)

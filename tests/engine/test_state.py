@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -110,3 +111,13 @@ def test_a_thread_that_waits_for_a_processor_computes_too(tmp_path, monkeypatch)
         (tmp_path / thread / "schedstat").write_text(times)
     monkeypatch.setattr(module, "Path", lambda name: tmp_path)
     assert module._threads() == {"7": 75}
+
+
+@pytest.mark.parametrize("what", ["get_num_threads", "get_default_dtype", "is_grad_enabled"])
+def test_a_change_of_torch_is_seen(monkeypatch, what):
+    names = ("get_num_threads", "get_default_dtype", "is_grad_enabled")
+    torch = SimpleNamespace(**dict.fromkeys(names, lambda: 1))
+    monkeypatch.setitem(sys.modules, "torch", torch)
+    before = state()
+    setattr(torch, what, lambda: 2)
+    assert "torch" in changes(before)

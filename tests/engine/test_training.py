@@ -189,6 +189,7 @@ def test_a_time_that_is_over_ends_the_training_with_what_it_has(tmp_path):
     fitted.checkpoint.write_bytes(as_bytes(arrays, facts))
     row = fitted.run({"centroids": np.ones((1, 3))})
     assert row["steps"] == 8 and row["seconds"] >= 100
+    assert 5 <= row["cpu_seconds"] < 6  # of its own, and of one step
 
 
 # -- test shapes are never seen ----------------------------------------------------------------------------------------
