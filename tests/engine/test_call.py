@@ -183,6 +183,16 @@ def test_what_a_method_says_is_told_once_also_if_it_fails():
     assert call.columns["message"] == "half of it; few points" and call.columns["seconds"] >= 0
 
 
+def test_an_intermediate_result_that_breaks_a_promise_has_a_message_and_no_score():
+    call = call_of(trace_score=lambda output: {"score.points": len(output)})
+    with call.meter:
+        call._add_trace(lambda: PointCloud(np.eye(3)), 1.0)
+        call._add_trace(PointCloud(np.ones((4, 3))), 2.0)
+    good, bad = json.loads(call._reported(call._new_run())["trace"])
+    assert good == {"seconds": 1.0, "score.points": 3}
+    assert bad == {"seconds": 2.0, "message": "returned 4 points, more than limit.output_points=3"}
+
+
 def test_there_is_a_truth_where_the_reference_has_a_face():
     triangle = Trimesh(np.eye(3), [[0, 1, 2]], process=False)
     for reference, has_truth in ((None, False), (PointCloud(np.eye(3)), False), (triangle, True)):

@@ -86,7 +86,8 @@ class Heard(_Job):
     """The cases of a cell, of which nothing is stored."""
 
     def __init__(self):
-        self.ids, self.rows, self.scored, self.reporter = [], {}, set(), type("", (), {"event": lambda *_: None})()
+        self.ids, self.rows, self.scored, self.told = [], {}, set(), []
+        self.reporter = type("", (), {"event": lambda _, event: self.told.append(event["event"])})()
         self.at, self.listed, self.replaced = (-1, 0), False, False
         self.cell = type("", (), {"cases": 100_000, "planned": 100_000})
 
@@ -109,14 +110,25 @@ def hear(events):
 def test_a_worker_that_works_is_heard():
     worst = [("begin", {"stage": "worst", "index": 0}), ("worst", {"index": 0, "row": {"worst.x": 2.0}})]
     second = [("begin", {"stage": "case", "index": 1}), ("row", {"row": {**ROW, "case": "b", "case_index": 1}})]
-    job = hear([*BEGINNING, *FIRST, ("progress", {"done": 1, "total": 2}), *ITS_ROW, *worst, *second, ("replace", {})])
-    assert list(job.rows) == [0, 1] and job.rows[0]["worst.x"] == 2.0 and job.replaced
+    events = [*BEGINNING, *FIRST, ("progress", {"done": 1, "total": 2}), *ITS_ROW, *worst, *second]
+    job = hear(events)
+    assert list(job.rows) == [0, 1] and job.rows[0]["worst.x"] == 2.0 and not job.replaced
+    assert job.scored == {0} and job.told == [kind for kind, _ in events]
+    assert hear([*events, ("replace", {})]).replaced
+    job = Heard()
+    job.rows = dict.fromkeys(range(4), ROW)  # of a time when the dataset had four cases
+    for kind, values in BEGINNING:
+        job.hear({"event": kind, **values})
+    assert list(job.rows) == [0, 1]
 
 
 @pytest.mark.parametrize(
     "events",
     [
         [("row", {"row": ROW})],  # before there is a case
+        [BEGINNING[1]],
+        [BEGINNING[0], FIRST[0]],  # before it has said which there are
+        [*BEGINNING, BEGINNING[1]],
         [*BEGINNING, *ITS_ROW],
         [*BEGINNING, *FIRST, ("row", {"row": {**ROW, "case_index": 1, "case": "b"}})],  # of another case
         [*BEGINNING, *FIRST, ("row", {"row": {**ROW, "case": "c"}})],

@@ -116,10 +116,12 @@ def test_a_library_that_ends_its_process_is_the_result_after_three_tries():
     assert {row["message"] for row in job.rows.values()} == {"gone while it loaded torch"}
 
 
-def test_a_case_whose_server_was_killed_is_tried_once_more():
+def test_a_case_whose_server_was_killed_is_tried_once_more(monkeypatch):
+    forgotten = []
+    monkeypatch.setattr(runner, "forget_servers", lambda: forgotten.append(len(job.ends)))
     job = Job(death(0, with_server=True), death(0, with_server=True), death(1, with_server=True), None)
     job.run([0])
-    assert list(job.rows) == [0] and job.ends == []
+    assert list(job.rows) == [0] and job.ends == [] and forgotten == [3, 2, 1]
 
 
 def test_workers_that_die_between_their_cases_for_ever_are_given_up():
@@ -152,8 +154,13 @@ def workers(monkeypatch):
 
 def solves(*indices, replace=False):
     def watch(job):
-        job.rows |= dict.fromkeys(indices, {})
-        job.replaced = replace
+        for kind, values in (("begin", {"stage": "plan", "index": -1}), ("cases", {"ids": job.ids})):
+            job.hear({"event": kind, **values})
+        for index in indices:
+            job.hear({"event": "begin", "stage": "case", "index": index})
+            job.hear({"event": "row", "row": {"case": job.ids[index], "case_index": index}})
+        if replace:
+            job.hear({"event": "replace"})
 
     return watch
 
@@ -167,7 +174,9 @@ def test_a_worker_that_a_method_has_changed_gets_a_successor_as_long_as_that_hel
     assert (death.status, death.index) == ("crashed", 1) and "before the case was done" in death.message
     assert len(job.left) == 1
     job.rows = {}
-    job = workers(solves(0, 1), solves(2))  # it says that it is done, as a method can, and asks for none
+    job = workers(
+        solves(0, replace=True), solves(1), solves(2)
+    )  # it says that it is done, as a method can, and asks for none
     assert runner._Job.work(job, [0]).index == 2 and len(job.left) == 1
 
 
@@ -176,3 +185,21 @@ def test_a_worker_that_ends_before_it_began_is_reported_with_its_last_line(worke
     job = workers(lambda job: Death("crashed", "ended with exit status 70", -1, "start", 0.1, said))
     with pytest.raises(CannotStart, match=r"exit status 70; ImportError: no numpy\. No result was stored"):
         runner._Job.work(job, [0])
+
+
+# -- outputs -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("outputs", "wanted"), [("none", []), ("first", ["first"]), ("all", ["first", "second"])])
+def test_a_solved_case_lacks_the_output_that_is_asked_for_and_not_there(tmp_path, outputs, wanted):
+    (tmp_path / "outputs").mkdir()
+    (tmp_path / "outputs" / "there.ply").touch()
+    row = {"case_index": 1, "status": "ok", "output": "outputs/gone.ply"}
+    rows = {
+        "first": row | {"case_index": 0},
+        "second": row,
+        "failed": row | {"case_index": 0, "status": "timeout"},
+        "there": row | {"case_index": 0, "output": "outputs/there.ply"},
+    }
+    results, settings = SimpleNamespace(folder=tmp_path), Settings(outputs=outputs)
+    assert [name for name in rows if runner.lacks_output(results, rows[name], settings)] == wanted

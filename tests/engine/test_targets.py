@@ -33,6 +33,7 @@ def pairs(inputs, output, task=Reconstruct()):  # noqa: B008
         (["scans/s10.ply", "scans/s1.ply"], "*_m.obj", [("scans/s10.ply", "s10_m.obj"), ("scans/s1.ply", "s1_m.obj")]),
         (["scans"], "x/*.off", [(f"scans/{n}", f"x/{n.split('.')[0]}.off") for n in ("s1.ply", "s2.xyz", "s10.ply")]),
         (["**/s2.*"], ".", [("scans/s2.xyz", "./s2.ply")]),
+        (["**/a*.ply"], "x.ply", [("a=b [1].ply", "x.ply")]),  # no folder is enough for **
         (["a=b [1].ply"], "x=y.ply", [("a=b [1].ply", "x=y.ply")]),
     ],
 )  # fmt: skip

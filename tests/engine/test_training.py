@@ -364,6 +364,14 @@ def test_shipped_weights_are_found_by_their_parameters(tmp_path, monkeypatch):
     assert shipped(plugin, {**values, "steps": 9}) is None
 
 
+def test_shipped_weights_that_are_not_there_say_what_to_do(tmp_path):
+    training = SimpleNamespace(weights="shipped", shipped=None, method=SimpleNamespace(label="learned"))
+    with pytest.raises(UsageError, match="method learned: its shipped weights are missing; install detailbench again"):
+        module.known_weights(Results(tmp_path), training)
+    training.shipped = file_of(tmp_path / "w.safetensors", 1.0)
+    assert module.known_weights(Results(tmp_path), training) == module.Weights.of(training.shipped, "shipped")
+
+
 def test_a_long_curve_is_thinned_and_keeps_its_end():
     curve = [[float(i), i, 1.0 / (i + 1)] for i in range(1000)]
     short = thinned(curve, 400)
