@@ -12,6 +12,7 @@ import trimesh
 from bench import PointCloud
 from bench.engine import application, isolate
 from bench.engine.application import Application, Applier, _StageClock
+from bench.engine.applied import fingerprint
 from bench.engine.forkserver import CannotStart, ServerDied
 from bench.engine.watch import Death
 from bench.errors import UsageError
@@ -85,6 +86,21 @@ def test_a_device_that_is_not_there_is_told_before_a_file_is_read(monkeypatch):
     channel = SimpleNamespace(send=lambda *_, **__: None, enter=lambda *_: None)
     with pytest.raises(UsageError, match="device=cuda: .*install it with"):
         application._applied({"arguments": arguments}, channel, [])
+
+
+def test_an_output_is_made_again_where_a_file_of_its_folder_is_another(tmp_path):
+    job = replace(JOB, inputs=(str(tmp_path),))
+    (tmp_path / "below").mkdir()
+    first, second = tmp_path / "1.png", tmp_path / "below" / "2.png"
+    first.write_text("one"), second.write_text("two")
+    before = fingerprint(job)
+    assert fingerprint(job) == before
+    second.write_text("too")
+    assert fingerprint(job) != before
+    second.write_text("two")
+    assert fingerprint(job) == before
+    second.rename(tmp_path / "2.png")
+    assert fingerprint(job) != before
 
 
 # -- servers -----------------------------------------------------------------------------------------------------------

@@ -7,13 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from bench.engine import watch
 from bench.engine.channel import EVENTS, Channel, NoEvent, plain, read_event
-from bench.engine.forkserver import ServerDied
+from bench.engine.forkserver import FAILED, ServerDied
 from bench.engine.runner import _Job
 from bench.plan.limits import Limits
 from bench.text import bounded, cut
@@ -290,6 +291,28 @@ def test_a_worker_that_died_with_its_server_is_followed_no_further():
     limits = Limits(seconds=2, setup_seconds=2)
     death = watch.Worker(Killed(lambda channel: None), {}, limits, lambda event: None).watch()
     assert death.with_server and (death.status, death.message) == ("crashed", "the fork server was killed")
+
+
+@pytest.mark.parametrize(
+    ("status", "printed", "how", "said"),
+    [
+        (None, "", "crashed", "the fork server was killed"),
+        (9, "a\nb", "crashed", "killed by SIGKILL (signal 9)"),
+        (
+            6,
+            "a\nMemoryError: no\nb",
+            "oom",
+            "killed by SIGABRT (signal 6) after it could not allocate (limit.memory_gb=2)",
+        ),
+        (50, "", "crashed", "killed by signal 50"),  # of no name
+        (3 << 8, "a\nb", "crashed", "ended with exit status 3"),
+        (FAILED << 8, "Traceback:\nKeyError: 3\n", "crashed", f"ended with exit status {FAILED}: KeyError: 3"),
+        (FAILED << 8, "", "crashed", f"ended with exit status {FAILED}"),
+    ],
+)
+def test_the_cause_of_a_death(status, printed, how, said):
+    worker = SimpleNamespace(printed=printed.encode(), limits=Limits(memory_gb=2))
+    assert watch.Worker._cause(worker, status) == (how, said)
 
 
 def test_a_pipe_that_is_never_empty_is_read_to_its_end(monkeypatch):

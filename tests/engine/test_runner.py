@@ -130,6 +130,18 @@ def test_workers_that_die_between_their_cases_for_ever_are_given_up():
     assert job.ends == [None] and list(job.rows) == [0, 1] and job.rows[1]["message"] == "killed"
 
 
+def test_worst_scores_are_asked_for_once_and_where_they_are_missing(monkeypatch, tmp_path):
+    monkeypatch.setattr(runner, "memory_keys", lambda cell: {})
+    job = Job(cases=4)
+    job.cell = SimpleNamespace(to_json=dict, threads=1)
+    job.settings, job.results, job.weights = Settings(), SimpleNamespace(folder=tmp_path), {}
+    job.device, job.mark, job.scored = "cpu", "mark", {1}
+    there, missing = {"status": "ok", "worst.x": 2.0}, {"status": "ok", "worst.x": None}
+    job.rows = {2: missing, 1: missing, 0: there}
+    spec = job.spec([3])
+    assert (spec["done"], spec["owed"], spec["cpus"]) == ([0, 1, 2], [2], [3])
+
+
 @pytest.fixture
 def workers(monkeypatch):
     """A job whose workers do, one after the other, what a list of functions says, and end as these return."""

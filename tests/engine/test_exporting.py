@@ -1,0 +1,50 @@
+"""The inputs of cells as files: one cloud and numbers, with what another program needs to know."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+
+from bench import PointCloud, generator
+from bench.engine.exporting import _written, group_of
+from bench.errors import DetailbenchError
+from bench.geometry.io.files import load_cloud
+
+CLOUD = PointCloud(np.eye(3), normals=np.eye(3), colors=np.ones((3, 3)))
+
+
+def cell(sensor="samples", split="test"):
+    labels = {"task": "upsample", "dataset": "ball", "sensor": sensor}
+    return SimpleNamespace(**{k: SimpleNamespace(label=v) for k, v in labels.items()}, split=split, seed=7)
+
+
+def test_a_case_is_its_cloud_and_its_numbers(tmp_path):
+    case = SimpleNamespace(id="ball-000", input={"cloud": CLOUD, "ratio": 4})
+    assert _written(case, cell(), tmp_path, "group") == {
+        "case": "ball-000",
+        "group": "group",
+        "input": "group/inputs/ball-000.ply",
+        "output": "group/outputs/ball-000.ply",
+        "points": 3,
+        "normals": True,
+        "seed": int(generator(7, "ball-000", "run").integers(2**31)),  # that of the run, for the same noise
+        "ratio": 4,
+    }
+    written = load_cloud(tmp_path / "group" / "inputs" / "ball-000.ply")
+    assert np.allclose(written.points, CLOUD.points) and np.allclose(written.normals, CLOUD.normals)
+    assert written.colors is None
+
+
+@pytest.mark.parametrize(
+    "inputs", [{"ratio": 4}, {"cloud": CLOUD, "other": CLOUD}, {"cloud": CLOUD, "template": trimesh.creation.box()}]
+)
+def test_what_is_not_one_cloud_is_refused_before_anything_is_written(tmp_path, inputs):
+    with pytest.raises(DetailbenchError, match="task upsample: its input is not a single point cloud"):
+        _written(SimpleNamespace(id="a", input=inputs), cell(), tmp_path, "group")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_is_named_by_what_is_not_usual():
+    assert group_of(cell()) == "upsample-ball-samples-seed7"
+    assert group_of(cell(sensor="none", split="train")) == "upsample-ball-train-seed7"
