@@ -19,7 +19,7 @@ from bench import BadInput, Run, UsageError, fit
 from bench.contract import run as run_module
 from bench.engine import again, runner
 from bench.engine import training as module
-from bench.engine.fitting import Fit, read_log, thinned
+from bench.engine.fitting import Fit, read_curve, read_log, thinned
 from bench.engine.trainer import _data, _fitted
 from bench.plan.cell import Cell, Settings
 from bench.plan.choice import Choice
@@ -370,6 +370,15 @@ def test_shipped_weights_that_are_not_there_say_what_to_do(tmp_path):
         module.known_weights(Results(tmp_path), training)
     training.shipped = file_of(tmp_path / "w.safetensors", 1.0)
     assert module.known_weights(Results(tmp_path), training) == module.Weights.of(training.shipped, "shipped")
+
+
+def test_a_line_of_a_log_that_was_cut_off_costs_that_line_alone(tmp_path):
+    """What goes on after a crash is written below it."""
+    path = tmp_path / "log.jsonl"
+    lines = ['{"step": 0, "validation": 0.5, "seconds": 1.5}', '{"step": 1, "val', '{"loss": 1}', "3", '{"step": 2}']
+    path.write_text("\n".join(lines))
+    assert [line["step"] for line in read_log(path)] == [0, 2] and read_log(tmp_path / "none") == []
+    assert read_curve(path) == [[1.5, 0, 0.5]]
 
 
 def test_a_long_curve_is_thinned_and_keeps_its_end():
