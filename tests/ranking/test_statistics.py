@@ -157,6 +157,7 @@ def test_paired_differences_against_a_naive_loop(rng):
         ((3, 3, 3, 3), (1, 1, 1, 1), "012", 2, 2 / 4**3),
         ((1, 1, 1, 1), (0, 0, 0, 0), "0123", 1, 2 / 4**4),  # yes or no
         ((3 * TINY,) * 4, (TINY,) * 4, "0123", 2 * TINY, 2 / 4**4),  # in any unit
+        ((0, 0, 2, 2), (0, 0, 1, 1), "0123", 0.5, 0.5),  # both perfect on one shape: t = 1 with one degree of freedom
         ((1, 1, 102.5, 102.5), (1.5, 1.5, 102, 102), "0123", 0, 1),  # the relative difference is -0.1
     ],
 )
@@ -165,8 +166,8 @@ def test_a_paired_difference_by_hand(a, b, both, difference, p):
     values = np.array([a, b], dtype=float).T[..., None]
     planned = np.ones(values.shape, dtype=bool)
     planned[:, 1, 0] = [str(unit) in both for unit in range(4)]
-    found = [array[..., 0].tolist() for array in paired_differences(values, planned, np.array([0, 2]))]
-    assert found == [[[0, difference], [-difference, 0]], [[1, p], [p, 1]]]
+    found = [array[..., 0] for array in paired_differences(values, planned, np.array([0, 2]))]
+    np.testing.assert_allclose(found, [[[0, difference], [-difference, 0]], [[1, p], [p, 1]]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("cases", [2, 3, 9])
