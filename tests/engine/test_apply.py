@@ -163,8 +163,13 @@ def test_a_call_is_told_the_device_that_was_claimed_for_it(monkeypatch, argument
 
     monkeypatch.setattr(isolate, "Worker", Ended)
     monkeypatch.setattr(isolate, "claim_device", lambda device: nullcontext("cuda:1" if device == "cuda" else device))
-    monkeypatch.setattr(isolate, "take_prestarted", lambda threads: SimpleNamespace(load=lambda *_: None))
-    assert isolate.Isolation().call("module:name", arguments) == {"status": "ok"}
-    assert specs[0]["arguments"] == given
-    monkeypatch.setattr(Ended, "watch", lambda self: Death("oom", "too much", 0, "case", 1.0, "", True))
-    assert isolate.Isolation().call("module:name", arguments)["status"] == "oom"
+    closed = []
+    server = SimpleNamespace(load=lambda *_: None, close=lambda: closed.append(True))
+    monkeypatch.setattr(isolate, "take_prestarted", lambda threads: server)
+    with isolate.Isolation() as isolation:
+        assert isolation.call("module:name", arguments) == {"status": "ok"}
+        assert specs[0]["arguments"] == given
+        monkeypatch.setattr(Ended, "watch", lambda self: Death("oom", "too much", 0, "case", 1.0, "", True))
+        assert isolation.call("module:name", arguments)["status"] == "oom"
+        assert not closed
+    assert closed

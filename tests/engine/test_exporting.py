@@ -7,9 +7,11 @@ import pytest
 import trimesh
 
 from bench import PointCloud, generator
+from bench.engine import exporting
 from bench.engine.exporting import _written, group_of
 from bench.errors import DetailbenchError
 from bench.geometry.io.files import load_cloud
+from bench.plan.limits import Limits
 
 CLOUD = PointCloud(np.eye(3), normals=np.eye(3), colors=np.ones((3, 3)))
 
@@ -43,6 +45,31 @@ def test_what_is_not_one_cloud_is_refused_before_anything_is_written(tmp_path, i
     with pytest.raises(DetailbenchError, match="task upsample: its input is not a single point cloud"):
         _written(SimpleNamespace(id="a", input=inputs), cell(), tmp_path, "group")
     assert not list(tmp_path.iterdir())
+
+
+def test_cells_of_one_folder_are_written_one_after_the_other_and_the_list_is_not_left(tmp_path, monkeypatch):
+    calls, rows = [], [{"status": "ok"}, {"status": "ok"}, {"status": "error", "message": "no such file"}]
+
+    class Worker:
+        def __init__(self, **_):
+            pass
+
+        __enter__, __exit__ = lambda self: self, lambda *_: None
+
+        def call(self, function, arguments, limit):
+            calls.append(arguments)
+            (folder / arguments["group"] / exporting.CASES).write_text('[{"case": "a"}]')
+            return rows.pop(0)
+
+    monkeypatch.setattr(exporting, "Isolation", Worker)
+    monkeypatch.setattr(exporting, "memory_keys", lambda cell: {})
+    one, folder = cell(), tmp_path / "new" / "one"
+    one.threads, one.title, one.to_json = 1, "upsample ball", dict
+    for _ in range(2):
+        assert exporting.export(one, folder, Limits()) == [{"case": "a"}]
+        assert [path.name for path in (folder / group_of(one)).iterdir()] == ["outputs"]
+    with pytest.raises(DetailbenchError, match="upsample ball: no such file"):
+        exporting.export(one, folder, Limits())
 
 
 def test_a_folder_is_named_by_what_is_not_usual():

@@ -1,11 +1,13 @@
 """The clock and the memory of a method call, and what failures are called."""
 
+import contextlib
 import math
 import subprocess
 import sys
 import time
 
 import numpy as np
+import psutil
 import pytest
 
 from bench.contract.run import Run
@@ -221,13 +223,21 @@ def test_a_server_that_ends_is_reported_with_its_exit_status_and_its_last_words(
     server.close()
 
 
-def test_a_server_that_does_not_answer_is_ended(server_that, monkeypatch):
+def test_a_server_that_does_not_answer_is_ended_with_all_that_it_started(server_that, monkeypatch):
     monkeypatch.setattr(forkserver, "LOAD_SECONDS", 0.1)
     monkeypatch.setattr(forkserver, "LOOK", 0.05)
-    server = server_that("time.sleep(60)")
+    server = server_that("print(os.fork(), file=sys.stderr, flush=True); time.sleep(60)")
+    end = time.monotonic() + 20
+    while len(said := server._said().split()) < 2 and time.monotonic() < end:
+        time.sleep(0.01)
+    child = psutil.Process(max(map(int, said)))
     with pytest.raises(forkserver.CannotStart, match="exit status -9"):
         server.load((), ())
     server.close()
+    with contextlib.suppress(psutil.NoSuchProcess):
+        while child.status() != psutil.STATUS_ZOMBIE:
+            assert time.monotonic() < end
+            time.sleep(0.01)
 
 
 def test_a_server_that_was_stopped_goes_on(server_that, monkeypatch):
