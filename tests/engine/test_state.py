@@ -113,6 +113,15 @@ def test_a_thread_that_waits_for_a_processor_computes_too(tmp_path, monkeypatch)
     assert module._threads() == {"7": 75}
 
 
+@pytest.mark.parametrize(("state", "runs"), [("R", True), ("S", False)])
+def test_a_thread_with_any_name_is_asked_whether_it_runs(tmp_path, monkeypatch, state, runs):
+    (tmp_path / "stat").write_text(f"7 (R) of (mine) {state} 1 7 7 0 R")
+    monkeypatch.setattr(module, "Path", lambda name: tmp_path / name.rpartition("/")[2])
+    assert module._is_runnable("7") == runs
+    (tmp_path / "stat").unlink()
+    assert not module._is_runnable("7")  # it has ended
+
+
 @pytest.mark.parametrize("what", ["get_num_threads", "get_default_dtype", "is_grad_enabled"])
 def test_a_change_of_torch_is_seen(monkeypatch, what):
     names = ("get_num_threads", "get_default_dtype", "is_grad_enabled")
