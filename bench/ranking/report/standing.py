@@ -48,7 +48,7 @@ def resolution(metric: str, lines: Sequence[Line]) -> list[str]:
     return [
         f"Resolution by {metric}: {apart} of {counted(len(compared), 'pair')} of neighbours significantly differ; "
         f"{shapes} shapes detect {_size(median(line['detectable'] for line in compared))} between neighbours "
-        f"(median, power 80 %); {_first_two(compared[0])}."
+        f"(median, power 80 %){_first_two(lines[0])}."
     ]
 
 
@@ -63,15 +63,18 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.0995 else f"{100 * share:.2g} %"
 
 
-def _first_two(line: Line) -> str:
-    more = line["more_shapes"]
+def _first_two(first: Line) -> str:
+    """Whether more shapes would separate the first two; empty if these share too few shapes to be compared."""
+    more = first["more_shapes"]
+    if not first["versus_next"]:
+        return ""
     if math.isnan(more):
-        return "more shapes would not separate the first two"
+        return "; more shapes would not separate the first two"
     if more == 0:
-        return "the first two are separated"
+        return "; the first two are separated"
     if math.isinf(more):
-        return f"more than {MOST:,} more would be needed to separate the first two"
-    return f"about {more:.0f} more would separate the first two"
+        return f"; more than {MOST:,} more would be needed to separate the first two"
+    return f"; about {more:.0f} more would separate the first two"
 
 
 def equality(lines: Sequence[Line], names: Sequence[str], equal: float) -> list[str]:

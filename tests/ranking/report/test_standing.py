@@ -51,6 +51,8 @@ def test_the_pairs_that_differ_are_counted_and_their_median_is_given():
     assert "2 of 3 pairs of neighbours significantly differ; 8 shapes detect a difference of 3 % between" in text
     assert text.endswith("the first two are separated.")
     assert percent(1.0) == "100 %"
+    (text,) = resolution("d", [line(), *lines])  # the first two share too few shapes to be compared
+    assert text.endswith("between neighbours (median, power 80 %).")
 
 
 def test_methods_are_equal_undecided_or_hardly_worse():
