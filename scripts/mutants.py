@@ -11,11 +11,11 @@ the number), the other truth value, a condition negated, the branches of a condi
 which no name depends. A mutant is killed when a test fails, or takes far longer.
 
 All mutants are written into a copy of the checkout at once, each behind a switch: a limit of the process (of POSIX
-message queues, which nobody uses), for all that it starts inherits that, whatever becomes of the environment. So the
+message queues, which nobody uses), which all that it starts inherits, whatever becomes of the environment. So the
 tests are imported once, and each mutant is tried in a fork of that process. First, all tests of the room run without
-any: they have to pass, and write down which mutants each of them reaches, in its own process or another. A mutant is
-tried with the tests that reach it, the quickest first. One that is reached while modules are imported is tried in a
-process that imports them anew, with all tests that reach anything of its file.
+any: they have to pass, and record which mutants each of them reaches, in its own process or another. A mutant is tried
+with the tests that reach it: those of its file's name, then the others, the quickest first. One that is reached while
+modules are imported is tried in a process that imports them anew, with all tests that reach anything of its file.
 
 Only those that survive all are printed, with file, line and change. Survivors that change nothing that anybody can see
 are to be expected: a larger buffer, an equivalent bound. mutmut and cosmic-ray have no sample by seed and no budget,
@@ -351,6 +351,7 @@ class Trial:
         for file, number in first.items():
             path = self.copy / file
             path.write_text(planted(path.read_text(), number))
+        self.reached.touch()
         switch = SWITCH.format(tracing=TRACING, first=FIRST, reached=str(self.reached), test=str(self.test))
         (self.copy / "bench" / "_planted.py").write_text(switch)
 
@@ -406,11 +407,11 @@ class Trial:
         if not child:
             redirect(os.devnull)
             turn(OFF)
-            with open(sink, "w", buffering=1) as told:
-                end_with(lambda: self.pytest(self.tests, Forks(self, numbers, reach, told)))
+            with open(sink, "w", buffering=1) as reports:
+                end_with(lambda: self.pytest(self.tests, Forks(self, numbers, reach, reports)))
         os.close(sink)
-        with open(source) as told:
-            for line in told:
+        with open(source) as reports:
+            for line in reports:
                 number, code = map(int, line.split())
                 yield number, code
         if os.waitpid(child, 0)[1]:
@@ -439,8 +440,8 @@ class Stopwatch:
 class Forks:
     """A plugin of pytest that tries mutants in forks of the process, which has collected the tests, and runs none."""
 
-    def __init__(self, trial: Trial, numbers: list[int], reach: Reach, told: IO[str]):
-        self.trial, self.numbers, self.reach, self.told, self.failed = trial, numbers, reach, told, False
+    def __init__(self, trial: Trial, numbers: list[int], reach: Reach, reports: IO[str]):
+        self.trial, self.numbers, self.reach, self.reports, self.failed = trial, numbers, reach, reports, False
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         """Remember a failure."""
@@ -453,7 +454,7 @@ class Forks:
         if dict(outcomes([control], 1, self.trial.folder)) != {control.number: 0}:
             raise session.Failed("the tests fail in a fork, without a mutant")
         for number, code in self.trial.tried(self.numbers, self.reach, self._run):
-            print(number, code, file=self.told)
+            print(number, code, file=self.reports)
         return True
 
     def _run(self, names: list[str]) -> int:
