@@ -124,6 +124,12 @@ def test_a_case_whose_server_was_killed_is_tried_once_more(monkeypatch):
     assert list(job.rows) == [0] and job.ends == [] and forgotten == [3, 2, 1]
 
 
+@pytest.mark.parametrize(("stage", "seconds"), [("method", 1.5), ("case", None), ("score", None)])
+def test_only_the_seconds_of_the_method_are_told_of_a_death(stage, seconds):
+    found = runner.of_death(Death("timeout", "too long", 0, stage, 1.5, "its last words"))
+    assert (found["seconds"], found["traceback"]) == (seconds, "its last words")
+
+
 def test_workers_that_die_between_their_cases_for_ever_are_given_up():
     job = Job(death(0), *[death(0)] * 4, None)
     job.run([0])

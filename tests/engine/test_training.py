@@ -189,7 +189,14 @@ def test_a_time_that_is_over_ends_the_training_with_what_it_has(tmp_path):
     fitted.checkpoint.write_bytes(as_bytes(arrays, facts))
     row = fitted.run({"centroids": np.ones((1, 3))})
     assert row["steps"] == 8 and row["seconds"] >= 100
-    assert 5 <= row["cpu_seconds"] < 6  # of its own, and of one step
+
+
+def test_the_seconds_of_a_training_are_those_before_and_after_an_interruption(tmp_path, monkeypatch):
+    fitted = fit_of(tmp_path)
+    fitted.before, fitted.step = {"seconds": 3.0, "cpu_seconds": 5.0, "steps": 7}, 9
+    fitted._run, fitted._cpu = SimpleNamespace(elapsed=lambda: 2.0), 10.0
+    monkeypatch.setattr(time, "process_time", lambda: 14.0)
+    assert fitted._spent() == {"seconds": 5.0, "cpu_seconds": 9.0, "steps": 9}
 
 
 # -- test shapes are never seen ----------------------------------------------------------------------------------------
