@@ -97,3 +97,19 @@ def test_what_is_added_to_a_record_of_an_earlier_version_is_of_the_current_one(m
     assert stored is finished["earlier"][1]
     stored.rows.pop()
     assert runner.standing_rows(None, None, stands, Settings()) == finished["earlier"]
+
+
+def test_a_run_keeps_what_is_stored_and_not_to_be_made_anew(monkeypatch):
+    monkeypatch.setattr(runner, "lacks", lambda meta: [])
+    monkeypatch.setattr(runner, "of_the_cell", lambda cell: {"seed": 3, "split": "test"})
+    cell = SimpleNamespace(id="cell", split="test", to_json=dict)
+    good = [SOLVED | {"case_index": index} for index in range(4)]
+    record = SimpleNamespace(
+        meta={"settings": {"limit": BEFORE}}, rows=[good[0], FAILED["timeout"] | {"case_index": 1}]
+    )
+    of_another = good[3] | {"seed": 4}
+    partial = [good[2] | {"seed": 3}, of_another]
+    results = SimpleNamespace(read=lambda cell, mark: record, partial_rows=lambda cell, mark: partial)
+    more = Settings(limit=replace(LIMITS, seconds=100), outputs="none")
+    assert runner.finished_rows(results, cell, "mark", more) == ({0: good[0], 2: partial[0]}, record)
+    assert runner.finished_rows(results, cell, "mark", replace(more, rerun="always")) == ({}, record)

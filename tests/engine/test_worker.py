@@ -116,6 +116,8 @@ def test_what_failures_are_called(error, stage, status, words):
     row = failure(error, stage)
     assert row["status"] == status
     assert words in row["message"]
+    told = status in ("invalid", "skipped") or isinstance(error, BadInput)  # where the lines of code tell nothing more
+    assert row["traceback"].startswith("" if told else type(error).__name__) and bool(row["traceback"]) != told
 
 
 def test_plain_values_are_json():
