@@ -110,6 +110,6 @@ def test_a_run_keeps_what_is_stored_and_not_to_be_made_anew(monkeypatch):
     of_another = good[3] | {"seed": 4}
     partial = [good[2] | {"seed": 3}, of_another]
     results = SimpleNamespace(read=lambda cell, mark: record, partial_rows=lambda cell, mark: partial)
-    more = Settings(limit=replace(LIMITS, seconds=100), outputs="none")
+    more = Settings(limit=replace(LIMITS, setup_seconds=700), outputs="none")
     assert runner.finished_rows(results, cell, "mark", more) == ({0: good[0], 2: partial[0]}, record)
     assert runner.finished_rows(results, cell, "mark", replace(more, rerun="always")) == ({}, record)
