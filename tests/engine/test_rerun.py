@@ -104,9 +104,7 @@ def test_a_run_keeps_what_is_stored_and_not_to_be_made_anew(monkeypatch):
     monkeypatch.setattr(runner, "of_the_cell", lambda cell: {"seed": 3, "split": "test"})
     cell = SimpleNamespace(id="cell", split="test", to_json=dict)
     good = [SOLVED | {"case_index": index} for index in range(4)]
-    record = SimpleNamespace(
-        meta={"settings": {"limit": BEFORE}}, rows=[good[0], FAILED["timeout"] | {"case_index": 1}]
-    )
+    record = SimpleNamespace(meta={"settings": {"limit": BEFORE}}, rows=[good[0], LATE | {"case_index": 1}])
     of_another = good[3] | {"seed": 4}
     partial = [good[2] | {"seed": 3}, of_another]
     results = SimpleNamespace(read=lambda cell, mark: record, partial_rows=lambda cell, mark: partial)
