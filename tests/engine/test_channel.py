@@ -1,6 +1,7 @@
 """What may come through the pipe of a worker: events that fit its work, and nothing else."""
 
 import json
+import math
 import os
 import pathlib
 import signal
@@ -61,6 +62,14 @@ def test_an_index_is_a_whole_number_from_minus_one():
     for index in (-2, 2**63, 0.0, True, None, "0"):
         with pytest.raises(NoEvent, match="index"):
             read_event(line("begin", stage="plan", index=index))
+
+
+def test_progress_is_in_finite_numbers_that_64_bits_hold():
+    for done in (None, 0, 2.5, 2**63 - 1, 1 - 2**63):
+        assert read_event(line("progress", done=done, total=done)) == {"event": "progress", "done": done, "total": done}
+    for done in (2**63, -(2**63), math.inf, -math.inf, math.nan, "1"):
+        with pytest.raises(NoEvent, match="done"):
+            read_event(line("progress", done=done, total=1))
 
 
 def test_a_channel_knows_the_stage_that_it_has_reported():
