@@ -77,6 +77,7 @@ SLOWER = 5.0  # a mutant whose tests take so many times as long hangs
 GRACE = 20.0  # seconds on top, for a machine that others use
 OFF, TRACING, FIRST = 0, 1, 2  # the switch: no mutant; none, and what is reached is written down; mutant 0, 1, ...
 UNSEEN = "  (no test reaches it)"
+PASSED = 77  # the exit code where all tests have passed: 0 is also that of a mutant that ends the process
 OVER = 124  # the exit code of a process that was ended, as of timeout(1)
 SWITCH = '''"""Which mutant is on."""
 import os, resource
@@ -270,7 +271,7 @@ def begin(one: Try, folder: Path) -> int:
             tempfile.tempdir = None
             redirect(os.devnull)
             turn(FIRST + one.number)
-            end_with(one.act)
+            end_with(lambda: one.act() or PASSED)
         end = time.monotonic() + one.limit
         while not (ended := os.waitpid(child, os.WNOHANG))[0] and time.monotonic() < end:
             time.sleep(0.01)
@@ -379,7 +380,7 @@ class Trial:
         return Reach(self.reached.read_text(), json.loads(seconds.read_text()))
 
     def codes(self, numbers: Iterable[int], reach: Reach) -> Iterator[tuple[int, int]]:
-        """Try mutants: the number and the exit code of each, as they come; 0 is that of a survivor."""
+        """Try mutants: the number and the exit code of each, as they come; PASSED is that of a survivor."""
         anew, there = list[int](), list[int]()
         for number in numbers:
             (anew if number in reach.imported else there).append(number)
@@ -451,7 +452,7 @@ class Forks:
         """Instead of the tests."""
         self.items = {item.nodeid: item for item in session.items}
         control = Try(OFF - FIRST, lambda: self._run(list(self.items)), self.reach.limit(list(self.items)))
-        if dict(outcomes([control], 1, self.trial.folder)) != {control.number: 0}:
+        if dict(outcomes([control], 1, self.trial.folder)) != {control.number: PASSED}:
             raise session.Failed("the tests fail in a fork, without a mutant")
         for number, code in self.trial.tried(self.numbers, self.reach, self._run):
             print(number, code, file=self.reports)
@@ -527,7 +528,7 @@ def report(codes: Iterable[tuple[int, int]], mutants: Sequence[Mutant], reach: R
     tried = survived = 0
     for number, code in codes:
         tried += 1
-        if code == 0:
+        if code == PASSED:
             survived += 1
             print(f"{mutants[number]}{'' if number in reach.tests or number in reach.imported else UNSEEN}", flush=True)
     print(f"{tried} of {count} tried: {tried - survived} killed, {survived} survived")

@@ -70,7 +70,8 @@ def test_each_is_behind_its_switch(monkeypatch):
 ROOM = {
     "bench/__init__.py": "",
     "bench/room/__init__.py": "",
-    "bench/room/size.py": """LIMIT = 10
+    "bench/room/size.py": """import os
+LIMIT = 10
 
 
 def is_small(x):
@@ -87,11 +88,16 @@ def in_a_child():
     return 2
 
 
+def ends(x):
+    if x:
+        os._exit(0)
+
+
 def in_no_test():
     return 3
 """,
     "tests/room/test_size.py": """import os, subprocess, sys
-from bench.room.size import is_small, waits
+from bench.room.size import ends, is_small, waits
 
 
 def test_sizes():
@@ -100,6 +106,7 @@ def test_sizes():
 
 def test_waits():
     assert waits(2) == 0 and waits(1) == -1
+    ends(False)
 
 
 def test_what_a_child_says():
@@ -139,13 +146,15 @@ def test_survivors_are_printed_and_what_hangs_is_killed(checkout):
     done = planted(checkout, "--sample", "0", "--jobs", "2")
     assert done.returncode == 3, done.stdout + done.stderr
     printed = done.stdout.splitlines()
-    assert printed[0].startswith("9 mutants, 9 in the sample; tests pass in ")
+    assert printed[0].startswith("12 mutants, 12 in the sample; tests pass in ")
     assert set(printed[1:-1]) == {
-        "bench/room/size.py:1: 10  ->  11",
-        "bench/room/size.py:5: x < LIMIT  ->  (x <= LIMIT)",
-        "bench/room/size.py:19: 3  ->  4  (no test reaches it)",
+        "bench/room/size.py:2: 10  ->  11",
+        "bench/room/size.py:6: x < LIMIT  ->  (x <= LIMIT)",
+        "bench/room/size.py:21: os._exit(0)  ->  pass  (no test reaches it)",
+        "bench/room/size.py:21: 0  ->  1  (no test reaches it)",
+        "bench/room/size.py:25: 3  ->  4  (no test reaches it)",
     }
-    assert printed[-1] == "9 of 9 tried: 6 killed, 3 survived"
+    assert printed[-1] == "12 of 12 tried: 7 killed, 5 survived"
     assert (checkout / "bench/room/size.py").read_text() == ROOM["bench/room/size.py"]
     sleepers = (checkout / "sleepers").read_text().split()
     assert len(sleepers) == 4 and not any(

@@ -82,6 +82,18 @@ def test_a_channel_knows_the_stage_that_it_has_reported():
     os.close(reads)
 
 
+def test_a_fork_of_the_worker_that_reports_ends_instead():
+    reads, writes = os.pipe()
+    channel = Channel(writes)
+    if not (child := os.fork()):
+        channel.send("done")
+        os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    channel.send("listed")
+    assert json.loads(os.read(reads, 1000)) == {"event": "listed"}
+    os.close(reads)
+
+
 @pytest.mark.parametrize(
     "changed",
     [{"case_index": "0"}, {"case_index": 2**63}, {"case_index": None}, {"status": "fine"}, {"case": 1}]
