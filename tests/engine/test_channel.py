@@ -104,6 +104,14 @@ def test_a_row_that_cannot_be_stored_is_refused(changed):
         read_event(line("row", row=ROW | changed))
 
 
+def test_the_worst_scores_are_numbers_and_their_directions_and_nothing_else_of_a_row():
+    good = {"worst.x": 2.0, "worst.y": None, "directions": '{"x": "lower"}'}
+    assert read_event(line("worst", index=0, row=good))["row"] == good
+    for more in ({"score.x": 1.0}, {"status": "ok"}, {"worst.x": "large"}, {"directions": 1}):
+        with pytest.raises(NoEvent, match="row"):
+            read_event(line("worst", index=0, row=good | more))
+
+
 class Heard(_Job):
     """The cases of a cell, of which nothing is stored."""
 
