@@ -45,11 +45,14 @@ def resolution(metric: str, lines: Sequence[Line]) -> list[str]:
     if not compared:
         return []
     apart = sum(line["versus_next"] == "better" for line in compared)
-    return [
-        f"Resolution by {metric}: {apart} of {counted(len(compared), 'pair')} of neighbours significantly differ; "
+    said = [
+        f"Resolution by {metric}: {apart} of {counted(len(compared), 'pair')} of neighbours significantly differ",
         f"{shapes} shapes detect {_size(median(line['detectable'] for line in compared))} between neighbours "
-        f"(median, power 80 %){_first_two(lines[0])}."
+        "(median, power 80 %)",
     ]
+    if lines[0]["versus_next"]:  # otherwise the first two share too few shapes to be compared
+        said.append(_first_two(lines[0]))
+    return [f"{'; '.join(said)}."]
 
 
 def _size(ratio: float) -> str:
@@ -64,17 +67,15 @@ def percent(share: float) -> str:
 
 
 def _first_two(first: Line) -> str:
-    """Whether more shapes would separate the first two; empty if these share too few shapes to be compared."""
+    """Whether more shapes would separate the first two."""
     more = first["more_shapes"]
-    if not first["versus_next"]:
-        return ""
     if math.isnan(more):
-        return "; more shapes would not separate the first two"
+        return "more shapes would not separate the first two"
     if more == 0:
-        return "; the first two are separated"
+        return "the first two are separated"
     if math.isinf(more):
-        return f"; more than {MOST:,} more would be needed to separate the first two"
-    return f"; about {more:.0f} more would separate the first two"
+        return f"more than {MOST:,} more would be needed to separate the first two"
+    return f"about {more:.0f} more would separate the first two"
 
 
 def equality(lines: Sequence[Line], names: Sequence[str], equal: float) -> list[str]:
