@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     extra = Extra(str(Path(os.path.expanduser(args.examples))) if args.examples else "", bool(args.export_examples))
     try:
         with Shown(training) as shown:
-            weights = weights_for(training, settings, shown.event, extra=extra, results=results)
+            weights = weights_for(training, settings, results, shown.event, extra=extra)
     except TrainingFailed as failed:
         if args.plugin and failed.row.get("traceback"):
             print(failed.row["traceback"], file=sys.stderr)

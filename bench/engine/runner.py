@@ -127,7 +127,7 @@ def prepared_weights(
     from .training import TrainingFailed, weights_for
 
     try:
-        weights = weights_for(cell.training, settings, (reporter or Silent()).event, alive, results=results)
+        weights = weights_for(cell.training, settings, results, (reporter or Silent()).event, alive)
     except TrainingFailed as failed:
         return {"failed": failed.row}
     seen = weights.facts.get("shapes") or [] if cell.split == "test" else []

@@ -148,20 +148,20 @@ def known_weights(results: Results, training: Training) -> Weights | None:
 def weights_for(
     training: Training,
     settings: Settings,
+    results: Results,
     hear: Callable[[Mapping[str, Any]], None] = lambda event: None,
     alive: Callable[[], None] = lambda: None,
     extra: Extra = Extra(),
-    results: Results | None = None,
 ) -> Weights:
     """The weights of a training, which runs now unless it ran before; others that need it wait.
 
     Parameters
     ----------
     training, settings : what and how
+    results : the folder of the settings, whose owner reports what is damaged
     hear : called with events: ``train`` when it starts, ``waits`` while another process does it, ``progress``
     alive : called while waiting; raises to stop
     extra : the other options of the command ``train``
-    results : those of the settings, if their owner reports what is damaged
 
     Raises
     ------
@@ -172,7 +172,6 @@ def weights_for(
     StoreError
         If it cannot be stored.
     """
-    results = results or Results(settings.results, mends=True)
     if not extra.only_examples and (known := known_weights(results, training)):
         return known
     waiting = {"event": "waits", "title": training.title}

@@ -118,7 +118,8 @@ def test_a_training_that_does_not_end_is_stopped(shell, monkeypatch):
     training = Training.of({"cases": 1, "seconds": 0.1, "threads": 1}, choices(fail="hang"))
     begin = time.monotonic()
     with pytest.raises(module.TrainingFailed, match=r"stopped after 1.12 s .*run.seconds_left") as caught:
-        module.weights_for(training, Settings(results=str(shell.results), plugins=(str(LEARNER),)))
+        settings = Settings(results=str(shell.results), plugins=(str(LEARNER),))
+        module.weights_for(training, settings, Results(shell.results))
     assert time.monotonic() - begin < 60
     assert str(caught.value) == caught.value.row["message"]
 
@@ -422,7 +423,7 @@ def test_weights_that_are_there_wait_for_nobody_and_examples_are_made_though_the
     settings = Settings(results=str(tmp_path))
     with monkeypatch.context() as patch:
         patch.setattr(Results, "lock", None)  # it may be held, for hours, by what makes examples
-        assert module.weights_for(training, settings) == module.Weights.of(path, "trained")
+        assert module.weights_for(training, settings, results) == module.Weights.of(path, "trained")
 
     def train(training, settings, results, hear, alive, extra):
         examples = module.examples_file(results, training)
@@ -431,7 +432,7 @@ def test_weights_that_are_there_wait_for_nobody_and_examples_are_made_though_the
         return {"status": "ok"}
 
     monkeypatch.setattr(module, "_train", train)
-    made = module.weights_for(training, settings, extra=module.Extra(only_examples=True))
+    made = module.weights_for(training, settings, results, extra=module.Extra(only_examples=True))
     assert made.path == module.examples_file(results, training) and made.origin == "examples"
 
 
