@@ -40,6 +40,7 @@ from ..sweep import launch as sweep
 from ..sweep.flags import split_words
 from ..sweep.outlook import Outlook, look_ahead
 from ..sweep.overrides import check, check_jobs, checked
+from ..sweep.planned import Shelf
 from ..sweep.progress import Bars, Follow, Lines
 from ..sweep.request import Request, is_hydras
 from ..text import counted
@@ -229,7 +230,6 @@ def check_devices(requests: list[Request], results: Results) -> None:
     UsageError
         If cells would run here. Cells that a launcher runs elsewhere are checked there.
     """
-    from ..sweep.planned import Shelf
     from .plan import cells_of, look_up
 
     for request in requests:
