@@ -17,12 +17,15 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from .errors import DetailbenchError, Terminated, code_of, did_you_mean
 from .notices import show_as_lines
 from .safe_path import isolate_imports
 from .text import shortened, shown_streams
+
+if TYPE_CHECKING:
+    from .results.store import Results
 
 # Name -> one line. The module is imported when its command is called: help and listings stay quick.
 COMMANDS = {
@@ -236,6 +239,13 @@ def reader_may_leave() -> Iterator[None]:
         sys.stdout.flush()
     except BrokenPipeError:
         forget_output()
+
+
+def warn_of_damaged(*opened: Results) -> None:
+    """Report which files of results were left out or set aside since the last report."""
+    for results in opened:
+        while results.damaged:
+            print(f"warning: {results.damaged.pop(0)}", file=sys.stderr)
 
 
 def _main(arguments: list[str]) -> int:

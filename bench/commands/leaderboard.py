@@ -33,6 +33,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..cli import warn_of_damaged
 from ..errors import StoreError, UsageError
 from ..plugins.registry import load_plugins
 from ..ranking.report.look import Look
@@ -136,8 +137,7 @@ def read_rows(folders: list[str], *, use_index: bool = True) -> pd.DataFrame:
         if not results.folder.is_dir():
             raise UsageError(f"{results.folder}: no such folder; expected results of `detailbench run`")
     rows = rows_of(opened, use_index=use_index)
-    for note in (note for results in opened for note in results.damaged):
-        print(f"warning: {note}", file=sys.stderr)
+    warn_of_damaged(*opened)
     if rows.empty:
         raise UsageError(f"{', '.join(str(Path(f)) for f in folders)}: there are no results yet; see detailbench run")
     return rows

@@ -9,10 +9,9 @@ or, if no similar cell was timed, from the parameter `seconds` of the method.
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
-from ..cli import add_plugin_argument
+from ..cli import add_plugin_argument, warn_of_damaged
 from ..errors import UsageError
 from ..plugins.registry import load_plugins
 from ..text import counted, duration
@@ -65,8 +64,7 @@ def run(args: argparse.Namespace) -> int:
         if cell.training and there < cell.planned and (line := line_of_training(results, cell.training)):
             trainings[cell.training.id] = line
         unknown += cell.planned - there if rest is None else 0
-    for note in results.damaged:
-        print(f"warning: {note}", file=sys.stderr)
+    warn_of_damaged(results)
     width = max([len(line[1]) for line in lines], default=0)
     for cell_id, title, count, state, guess in lines:
         print(f"{cell_id}  {title:<{width}}  {count:>7}  {state:<10} {guess}".rstrip())

@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..cli import add_plugin_argument, reader_may_leave
+from ..cli import add_plugin_argument, reader_may_leave, warn_of_damaged
 from ..engine import forkserver
 from ..engine.affinity import available
 from ..engine.devices import check_device
@@ -86,7 +86,7 @@ def _sweep(args: argparse.Namespace, request: Request, results: Results, plugins
     if request.launcher == "basic" and not any(map(is_hydras, request.overrides)):  # jobs with no environment
         forkserver.prestart(request.threads)
     ahead = look_ahead(jobs, request, results) if len(jobs) > 1 else None
-    _warn(results)
+    warn_of_damaged(results)
     if ahead and ahead.text:
         print(ahead.text, file=sys.stderr)
     session = sweep.Session.new(results.folder)
@@ -194,7 +194,7 @@ def _show_board(
     from .leaderboard import show, what_is_missing
 
     rows = results.rows(of={(c["cell"], c["fingerprint"]) for c in cells})
-    _warn(results)
+    warn_of_damaged(results)
     missing = what_is_missing(len(cells), planned)
     tables = [name for name in request.experiments if has_published(name)]
     with reader_may_leave():
@@ -203,12 +203,6 @@ def _show_board(
         chosen: list[str | None] = [] if tables else [*conventions_of(request)] or [None]
         for convention in chosen:
             show(rows, convention=convention, missing=missing)
-
-
-def _warn(results: Results) -> None:
-    """Report which files were left out or set aside since the last report."""
-    while results.damaged:
-        print(f"warning: {results.damaged.pop(0)}", file=sys.stderr)
 
 
 def conventions_of(request: Request) -> list[str]:

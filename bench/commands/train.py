@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..cli import add_plugin_argument
+from ..cli import add_plugin_argument, warn_of_damaged
 from ..errors import DetailbenchError, UsageError
 from ..plugins.registry import load_plugins
 from ..text import duration
@@ -79,8 +79,7 @@ def run(args: argparse.Namespace) -> int:
         print("interrupted: the same command continues from the last checkpoint", file=sys.stderr)
         return 130
     finally:
-        for note in results.damaged:
-            print(f"warning: {note}", file=sys.stderr)
+        warn_of_damaged(results)
     if args.export_examples:
         shutil.copyfile(weights.path, Path(os.path.expanduser(args.export_examples)))
         size = weights.path.stat().st_size / 1e6

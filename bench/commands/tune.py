@@ -29,7 +29,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..cli import add_plugin_argument
+from ..cli import add_plugin_argument, warn_of_damaged
 from ..errors import UsageError
 from ..plugins.registry import load_plugins, registry
 from ..text import counted, duration
@@ -99,8 +99,7 @@ def run(args: argparse.Namespace) -> int:
             raise
         finally:
             forget_servers()
-    for note in results.damaged:
-        print(f"warning: {note}", file=sys.stderr)
+    warn_of_damaged(results)
     return _report(search, held, path, args, fixed)
 
 

@@ -13,10 +13,9 @@ is. A plugin file that a record names is not imported, since importing runs it: 
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
-from ..cli import add_plugin_argument
+from ..cli import add_plugin_argument, warn_of_damaged
 from ..engine.devices import check_device
 from ..errors import UsageError
 from ..plugins.registry import load_plugins
@@ -81,8 +80,7 @@ def stored_cell(args: argparse.Namespace) -> Stored:
     from ..results.recorded import Stored
 
     stored = Stored.of(args.cell, args.words)
-    for note in stored.results.damaged:
-        print(f"warning: {note}", file=sys.stderr)
+    warn_of_damaged(stored.results)
     return stored
 
 
