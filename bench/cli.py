@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from .errors import DetailbenchError, Terminated, code_of, did_you_mean
 from .notices import show_as_lines
 from .safe_path import isolate_imports
-from .text import shortened, shown_streams
+from .text import counted, shortened, shown_streams
 
 if TYPE_CHECKING:
     from .results.store import Results
@@ -287,7 +287,7 @@ def _warn_of_names() -> None:
     for line in lines[:MOST_NAMES]:
         print(f"warning: {line}", file=sys.stderr)
     if len(lines) > MOST_NAMES:
-        print(f"warning: {len(lines) - MOST_NAMES} more names are defined in two files", file=sys.stderr)
+        print(f"warning: {counted(len(lines) - MOST_NAMES, 'more name')}, each defined in two files", file=sys.stderr)
 
 
 def add_plugin_argument(parser: argparse.ArgumentParser) -> None:

@@ -117,9 +117,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file; expected a folder of `detailbench inputs FOLDER ...`") from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{path}: is no manifest of `detailbench inputs` ({error}); write it again") from error
+        raise UsageError(f"{path}: is not a manifest of `detailbench inputs` ({error}); write it again") from error
     if not whole or not inside or not all(isinstance(cell, dict) for cell in cells):
-        raise UsageError(f"{path}: is no manifest of `detailbench inputs` ({FORMAT}); write it again")
+        raise UsageError(f"{path}: is not a manifest of `detailbench inputs` ({FORMAT}); write it again")
     return found
 
 

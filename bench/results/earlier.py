@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..plugins.registry import registry
+from ..text import counted
 from .provenance import explain, fingerprint
 from .sources import BENCH
 
@@ -135,7 +136,7 @@ def told(stale: Iterable[Iterable[str]]) -> str:
         return ""
     reasons = Counter(reason for cell in lines for reason in cell).most_common()
     shown = [f"{reason} ({cells} cells)" if cells > 1 else reason for reason, cells in reasons[:REASONS]]
-    more = [f"{len(reasons) - REASONS} more reasons"] if len(reasons) > REASONS else []
+    more = [counted(len(reasons) - REASONS, "more reason")] if len(reasons) > REASONS else []
     cells = "1 cell has a stored result that is" if count == 1 else f"{count} cells have stored results that are"
     known = any(not reason.endswith(UNSCORED) for reason, _ in reasons)
     hint = ". `detailbench why CELL` shows more" if known else ""

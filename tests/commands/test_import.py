@@ -147,9 +147,9 @@ def test_two_outputs_of_one_case_are_refused(toy):
     [
         (("inputs", "there"), "is there and has no manifest.json"),
         (("import", "nowhere", "--method", "x"), "no such file"),
-        (("import", "broken", "--method", "x"), "is no manifest"),
+        (("import", "broken", "--method", "x"), "is not a manifest"),
         (("import", "broken", "--method", "../x"), "expected a name"),
-        (("import", "outside", "--method", "x"), "is no manifest"),
+        (("import", "outside", "--method", "x"), "is not a manifest"),
     ],
 )
 def test_mistakes(shell, words, message):

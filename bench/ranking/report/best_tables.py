@@ -51,7 +51,7 @@ def _variants(one: Best, look: Look) -> Table:
         *_tie_note(one),
         *([f"Fewer than {FEWEST} shapes: no interval of a ratio ({one.shapes})."] if one.shapes < FEWEST else []),
         *one.edges,
-        *([f"{len(one.variants) - MOST} more variants are in the CSV."] if len(one.variants) > MOST else []),
+        *([f"The CSV has {counted(len(one.variants) - MOST, 'more variant')}."] if len(one.variants) > MOST else []),
         *one.notes,
         *_split_note(one),
     ]

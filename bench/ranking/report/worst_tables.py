@@ -45,7 +45,7 @@ def _cases(found: Worst, count: int) -> Table:
     by = "ratio to the best other method on the same case" if found.order == "ratio" else "score"
     notes = [
         f"The worst first, by the {by}; ratio: how many times worse than the best other.",
-        *([f"{more} more are not shown: --count {len(found.cases)}."] if more else []),
+        *([f"{counted(more, 'more case')}: --count {len(found.cases)} shows all."] if more else []),
         *_tag_note(found),
     ]
     subject = f"{found.method} by {found.metric} {arrow}{unit}"

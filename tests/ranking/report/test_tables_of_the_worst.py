@@ -74,7 +74,7 @@ def test_the_title_has_the_direction_and_the_unit(better, value, subject):
 def test_notes_say_what_is_first_what_is_left_out_and_why_there_are_no_tags():
     lines = [{"case": name} for name in "abcdefgh"]
     first, more, tags = table(*lines, count=2).notes
-    assert "ratio to the best other method" in first and more == "6 more are not shown: --count 8."
+    assert "ratio to the best other method" in first and more == "6 more cases: --count 8 shows all."
     assert tags == "No tag is among the worst shapes, or all shapes have the same."
     first, few = table(*lines[:7], order="score").notes
     assert "by the score;" in first and few == "Only 7 shapes: a test of tags takes 8."
