@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import itertools
 import os
 import tempfile
 from collections.abc import Iterator
@@ -31,22 +32,17 @@ def claim(threads: int) -> Iterator[list[int]]:
     """
     with contextlib.ExitStack() as stack:
         processors = available()
-        free: list[int] = []
-        for cpu in processors:
-            if len(free) == threads:
-                break
-            if stack.enter_context(hold(str(cpu), if_none=False)):
-                free.append(cpu)
+        free = list(itertools.islice((cpu for cpu in processors if stack.enter_context(hold(str(cpu)))), threads))
         taken = [cpu for cpu in processors if cpu not in free]
         yield (free + taken)[:threads]
 
 
 @contextlib.contextmanager
-def hold(name: str, *, if_none: bool = True) -> Iterator[bool]:
-    """Hold the lock of this name if it is free; yields whether it is held now.
+def hold(name: str) -> Iterator[bool]:
+    """Hold the lock of this name if it is free; yields whether it was.
 
-    Where there can be no locks (a temporary folder that cannot be written, or that somebody else has prepared), the
-    answer is ``if_none``.
+    Where there can be no locks (a temporary folder that cannot be written, or that somebody else has prepared), all
+    count as free.
     """
     folder = _folder()
     try:
@@ -54,17 +50,17 @@ def hold(name: str, *, if_none: bool = True) -> Iterator[bool]:
             raise PermissionError
         lock = open_own(folder / name, os.O_RDWR)
     except OSError:
-        yield if_none
+        yield True
         return
     try:
-        held = True
+        free = True
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            held = False
-        except OSError:  # a file system without locks
-            held = if_none
-        yield held
+            free = False
+        except OSError:
+            pass  # a file system without locks
+        yield free
     finally:
         os.close(lock)
 

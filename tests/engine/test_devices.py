@@ -1,5 +1,6 @@
 """GPUs: named, found, claimed and measured each by its own number. No GPU is needed: a stand-in plays torch.cuda."""
 
+import errno
 import math
 import os
 import subprocess
@@ -238,6 +239,27 @@ def test_cells_at_once_hold_different_processors_as_long_as_there_are_enough(tmp
             assert again == [5]  # what has ended holds none
     with affinity.claim(9) as every:
         assert every == [0, 2, 5, 7, 8]
+
+
+def test_a_folder_on_a_file_system_without_locks_gives_all_processors_to_everybody(tmp_path, monkeypatch):
+    monkeypatch.setattr(affinity.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(affinity, "available", lambda: [0, 2])
+
+    def refused(*_):
+        raise OSError(errno.ENOLCK, "no locks available")
+
+    monkeypatch.setattr(affinity.fcntl, "flock", refused)
+    with affinity.claim(1) as first, affinity.claim(1) as second:
+        assert first == second == [0]
+
+
+def test_the_processors_are_those_of_this_process_or_all_where_a_system_does_not_say(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", {0: {5, 3}}.__getitem__)
+    assert affinity.available() == [3, 5]
+    monkeypatch.delattr(os, "sched_getaffinity")
+    for count, found in ((3, [0, 1, 2]), (None, [0])):
+        monkeypatch.setattr(os, "cpu_count", lambda count=count: count)
+        assert affinity.available() == found
 
 
 # -- commands ----------------------------------------------------------------------------------------------------------

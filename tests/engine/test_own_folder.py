@@ -58,15 +58,15 @@ def test_locks_and_listings_in_a_folder_of_somebody_else_are_not_used(tmp_path, 
     listing = {"plugins": {}, "broken": []}
     kept.keep("stamp", listing)
     assert kept.kept_listing("stamp") == listing
-    with affinity.hold("x", if_none=False) as held:
-        assert held
     me = os.getuid()
+    with affinity.hold("x"), affinity.hold("x") as free:
+        assert not free and (tmp_path / f"detailbench-cpus-{me}" / "x").exists()
     monkeypatch.setattr(os, "getuid", lambda: me + 1)
     kept.keep("other", listing)
     assert kept.kept_listing("stamp") is None and kept.kept_listing("other") is None
     (tmp_path / f"detailbench-cpus-{me + 1}").symlink_to(tmp_path)
-    with affinity.hold("x", if_none=False) as held:
-        assert not held
+    with affinity.hold("x"), affinity.hold("x") as free:
+        assert free
     assert not (tmp_path / "x").exists()
 
 
