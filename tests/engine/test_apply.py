@@ -16,11 +16,13 @@ from bench.engine.applied import fingerprint
 from bench.engine.forkserver import CannotStart, ServerDied
 from bench.engine.watch import Death
 from bench.errors import UsageError
+from bench.geometry.io.files import load_cloud
 from bench.notices import collected
 from bench.plan.choice import Choice
 
 BOX = trimesh.creation.box()
 JOB = Application(Choice("task", "denoise"), Choice("method", "identity"), ("a.ply",), "b.ply")
+DEAF = SimpleNamespace(send=lambda *_, **__: None, enter=lambda *_: None)
 
 
 def noticed(function, *values):
@@ -65,10 +67,11 @@ def test_the_seconds_of_a_stage_that_comes_again_add_up(monkeypatch):
     assert clock.seconds == {"reading": 2.0 + 8.0, "solving": 4.0} and told == ["reading", "solving", "reading", ""]
 
 
-def test_reading_and_writing_are_not_the_method_s_time(tmp_path):
+def test_reading_and_writing_are_off_the_method_s_clock_and_keep_all_attributes(tmp_path):
     """The runner holds each stage to its own limit."""
-    (tmp_path / "a.xyz").write_text("0 0 0\n1 0 0\n0 1 0\n")
-    job = replace(JOB, inputs=(str(tmp_path / "a.xyz"),), output=str(tmp_path / "b.ply"))
+    (tmp_path / "a.csv").write_text("x,y,z,intensity\n0,0,0,7\n1,0,0,8\n0,1,0,9\n")
+    task = Choice.of("task", {"_name_": "upsample", "ratio": 2})
+    job = replace(JOB, task=task, inputs=(str(tmp_path / "a.csv"),), output=str(tmp_path / "b.ply"))
     events = []
     channel = SimpleNamespace(
         send=lambda event, **values: events.append(values.get("what", event)),
@@ -76,16 +79,23 @@ def test_reading_and_writing_are_not_the_method_s_time(tmp_path):
     )
     spec = {"arguments": application._arguments(job), "threads": 1, "seconds": 100.0, "memory_gb": 8.0}
     row = application._applied(spec, channel, [])
-    assert (row["output"], row["input_points"]) == ("3 points", 3) and (tmp_path / "b.ply").exists()
+    assert (row["output"], row["input_points"]) == ("6 points with intensity", 3)
+    assert load_cloud(tmp_path / "b.ply").scalars["intensity"].tolist() == [7, 7, 8, 8, 9, 9]
     assert events == ["prepare", "case", "prepare", "method", "write"]
 
 
 def test_a_device_that_is_not_there_is_told_before_a_file_is_read(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     arguments = application._arguments(replace(JOB, inputs=("no such file.ply",), device="cuda"))
-    channel = SimpleNamespace(send=lambda *_, **__: None, enter=lambda *_: None)
     with pytest.raises(UsageError, match="device=cuda: .*install it with"):
-        application._applied({"arguments": arguments}, channel, [])
+        application._applied({"arguments": arguments}, DEAF, [])
+
+
+def test_an_output_that_cannot_be_written_is_told_before_a_file_is_read(tmp_path):
+    (tmp_path / "b.ply").mkdir()
+    arguments = application._arguments(replace(JOB, inputs=("no such file.ply",), output=str(tmp_path / "b.ply")))
+    with pytest.raises(UsageError, match="is a folder; expected the name of a file"):
+        application._applied({"arguments": arguments}, DEAF, [])
 
 
 def test_an_output_is_made_again_where_a_file_of_its_folder_is_another(tmp_path):
@@ -145,6 +155,10 @@ def test_a_server_that_died_of_one_file_is_replaced_for_the_next(servers):
     with Applier(JOB):
         pass  # no file: no server
     assert len(servers.made) == 3
+    servers.answers += [CannotStart("no memory"), {"status": "ok"}]
+    with Applier(JOB) as apply, pytest.raises(CannotStart):
+        apply(JOB)  # another server would not start either
+    assert len(servers.made) == 4
 
 
 @pytest.mark.parametrize(
