@@ -247,7 +247,10 @@ def _one(job: Application, traceback: bool) -> int:
     given = f" ({result['input']})" if result["input"] else ""
     print(f"{' '.join(job.inputs)}{given} -> {job.output} ({result['output']})")
     stages = ", ".join(f"{name} {seconds:.2g} s" for name, seconds in result["stages"].items())
-    print(f"{label}: {result['seconds']:.3g} s, peak {result['peak_rss_mb']:.0f} MB ({stages})")
+    if origin := result.get("external"):  # it has no times and no memory
+        print(f"{label}: external: {origin} ({stages})")
+    else:
+        print(f"{label}: {result['seconds']:.3g} s, peak {result['peak_rss_mb']:.0f} MB ({stages})")
     for note in result["notes"]:
         print(f"{label}: note: {_without_name(job, note)}")
     return 0
@@ -306,8 +309,8 @@ def _line(job: Application, row: dict[str, Any]) -> str:
     """The outcome of one file."""
     if row["status"] != "ok":
         return f"{job.inputs[0]}: {_note(job, row).splitlines()[0]}"
-    there = "cached" if row["is_cached"] else f"in {row['seconds']:.3g} s"
-    return f"{job.inputs[0]} -> {job.output} ({row['output']}) {there}"
+    took = "external" if row.get("external") else f"in {row['seconds']:.3g} s"
+    return f"{job.inputs[0]} -> {job.output} ({row['output']}) {'cached' if row['is_cached'] else took}"
 
 
 def _note(job: Application, row: dict[str, Any]) -> str:

@@ -124,6 +124,20 @@ def test_a_mesh_is_simplified_and_coloured_and_says_what_that_costs(here, capsys
     assert "reading" in printed.out and "solving" in printed.out and "writing" in printed.out
 
 
+def test_an_output_that_was_made_elsewhere_has_an_origin_and_no_times(here, capsys, plugin_file):
+    Path("found.py").write_text(
+        "from dataclasses import dataclass\nfrom bench import register\n"
+        "@register('method')\n@dataclass(frozen=True)\nclass Found:\n    'Made by somebody else.'\n"
+        "    def denoise(self, cloud, run):\n        run.external = 'a table of 2019'\n        return cloud\n"
+    )
+    plugin_file(here / "found.py")
+    np.savetxt("a.xyz", sphere(20))
+    assert main(["apply", "method=found", "a.xyz", "a.ply"]) == 0
+    assert "\nfound: external: a table of 2019 (reading " in capsys.readouterr().out
+    assert main(["apply", "method=found", "a.xyz", "out/"]) == 0
+    assert "[1/1] a.xyz -> out/a.ply (20 points) external\n" in capsys.readouterr().err
+
+
 def test_a_child_that_dies_leaves_the_others(shell):
     plugin = shell.folder / "moody.py"
     plugin.write_text(
