@@ -94,7 +94,7 @@ class MeasuredCall:
         notices: list[str] = []
         try:
             with self.meter:
-                run._started, run._paused = time.perf_counter(), 0.0
+                run._started = time.perf_counter()
                 with collected() as notices:
                     return self.solver.solve(method, self.task.name, dict(self.inputs), run)
         finally:

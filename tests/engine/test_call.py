@@ -3,6 +3,7 @@
 import json
 import random
 import shutil
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,7 @@ from bench.contract.case import Case
 from bench.contract.shape import Shape
 from bench.engine.call import MeasuredCall, score
 from bench.engine.isolate import Isolation
+from bench.engine.memo import Memo
 from bench.engine.meter import Meter
 from bench.errors import InvalidOutput
 from bench.geometry.io.files import load_cloud
@@ -65,6 +67,15 @@ class Choosy:
         if output is case.perfect(output):
             raise RuntimeError("not the perfect one")
         return {"choosy": 1.0}
+
+
+@register("metric", version=1, better="lower", floor=True)
+@dataclass(frozen=True)
+class Counting:
+    """The number of points or vertices."""
+
+    def score(self, output, case):
+        return {"counting": float(len(output.points if hasattr(output, "points") else output.vertices))}
 
 
 @register("metric", version=1, better="lower", outputs=("cloud",))
@@ -161,13 +172,40 @@ def test_check_scores_as_run_does(plugin):
 def call_of(**values):
     """A measured call that is not made."""
     parts = {
+        "inputs": {},
+        "meter": Meter(4, "cpu"),
         "task": Choice("task", "denoise"),
         "method": SimpleNamespace(parts=(), build=object),
         "solver": SimpleNamespace(validate=lambda output, inputs: None),
         "spec": {"threads": 1, "seconds": 60.0, "output_points": 3},
         "channel": SimpleNamespace(enter=lambda *_: None, send=lambda *_, **__: None),
     }
-    return MeasuredCall(inputs={}, seed=0, meter=Meter(4, "cpu"), **parts | values)
+    return MeasuredCall(seed=5, **parts | values)
+
+
+def test_when_a_method_is_called_its_gpu_is_ready_and_every_generator_is_seeded(monkeypatch):
+    told = []
+    nothing = dict.fromkeys(("synchronize", "reset_peak_memory_stats", "max_memory_allocated"), lambda device: 0)
+    cuda = SimpleNamespace(set_device=lambda index: told.append(f"GPU {index}"), **nothing)
+    seeds = {name: lambda seed, name=name: told.append(f"{name} {seed}") for name in ("torch", "open3d")}
+    torch = SimpleNamespace(cuda=cuda, zeros=lambda *_, **__: None, manual_seed=seeds["torch"])
+    open3d = SimpleNamespace(utility=SimpleNamespace(random=SimpleNamespace(seed=seeds["open3d"])))
+    monkeypatch.setitem(sys.modules, "torch", torch)
+    monkeypatch.setitem(sys.modules, "open3d", open3d)
+    plugin = SimpleNamespace(require=lambda: told.append("libraries"))
+    method = SimpleNamespace(prepare=lambda: told.append("prepared"))
+    choice = SimpleNamespace(parts=[plugin], build=lambda: method)
+    solver = SimpleNamespace(solve=lambda *_: told.append("called"))
+    call_of(method=choice, solver=solver, meter=Meter(4, "cuda:1")).solve()
+    assert told == ["libraries", "GPU 1", "prepared", "torch 5", "open3d 5", "called"]
+
+
+def test_an_output_that_breaks_the_promise_of_its_task_is_refused():
+    method = SimpleNamespace(denoise=lambda cloud, run: PointCloud(np.full((3, 3), np.nan)))
+    choice = SimpleNamespace(parts=(), build=lambda: method)
+    call = call_of(method=choice, solver=Choice("task", "denoise").build(), inputs={"cloud": toy_cloud("toy")})
+    with pytest.raises(InvalidOutput, match="3 of 3 points are NaN or infinite"):
+        call()
 
 
 def test_what_a_method_says_is_told_once_also_if_it_fails():
@@ -184,13 +222,19 @@ def test_what_a_method_says_is_told_once_also_if_it_fails():
 
 
 def test_an_intermediate_result_that_breaks_a_promise_has_a_message_and_no_score():
-    call = call_of(trace_score=lambda output: {"score.points": len(output)})
-    with call.meter:
-        call._add_trace(lambda: PointCloud(np.eye(3)), 1.0)
-        call._add_trace(PointCloud(np.ones((4, 3))), 2.0)
-    good, bad = json.loads(call._reported(call._new_run())["trace"])
-    assert good == {"seconds": 1.0, "score.points": 3}
-    assert bad == {"seconds": 2.0, "message": "returned 4 points, more than limit.output_points=3"}
+    def solve(method, task, inputs, run):
+        run.trace(lambda: PointCloud(np.eye(3)))
+        run.trace(PointCloud(np.ones((4, 3))))
+
+    solver = SimpleNamespace(solve=solve, validate=lambda output, inputs: None)
+    call = call_of(solver=solver, trace_score=lambda output: {"score.points": len(output)})
+    call()
+    good, bad = json.loads(call.columns["trace"])
+    assert 0 <= good.pop("seconds") <= bad.pop("seconds") and good == {"score.points": 3}
+    assert bad == {"message": "returned 4 points, more than limit.output_points=3"}
+    unscored = call_of(solver=solver)
+    unscored()
+    assert "trace" not in unscored.columns
 
 
 def test_there_is_a_truth_where_the_reference_has_a_face():
@@ -220,3 +264,11 @@ def test_what_a_metric_raises_names_it(plugin):
     assert caught.value.__notes__ == ["while scoring choosy"]
     found = score([Choice("metric", "choosy")], toy_cloud("toy"), case, floors=False)
     assert found == ({"choosy": 1.0}, {}, {"choosy": "lower"}, {}) and found.columns == {"score.choosy": 1.0}
+
+
+def test_a_cached_floor_is_that_of_an_output_of_this_kind_and_size(plugin, tmp_path):
+    case = Case("toy", {}, toy_shape(), _memo=Memo(tmp_path))
+    triangle = Trimesh(np.eye(3), [[0, 1, 2]], process=False)
+    count = len(case.reference.mesh.vertices)
+    for output, floor in ((PointCloud(np.eye(3)), 3), (PointCloud(np.ones((4, 3))), 4), (triangle, count)):
+        assert score([Choice("metric", "counting")], output, case).floors == {"counting": floor}
