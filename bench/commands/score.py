@@ -215,7 +215,6 @@ def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tu
     from ..engine import call
 
     kind = "mesh" if hasattr(output, "faces") else "cloud"
-    is_cloud = case.reference.cloud is not None
     scores: dict[str, Score] = {}
     left_out: dict[str, str] = {}
     for choice in metrics:
@@ -225,7 +224,7 @@ def score(case: Case, output: PointCloud | Trimesh, metrics: list[Choice]) -> tu
             continue
         try:
             plugin.require()
-            found = call.score([choice], output, case, floors=not is_cloud)
+            found = call.score([choice], output, case)
         except MissingLibrary as error:
             left_out[choice.name] = str(error)
             continue

@@ -237,7 +237,7 @@ def score(
         Whatever a metric raises, with a note that names the metric.
     """
     found = Scores({}, {}, {}, {})
-    of_points = floors and case.reference.cloud is not None
+    of_points = case.reference.cloud is not None
     floors = floors and not of_points  # a reference cloud has no second perfect sample
     for choice in metrics:
         metric, plugin = choice.build(), choice.plugin

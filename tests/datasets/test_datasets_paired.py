@@ -275,7 +275,7 @@ def test_the_scan_is_in_the_frame_of_the_reference_with_all_attributes(folder, r
 def test_scores_against_a_cloud_match_a_naive_search(folder):
     case = next(recipes(paired(folder, reference="cloud/*.ply"))).build()
     cloud = case.input["cloud"]
-    metrics = [Choice.of("metric", {"_name_": name}) for name in ("chamfer_l1_mean", "p2f_mean", "iou")]
+    metrics = [Choice.of("metric", {"_name_": name}) for name in ("p2f_mean", "chamfer_l1_mean", "iou")]
     found = call.score(metrics[:2], cloud, case)
     apart = np.linalg.norm(cloud.points[:, None] - case.reference.cloud.points, axis=2)
     by_hand = (apart.min(axis=0).mean() + apart.min(axis=1).mean()) / 2
@@ -284,7 +284,9 @@ def test_scores_against_a_cloud_match_a_naive_search(folder):
     mesh = trimesh.creation.icosphere(1)
     assert call.score(metrics[2:], mesh, case).left_out == {"iou": "needs a reference that is a mesh"}
     topology = Choice.of("metric", {"_name_": "topology"})  # its scores are compared with those of the reference
-    assert call.score([topology], mesh, case).values == {}
+    for floors in (True, False):  # a trace is scored without
+        found = call.score([topology], mesh, case, floors=floors)
+        assert found == ({}, {}, {}, {"topology": "needs a reference that is a mesh"})
 
 
 def test_the_ratio_of_upsampling_is_that_of_the_task(folder):
