@@ -69,10 +69,10 @@ def claim_device(device: str, alive: Callable[[], None] = lambda: None) -> Itera
     str
         The device to use: ``cuda`` becomes ``cuda:N`` where it is not the first.
     """
-    candidates = [device] if ":" in device else [device, *(f"cuda:{n}" for n in range(1, _count(device)))]
-    if device == "cpu" or not _count(device):
+    if device == "cpu" or not (count := _count()):
         yield device
         return
+    candidates = [device] if ":" in device else [device, *(f"cuda:{n}" for n in range(1, count))]
     while True:
         for candidate in candidates:
             with hold(f"gpu-{_physical(index_of(candidate))}") as held:
@@ -83,10 +83,8 @@ def claim_device(device: str, alive: Callable[[], None] = lambda: None) -> Itera
         time.sleep(LOOK)
 
 
-def _count(device: str) -> int:
-    """How many GPUs torch sees; 0 if none is requested, or torch is not installed."""
-    if device == "cpu":
-        return 0
+def _count() -> int:
+    """How many GPUs torch sees; 0 if torch is not installed."""
     try:
         import torch
     except ImportError:
