@@ -63,10 +63,15 @@ def torch(monkeypatch, tmp_path):
 # -- names -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("device", ["gpu", "cuda:", "cuda:x", "cuda:-1", "cuda:1:2", "CUDA", "", "cpu:0"])
-def test_what_is_no_name_of_a_device(device):
-    with pytest.raises(UsageError, match="expected cpu, cuda or cuda:N"):
-        check_name(device)
+@pytest.mark.parametrize(
+    "device",
+    ["gpu", "cuda:", "cuda:x", "cuda:-1", "cuda:1:2", "CUDA", "", "cpu:0", "cuda:01", "cuda:\N{FULLWIDTH DIGIT ONE}"],
+)
+def test_what_is_no_name_of_a_device(torch, device):
+    torch(2)
+    for check in (check_name, devices.check_device):  # the second also of a name that no cell has
+        with pytest.raises(UsageError, match="expected cpu, cuda or cuda:N"):
+            check(device)
 
 
 def test_a_device_must_be_there(torch):
@@ -75,8 +80,9 @@ def test_a_device_must_be_there(torch):
     torch(2)
     for device in ("cpu", "cuda", "cuda:0", "cuda:1"):
         devices.check_device(device)
-    with pytest.raises(UsageError, match="cuda:99: torch sees no such GPU on this machine; expected cuda:0, cuda:1"):
-        devices.check_device("cuda:99")
+    for device in ("cuda:2", "cuda:99"):
+        with pytest.raises(UsageError, match=f"{device}: torch sees no such GPU.* machine; expected cuda:0, cuda:1"):
+            devices.check_device(device)
     torch(0)
     devices.check_device("cpu")
     with pytest.raises(UsageError, match=r"device=cuda: torch 9\.9 sees no GPU on this machine; use device=cpu"):
