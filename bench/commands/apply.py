@@ -109,9 +109,11 @@ def jobs_of(
     """The applications described by the arguments, checked."""
     from ..engine.application import Application
     from ..engine.targets import targets_of
-    from ..plan.cell import check_root
+    from ..plan.cell import check_limits, check_root
     from ..plan.choice import Choice
+    from ..plan.devices import check_name
     from ..plan.limits import Limits
+    from ..plan.numbers import check_whole_number
     from ..plan.training import Training
     from ..sweep.overrides import checked
 
@@ -120,6 +122,9 @@ def jobs_of(
     overrides = _with_task(overrides, output, inputs)
     values = checked(overrides, "apply").values
     check_root(values)
+    for key in ("seed", "threads"):
+        check_whole_number(key, values[key])
+    check_name(values["device"])
     task, method = (Choice.of(kind, values[kind]) for kind in ("task", "method"))
     if not method.solves(task.name):
         raise UsageError(f"method {method.label} does not solve {task.name}")
@@ -131,7 +136,9 @@ def jobs_of(
         raise UsageError(f"{output}: no such folder: {folder}; create it first")
     # A user's own file has no limits by default; the limits of a benchmark apply only on request.
     asked = {w.lstrip("+").split("=")[0] for w in overrides}
-    limit = {name: value for name, value in values["limit"].items() if f"limit.{name}" in asked}
+    given = {name: value for name, value in values["limit"].items() if f"limit.{name}" in asked}
+    limit = Limits(**({"seconds": 86400.0, "memory_gb": _memory_gb()} | given))
+    check_limits(limit)
     first = Application(
         task=task,
         method=method,
@@ -145,7 +152,7 @@ def jobs_of(
         normals=normals,
         simplify=simplify,
         colors=colors,
-        limit=Limits(**({"seconds": 86400.0, "memory_gb": _memory_gb()} | limit)),
+        limit=limit,
         plugins=plugins,
         verbose=values["verbose"],
     )

@@ -99,6 +99,22 @@ def test_many_files_with_a_bad_one_and_nothing_is_made_twice(here, capsys):
         assert InProcess.made == [f"out/{name}.ply" for name in made]
 
 
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("threads=0", "expected a whole number of at least 1"),
+        ("seed=-1", "expected a whole number of at least 0"),
+        ("device=cuda:x", "expected cpu, cuda or cuda:N"),
+        ("limit.memory_gb=-1.5", "expected more than 0"),
+    ],
+)
+def test_a_value_that_makes_no_sense_is_refused_before_a_process_is_started(here, capsys, word, said):
+    (here / "scan.xyz").write_text("0 0 0\n")
+    InProcess.made.clear()
+    assert main(["apply", "method=identity", "task=denoise", word, "scan.xyz", "out.ply"]) == 1
+    assert f"error: {word}: {said}" in capsys.readouterr().err and InProcess.made == []
+
+
 def test_a_call_that_fails_reports_what_the_reader_of_its_file_noted(here, capsys):
     points = (20 * sphere(2000) + [500_000.0, 5_400_000.0, 350.0]).astype(np.float32)
     np.savetxt(here / "survey.xyz", points.astype(np.float64), "%.17g")
