@@ -44,11 +44,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def fit(args: argparse.Namespace) -> None:
     """What :func:`main` does, with errors that are messages."""
-    from .engine.fitting import Fit, load_examples
+    from .engine.fitting import Fit
     from .errors import UsageError
     from .plugins.registry import load_plugins, registry
     from .plugins.schema import build
-    from .plugins.weights import as_bytes, facts_of, load
+    from .plugins.weights import as_bytes, as_stored, facts_of, load
 
     facts = facts_of(args.examples)
     if "method" not in facts:
@@ -78,7 +78,7 @@ def fit(args: argparse.Namespace) -> None:
         threads=args.threads,
         on_progress=_said(),
     )
-    row = trained.run(load_examples(args.examples))
+    row = trained.run(as_stored(args.examples))
     path = work / "weights.safetensors"
     args.weights.write_bytes(as_bytes(load(path), facts_of(path), half=args.half))
     print(f"{args.weights}: {row['steps']:,} steps in {row['seconds']:.0f} s on {row['device']}")

@@ -18,7 +18,7 @@ import numpy as np
 from ..contract.run import Run
 from ..errors import BadInput, UsageError
 from ..own_folder import open_own
-from ..plugins.weights import as_bytes, facts_of
+from ..plugins.weights import as_bytes, as_stored, facts_of
 from ..results.files import write_atomically
 from .channel import plain
 
@@ -87,7 +87,6 @@ class Fit:
             "curve": thinned(read_curve(self.log), KEPT),
             "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         }
-        self.folder.mkdir(parents=True, exist_ok=True)
         write_atomically(self.folder / "weights.safetensors", as_bytes(weights, facts))
         self.checkpoint.unlink(missing_ok=True)
         return {key: facts[key] for key in ("seconds", "cpu_seconds", "steps", "device")} | {
@@ -104,15 +103,12 @@ class Fit:
 
     def _resumed(self) -> dict[str, np.ndarray] | None:
         """The arrays of a readable checkpoint, if any; the log is cut back to that point."""
-        if not self.checkpoint.is_file():
-            self.log.unlink(missing_ok=True)
-            return None
         try:
-            facts, arrays = facts_of(self.checkpoint), load_examples(self.checkpoint)
-        except BadInput:
+            facts, arrays = facts_of(self.checkpoint), as_stored(self.checkpoint)
+            self.before = {key: facts[key] for key in self.before}
+        except (BadInput, KeyError):  # there is none, or it is damaged
             self.log.unlink(missing_ok=True)
             return None
-        self.before = {key: facts.get(key, 0) for key in self.before}
         lines = [line for line in read_log(self.log) if line["step"] < self.before["steps"]]
         write_atomically(self.log, "".join(json.dumps(line) + "\n" for line in lines).encode())
         return arrays
@@ -160,10 +156,3 @@ def thinned(curve: list[list[float]], count: int) -> list[list[float]]:
     """At most about ``count`` of the points of a curve, evenly spaced, including the last one."""
     step = max(1, -(-len(curve) // count))
     return curve[::-1][::step][::-1]
-
-
-def load_examples(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a file of examples, of the types that they were stored in."""
-    from safetensors.numpy import load_file
-
-    return load_file(str(path))

@@ -17,11 +17,11 @@ from ..contract.run import Run
 from ..contract.training import TrainingData, content_digest
 from ..errors import BadInput, UsageError
 from ..plan.training import Training, named
-from ..plugins.weights import as_bytes, content, facts_of
+from ..plugins.weights import as_bytes, as_stored, content, facts_of
 from ..results.files import write_atomically
 from ..text import bounded
 from .channel import Channel, plain
-from .fitting import Fit, load_examples
+from .fitting import Fit
 
 
 def work(spec: Mapping[str, Any], channel: Channel) -> None:
@@ -90,7 +90,7 @@ def _examples(
 def _known(path: Path) -> tuple[Mapping[str, np.ndarray], dict[str, Any]]:
     """The arrays of a file of examples, its header, and its hash."""
     facts = facts_of(path)
-    return load_examples(path), {**facts, "examples": content(path)}
+    return as_stored(path), {**facts, "examples": content(path)}
 
 
 def _data(training: Training, see: Callable[[Any], None]) -> TrainingData:

@@ -200,16 +200,26 @@ def load(path: str | Path) -> dict[str, np.ndarray]:
     BadInput
         Naming the file, if it is damaged.
     """
+    return {name: a.astype(np.float32) if a.dtype == np.float16 else a for name, a in as_stored(path).items()}
+
+
+def as_stored(path: str | Path) -> dict[str, np.ndarray]:
+    """The arrays of a file, of the types that they were stored in.
+
+    Raises
+    ------
+    BadInput
+        Naming the file, if it is damaged, or has numbers that numpy does not know (bfloat16).
+    """
     from safetensors import SafetensorError
     from safetensors.numpy import load_file
 
     path = Path(os.path.expanduser(path))
     _stat(path)
     try:
-        arrays = load_file(str(path))
-    except (OSError, SafetensorError) as error:
-        raise BadInput(f"{path}: cannot be read ({error}); expected a safetensors file") from error
-    return {name: a.astype(np.float32) if a.dtype == np.float16 else a for name, a in arrays.items()}
+        return load_file(str(path))
+    except (OSError, SafetensorError, AttributeError, KeyError, TypeError) as error:  # a type unknown to numpy
+        raise BadInput(f"{path}: cannot be read ({error}); expected a safetensors file of numpy's types") from error
 
 
 def as_bytes(arrays: Mapping[str, np.ndarray], facts: Mapping[str, Any], *, half: bool = False) -> bytes:

@@ -20,7 +20,7 @@ from bench.contract import run as run_module
 from bench.engine import again, runner
 from bench.engine import training as module
 from bench.engine.fitting import Fit, read_curve, read_log, thinned
-from bench.engine.trainer import _data, _fitted
+from bench.engine.trainer import _data, _examples, _fitted
 from bench.plan.cell import Cell, Settings
 from bench.plan.choice import Choice
 from bench.plan.training import Training
@@ -192,14 +192,6 @@ def test_a_time_that_is_over_ends_the_training_with_what_it_has(tmp_path):
     assert row["steps"] == 8 and row["seconds"] >= 100
 
 
-def test_the_seconds_of_a_training_are_those_before_and_after_an_interruption(tmp_path, monkeypatch):
-    fitted = fit_of(tmp_path)
-    fitted.before, fitted.step = {"seconds": 3.0, "cpu_seconds": 5.0, "steps": 7}, 9
-    fitted._run, fitted._cpu = SimpleNamespace(elapsed=lambda: 2.0), 10.0
-    monkeypatch.setattr(time, "process_time", lambda: 14.0)
-    assert fitted._spent() == {"seconds": 5.0, "cpu_seconds": 9.0, "steps": 9}
-
-
 # -- test shapes are never seen ----------------------------------------------------------------------------------------
 
 
@@ -344,6 +336,25 @@ def test_damaged_weights_are_trained_again_and_that_is_said(shell):
     assert done.returncode == 0 and done.stderr.count("; moved aside; the method is trained again") == 1
     assert (load(path)["shift"] == expected["shift"]).all() and path.with_suffix(".damaged").exists()
     assert logged(shell) == ["examples", "fit", "fit"]
+
+
+def test_damaged_examples_are_made_again(tmp_path):
+    """Those that are cut off, and those whose header says another shape."""
+    training = cell_of({"cases": 1, "dataset": "ball"}).training
+    path, said = tmp_path / "examples.safetensors", []
+    asked = {"from_examples": "", "examples": str(path)}
+    channel = SimpleNamespace(send=lambda event, **values: said.append(event))
+
+    def examples():
+        return _examples(training, asked, {"threads": 1}, channel)[0]["centroids"]
+
+    made, whole = examples(), path.read_bytes()
+    assert (examples() == made).all() and said == ["progress"]  # those that are there are used
+    for damaged in (whole[:-3], whole.replace(b'"shape":[1,3]', b'"shape":[2,3]')):
+        assert damaged != whole
+        path.write_bytes(damaged)
+        assert (examples() == made).all() and path.read_bytes() == whole
+    assert said == ["progress"] * 3
 
 
 def test_weights_survive_a_file_also_as_halves(tmp_path):

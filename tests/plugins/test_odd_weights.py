@@ -12,7 +12,7 @@ import pytest
 from bench import BadInput
 from bench.plugins.registry import registry
 from bench.plugins.schema import defaults
-from bench.plugins.weights import as_bytes, check_fits, content, facts_of, load
+from bench.plugins.weights import as_bytes, as_stored, check_fits, content, facts_of, load
 
 READERS = (facts_of, load, content)
 
@@ -47,6 +47,16 @@ def test_damaged_files(tmp_path, data, read):
     path = tmp_path / "w.safetensors"
     path.write_bytes(data)
     refused(path, read)
+
+
+@pytest.mark.parametrize(
+    ("kind", "shape"), [("F32", [3]), ("BF16", [4]), ("F8_E4M3", [8])], ids=["another shape", "bfloat16", "float8"]
+)
+@pytest.mark.parametrize("read", [load, as_stored])
+def test_arrays_that_are_not_what_the_header_says_or_of_types_that_numpy_lacks(tmp_path, kind, shape, read):
+    path = tmp_path / "w.safetensors"
+    path.write_bytes(file_of({"a": {"dtype": kind, "shape": shape, "data_offsets": [0, 8]}}) + bytes(8))
+    assert "expected a safetensors file of numpy's types" in refused(path, read)
 
 
 def test_metadata_that_is_no_json(tmp_path):
