@@ -44,12 +44,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def fit(args: argparse.Namespace) -> None:
     """What :func:`main` does, with errors that are messages."""
+    from .engine.devices import check_device
     from .engine.fitting import Fit
     from .errors import UsageError
     from .plugins.registry import load_plugins, registry
     from .plugins.schema import build
     from .plugins.weights import as_bytes, as_stored, facts_of, load
 
+    check_device(args.device)
     facts = facts_of(args.examples)
     if "method" not in facts:
         raise UsageError(f"{args.examples}: expected a file that detailbench train --export-examples made")

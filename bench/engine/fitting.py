@@ -83,7 +83,7 @@ class Fit:
         facts = {
             **self.facts,
             **spent,
-            "device": self.device if self.device == "cpu" else _gpu(),
+            "device": self.device if self.device == "cpu" else _gpu(self.device),
             "curve": thinned(read_curve(self.log), KEPT),
             "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         }
@@ -127,10 +127,10 @@ class Fit:
         write_atomically(self.checkpoint, as_bytes(arrays, self._spent()))
 
 
-def _gpu() -> str:
+def _gpu(device: str) -> str:
     import torch
 
-    return f"cuda ({torch.cuda.get_device_name()})"
+    return f"cuda ({torch.cuda.get_device_name(device)})"
 
 
 def read_log(path: Path) -> list[dict[str, Any]]:

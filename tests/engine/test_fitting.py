@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from types import SimpleNamespace
 
@@ -76,6 +77,12 @@ def test_the_header_and_the_log_have_milliseconds_steps_and_the_curve(fitted):
 
 def test_a_method_that_reports_no_step_has_made_none(fitted):
     assert fitted(progress=False).row["steps"] == 0
+
+
+def test_the_weights_of_a_gpu_name_it(fitted, monkeypatch):
+    names = {"cuda:0": "small", "cuda:1": "large"}
+    monkeypatch.setitem(sys.modules, "torch", SimpleNamespace(cuda=SimpleNamespace(get_device_name=names.get)))
+    assert fitted(device="cuda:1").facts["device"] == "cuda (large)"
 
 
 def test_weights_may_be_plain_numbers_and_are_refused_where_they_are_not_finite(fitted):

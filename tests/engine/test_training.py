@@ -505,6 +505,8 @@ def test_train_makes_exports_and_takes_examples(shell, tmp_path, capsys):
     assert (load(alone)["shift"] == load(path)["shift"]).all() and facts_of(alone)["steps"] == 200
     assert fit.main([str(saved.with_name("no.safetensors")), str(alone)]) == 1
     assert "cannot be read" in capsys.readouterr().err
+    assert fit.main([str(examples), str(alone), "--device", "cuda:99", "--plugin", str(LEARNER)]) == 1
+    assert "device=cuda:99: torch" in capsys.readouterr().err
     plan = shell.call("plan", "--plugin", TOYS, "--plugin", LEARNER, *TRAIN, *WORDS, "training.seed=1")
     assert "first: training of toy_learner" in plan.stdout and "15 min" in plan.stdout, plan.stderr
 
