@@ -67,7 +67,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def cells_of(words: list[str], refused: list[str]) -> list[Any]:
-    """The cells of an override list, each with its settings: of cells that differ only in the method, the first."""
+    """The cells of an override list, each with its settings: of cells that differ only in the method, the first.
+
+    Their device is the processor, which makes and scores their files; another one is the method's.
+    """
+    from dataclasses import replace
+
     from ..plan.cell import Cell
     from ..sweep.flags import only_overrides
     from ..sweep.overrides import check_jobs, checked
@@ -82,7 +87,7 @@ def cells_of(words: list[str], refused: list[str]) -> list[Any]:
     for cell, settings, _ in planned(jobs, refused):
         values = cell.to_json()
         key = {name: values[name] for name in ("task", "dataset", "sensor", "seed", "split")}
-        found.setdefault(json.dumps(key, sort_keys=True), (cell, settings))
+        found.setdefault(json.dumps(key, sort_keys=True), (replace(cell, device="cpu"), settings))
     return list(found.values())
 
 
