@@ -56,7 +56,6 @@ def export(cell: Cell, folder: Path, limit: Limits, plugins: tuple[str, ...] = (
         "folder": str(folder),
         "group": group,
         "keys": memory_keys(cell),
-        "cache_gb": limit.cache_gb,
     }
     with Isolation(plugins=plugins, threads=cell.threads) as isolation:
         row = isolation.call("bench.engine.exporting:write", arguments, limit=limit)

@@ -5,13 +5,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
+from conftest import TOYS
 
 from bench import PointCloud, generator
 from bench.engine import exporting
-from bench.engine.exporting import _written, group_of
+from bench.engine.exporting import _written, group_of, write
 from bench.errors import DetailbenchError
 from bench.geometry.io.files import load_cloud
+from bench.plan.cell import Cell
+from bench.plan.choice import Choice
 from bench.plan.limits import Limits
+from bench.results.provenance import memory_keys
 
 CLOUD = PointCloud(np.eye(3), normals=np.eye(3), colors=np.ones((3, 3)))
 
@@ -70,6 +74,23 @@ def test_cells_of_one_folder_are_written_one_after_the_other_and_the_list_is_not
         assert [path.name for path in (folder / group_of(one)).iterdir()] == ["outputs"]
     with pytest.raises(DetailbenchError, match="upsample ball: no such file"):
         exporting.export(one, folder, Limits())
+
+
+def test_each_case_has_a_limit_of_its_own_and_nothing_else_is_left_in_the_folder(tmp_path, plugin_file):
+    plugin_file(TOYS)
+    names = {"task": "denoise", "dataset": "ball", "sensor": "dots", "method": "identity"}
+    ball = Cell(**{kind: Choice.of(kind, {"_name_": name}) for kind, name in names.items()}, metrics=(), cases=2)
+    asked = {"cell": ball.to_json(), "folder": str(tmp_path), "group": "g", "keys": memory_keys(ball)}
+    events = []
+    channel = SimpleNamespace(
+        stage="start",
+        enter=lambda stage, index: events.append((stage, index)),  # from here, the runner counts the seconds anew
+        send=lambda event, row: events.append((event, row["status"])),
+    )
+    write({"arguments": asked, "memory_gb": 4.0}, channel)
+    assert events == [("plan", -1), ("case", 0), ("case", 1), ("result", "ok")]
+    files = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())
+    assert files == [f"g/{exporting.CASES}", "g/inputs/ball-test-000.ply", "g/inputs/ball-test-001.ply"]
 
 
 def test_a_folder_is_named_by_what_is_not_usual():
