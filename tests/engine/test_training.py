@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -372,8 +373,6 @@ def test_weights_survive_a_file_also_as_halves(tmp_path):
 
 
 def test_shipped_weights_are_found_by_their_parameters(tmp_path, monkeypatch):
-    from dataclasses import replace
-
     (tmp_path / "weights").mkdir()
     plugin = replace(registry().find("method", "toy_learner"), file=tmp_path / "toy_learner.py")
     values = choices()["method"].parameters
@@ -459,16 +458,35 @@ def test_a_run_says_that_it_trains_again_what_is_damaged(tmp_path, monkeypatch):
     assert str(path) in note and note.endswith("; moved aside; the method is trained again")
 
 
-def test_a_case_that_is_run_again_elsewhere_has_the_very_weights_of_its_cell(tmp_path, monkeypatch):
-    cell = cell_of({})
-    results, path = trained_in(tmp_path / "here", cell.training)
+@pytest.fixture
+def run_again(monkeypatch):
+    """Run the second of three cases of a cell again; the rows that are known."""
     monkeypatch.setattr(again, "run_cell", lambda cell, settings, known: SimpleNamespace(record=known))
     monkeypatch.setattr(again, "writing_nothing", lambda cell: (cell, []))
     rows = [{"case": name, "case_index": index} for index, name in enumerate("abc")]
-    stored = SimpleNamespace(cell=cell, results=results, settings=Settings(), shown=SimpleNamespace(rows=rows))
-    assert again.run_again(stored, tmp_path / "there", {"b"}) == {0: rows[0], 2: rows[2]}
-    copy = module.known_weights(Results(tmp_path / "there"), cell.training)
-    assert copy is not None and copy.path.read_bytes() == path.read_bytes()
+
+    def run(cell, results, folder):
+        stored = SimpleNamespace(cell=cell, results=results, settings=Settings(), shown=SimpleNamespace(rows=rows))
+        assert again.run_again(stored, folder, {"b"}) == {0: rows[0], 2: rows[2]}
+
+    return run
+
+
+def test_a_case_that_is_run_again_elsewhere_has_the_very_weights_of_its_cell(tmp_path, run_again):
+    cell, variant = cell_of({}), cell_of({}, scale=0.5)
+    results, path = trained_in(tmp_path / "here", cell.training)
+    for one in (cell, variant):  # which share them
+        run_again(one, results, tmp_path / "there")
+        copy = module.known_weights(Results(tmp_path / "there"), one.training)
+        assert copy is not None and copy.path.read_bytes() == path.read_bytes()
+
+
+def test_a_case_is_run_again_elsewhere_where_there_are_no_weights_to_take_along(tmp_path, run_again):
+    file = file_of(tmp_path / "a.safetensors", 1.0)
+    untrained, given, unlearned = cell_of({"seed": 1}), cell_of({"weights": str(file)}), cell_of({})
+    for cell in (untrained, given, replace(unlearned, training=None)):
+        run_again(cell, Results(tmp_path / "here"), tmp_path / "there")
+    assert not (tmp_path / "there").exists()
 
 
 @pytest.mark.parametrize(
