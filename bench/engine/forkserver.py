@@ -37,6 +37,7 @@ from .affinity import available
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
 _MAX_MESSAGE = 1 << 17
+_START = "from bench.engine.forkserver import serve; serve()"
 FAILED = 70  # exit status of a worker whose own code fails
 LOOK = 0.5  # seconds between looks at whether a server that does not answer is stopped
 LOAD_SECONDS = 600.0  # for importing libraries
@@ -70,7 +71,7 @@ ALWAYS = (
 
 def _prctl(option: int, value: int) -> None:
     if sys.platform == "linux":
-        ctypes.CDLL(None, use_errno=True).prctl(option, value, 0, 0, 0)
+        ctypes.CDLL(None).prctl(option, value)
 
 
 # -- the side of the runner --------------------------------------------------------------------------------------------
@@ -83,9 +84,8 @@ def server_environment(threads: int) -> dict[str, str]:
 
 def start_process(channel: int, threads: int, printed: int) -> subprocess.Popen[bytes]:
     """Start a server's process, given the descriptors of its end of the socket and of its standard error."""
-    code = "from bench.engine.forkserver import serve; serve()"
     return subprocess.Popen(
-        [sys.executable, "-P", "-c", code, str(channel), str(threads)],  # -P: see bench/safe_path.py
+        [sys.executable, "-P", "-c", _START, str(channel), str(threads)],  # -P: see bench/safe_path.py
         pass_fds=[channel],
         stdin=subprocess.DEVNULL,
         stderr=printed,
@@ -124,11 +124,11 @@ class ForkServer:
             If it ended while importing the given libraries.
         """
         try:
-            self._ask({"ready": True}, patience=LOAD_SECONDS)
+            self._ask({"do": "begin"}, patience=LOAD_SECONDS)
         except ServerDied as error:
             raise CannotStart(f"{error}{self._last_words()}") from error
         try:
-            self._ask({"preload": preload, "plugins": plugins}, patience=LOAD_SECONDS)
+            self._ask({"do": "load", "preload": preload, "plugins": plugins}, patience=LOAD_SECONDS)
         except ServerDied as error:
             raise ServerDied(
                 f"{error} while it loaded {', '.join((*preload, *plugins))}{self._last_words()}"
@@ -189,11 +189,11 @@ class ForkServer:
         with tempfile.TemporaryFile() as job:  # a job with thousands of finished cases is too long for a message
             job.write(json.dumps(spec).encode())
             job.flush()
-            return self._ask({"fork": True}, (messages, output, job.fileno()))["pid"]
+            return self._ask({"do": "fork"}, (messages, output, job.fileno()))["pid"]
 
     def reap(self, pid: int) -> int:
         """Wait for a worker that ended or was killed, kill its remaining descendants; its wait status."""
-        return self._ask({"reap": pid})["status"]
+        return self._ask({"do": "reap", "pid": pid})["status"]
 
     def close(self) -> None:
         """End the server and all its descendants."""
@@ -269,14 +269,14 @@ def serve() -> None:
             if not message:
                 break  # the runner is gone
             request = json.loads(message)
-            if "fork" in request:
-                answer = {"pid": _fork(channel, *fds)}
-            elif "reap" in request:
-                answer = {"status": _reap(request["reap"])}
-            elif "ready" in request:
-                answer = request
-            else:
-                answer = _load(request)
+            answer: dict[str, int] = {}
+            match request["do"]:
+                case "load":
+                    _load(request)
+                case "fork":
+                    answer = {"pid": _fork(channel, *fds)}
+                case "reap":
+                    answer = {"status": _reap(request["pid"])}
             channel.send(json.dumps(answer).encode())
     except OSError:
         pass  # the runner ended while we were answering
@@ -284,7 +284,7 @@ def serve() -> None:
         _kill_descendants()
 
 
-def _load(request: dict[str, Any]) -> dict[str, Any]:
+def _load(request: dict[str, Any]) -> None:
     """Import what the workers of this server need beyond :data:`ALWAYS`."""
     from ..plugins.registry import registry
 
@@ -294,7 +294,6 @@ def _load(request: dict[str, Any]) -> dict[str, Any]:
     _import(request["preload"])
     gc.collect()
     gc.freeze()  # pages that the collector never touches stay shared with the workers
-    return {"ready": True}
 
 
 def _import(modules: Iterable[str]) -> None:

@@ -1,17 +1,14 @@
 """The clock and the memory of a method call, and what failures are called."""
 
-import contextlib
 import math
 import subprocess
 import sys
 import time
 
 import numpy as np
-import psutil
 import pytest
 
 from bench.contract.run import Run
-from bench.engine import forkserver
 from bench.engine.meter import Meter
 from bench.engine.worker import failure, plain
 from bench.errors import BadInput, InvalidOutput, MissingLibrary
@@ -166,96 +163,3 @@ def test_a_torch_generator_follows_the_seed():
 )
 def test_the_first_number_of_threads_in_the_overrides(words, threads):
     assert Request.of(words).threads == threads
-
-
-def test_a_prestarted_server_is_taken_once_and_only_for_its_number_of_threads(monkeypatch):
-    monkeypatch.setattr(forkserver, "_prestarted", [])  # an earlier test may have left one for other threads
-    monkeypatch.setattr(forkserver, "available", lambda: [0, 1])
-    forkserver.prestart(2)
-    (early,) = forkserver._prestarted
-    forkserver.prestart(2)  # there is one already
-    assert forkserver.take_prestarted(2) is early
-    forkserver.prestart(2)
-    (unused,) = forkserver._prestarted
-    other = forkserver.take_prestarted(1)
-    assert other.threads == 1
-    assert unused._process.returncode is not None  # ended, for nobody will ask for it
-    assert forkserver._prestarted == []
-    other.load((), ())
-    for server in (early, other):
-        server.close()
-        assert server._process.returncode is not None
-
-
-def test_one_processor_imports_nothing_in_advance(monkeypatch):
-    monkeypatch.setattr(forkserver, "_prestarted", [])  # an earlier test may have left one for other threads
-    monkeypatch.setattr(forkserver, "available", lambda: [0])
-    forkserver.prestart(1)
-    assert forkserver._prestarted == []
-
-
-@pytest.fixture
-def server_that(monkeypatch):
-    """A fork server whose process runs other lines of Python, which have the ``channel`` to the runner."""
-
-    def start(lines):
-        code = f"import socket, sys, os, signal, time\nchannel = socket.socket(fileno=int(sys.argv[1]))\n{lines}"
-        monkeypatch.setattr(
-            forkserver,
-            "start_process",
-            lambda channel, threads, printed: subprocess.Popen(
-                [sys.executable, "-S", "-c", code, str(channel)], pass_fds=[channel], stderr=printed
-            ),
-        )
-        return forkserver.ForkServer(1)
-
-    return start
-
-
-def test_a_server_that_ends_is_reported_with_its_exit_status_and_its_last_words(server_that):
-    answer = "channel.recv(999); channel.send(b'{}'); channel.recv(999)"
-    end = "time.sleep(0.1); sys.exit('first line\\nlast line')"
-    server = server_that(f"channel.recv(999); channel.close(); {end}")
-    with pytest.raises(forkserver.CannotStart, match=r"ended unexpectedly \(exit status 1\): last line\. No result"):
-        server.load(("a",), ("b",))
-    server.close()
-    server = server_that(f"{answer}; channel.close(); {end}")
-    with pytest.raises(forkserver.ServerDied, match=r"\(exit status 1\) while it loaded a, b: last line$"):
-        server.load(("a",), ("b",))
-    server.close()
-
-
-def test_a_server_that_does_not_answer_is_ended_with_all_that_it_started(server_that, monkeypatch):
-    monkeypatch.setattr(forkserver, "LOAD_SECONDS", 0.1)
-    monkeypatch.setattr(forkserver, "LOOK", 0.05)
-    server = server_that("print(os.fork(), file=sys.stderr, flush=True); time.sleep(60)")
-    end = time.monotonic() + 20
-    while len(said := server._said().split()) < 2 and time.monotonic() < end:
-        time.sleep(0.01)
-    child = psutil.Process(max(map(int, said)))
-    with pytest.raises(forkserver.CannotStart, match="exit status -9"):
-        server.load((), ())
-    server.close()
-    with contextlib.suppress(psutil.NoSuchProcess):
-        while child.status() != psutil.STATUS_ZOMBIE:
-            assert time.monotonic() < end
-            time.sleep(0.01)
-
-
-def test_a_server_that_was_stopped_goes_on(server_that, monkeypatch):
-    """A method that it has forked can stop it."""
-    monkeypatch.setattr(forkserver, "LOOK", 0.05)
-    answer = "channel.recv(999); channel.send(b'{}')"
-    server = server_that(f"os.kill(os.getpid(), signal.SIGSTOP); {answer}; {answer}; channel.recv(999)")
-    server.load((), ())
-    server.close()
-    assert server._process.returncode == 0
-
-
-def test_threads_that_wait_sleep_unless_the_user_wants_them_to_spin(monkeypatch):
-    monkeypatch.delenv("OMP_WAIT_POLICY", raising=False)
-    made = forkserver.server_environment(3)
-    assert made["OMP_WAIT_POLICY"] == "PASSIVE"
-    assert {made[name] for name in forkserver.THREAD_VARIABLES} == {"3"}
-    monkeypatch.setenv("OMP_WAIT_POLICY", "ACTIVE")
-    assert forkserver.server_environment(1)["OMP_WAIT_POLICY"] == "ACTIVE"
