@@ -172,8 +172,7 @@ class ForkServer:
 
     def _go_on(self) -> None:
         """Resume it in case it was stopped, for instance by a method that it has forked."""
-        if self._process.returncode is None:
-            os.kill(self._process.pid, signal.SIGCONT)
+        self._process.send_signal(signal.SIGCONT)
 
     def _end(self) -> None:
         """Kill it and, since it cannot do so itself, its descendants."""
@@ -306,6 +305,7 @@ def _fork(channel: socket.socket, messages: int, output: int, job: int) -> int:
     with os.fdopen(job, "rb") as file:
         file.seek(0)
         spec = json.load(file)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # where it is ignored, nobody learns how a process ended
     server = os.getpid()
     pid = os.fork()
     if pid:
@@ -340,10 +340,7 @@ def _fork(channel: socket.socket, messages: int, output: int, job: int) -> int:
 
 
 def _reap(pid: int) -> int:
-    try:
-        _, status = os.waitpid(pid, 0)
-    except ChildProcessError:
-        status = 0
+    _, status = os.waitpid(pid, 0)
     _kill_descendants()
     return status
 

@@ -262,3 +262,20 @@ def test_a_worker_ends_with_its_server_and_so_does_what_it_started_unless_the_se
     os.close(reads)
     with pytest.raises(forkserver.ServerDied, match=rf"\(exit status {status}\)$"):
         server.reap(1)
+
+
+@pytest.fixture
+def ended_children_ignored():
+    """What a process inherits from one that ignores how its children end."""
+    before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    yield
+    signal.signal(signal.SIGCHLD, before)
+
+
+def test_the_end_of_a_worker_is_told_although_who_started_all_ignores_such_ends(ended_children_ignored, server):
+    assert end_of(server, "os._exit(9)")[0] == "ended with exit status 9"
+    failing = "import subprocess; print(subprocess.run([sys.executable, '-S', '-c', 'raise SystemExit(3)']).returncode)"
+    assert end_of(server, failing)[1] == "3"
+    server._process.kill()
+    wait_for(lambda: not psutil.pid_exists(server._process.pid))
+    server.close()
