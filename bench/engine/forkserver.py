@@ -107,6 +107,7 @@ class ForkServer:
         self.threads = threads
         self._loaded = False
         self._printed = tempfile.TemporaryFile()  # noqa: SIM115  its standard error; a worker has one of its own
+        self._shown = 0  # bytes of it that the user has seen
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with there:
             self._process = start_process(there.fileno(), threads, self._printed.fileno())
@@ -126,20 +127,21 @@ class ForkServer:
         try:
             self._ask({"do": "begin"}, patience=LOAD_SECONDS)
         except ServerDied as error:
-            raise CannotStart(f"{error}{self._last_words()}") from error
-        try:
-            self._ask({"do": "load", "preload": preload, "plugins": plugins}, patience=LOAD_SECONDS)
-        except ServerDied as error:
-            raise ServerDied(
-                f"{error} while it loaded {', '.join((*preload, *plugins))}{self._last_words()}"
-            ) from error
+            raise CannotStart(str(error)) from error
+        names = ", ".join((*preload, *plugins))
+        request = {"do": "load", "preload": preload, "plugins": plugins}
+        self._ask(request, patience=LOAD_SECONDS, doing=f" while it loaded {names}")
         self._loaded = True
         if said := self._said():
             print(said, file=sys.stderr)
+            self._shown = os.fstat(self._printed.fileno()).st_size
 
     def _said(self) -> str:
+        """What it has printed and the user has not seen yet."""
+        if self._printed.closed:  # by another thread
+            return ""
         file = self._printed.fileno()  # read in place: the server shares the position of this file
-        return os.pread(file, os.fstat(file).st_size, 0).decode(errors="replace").strip()
+        return os.pread(file, os.fstat(file).st_size, self._shown).decode(errors="replace").strip()
 
     def _last_words(self) -> str:
         """The last line that it printed: of a traceback, the error."""
@@ -147,7 +149,11 @@ class ForkServer:
         return f": {lines[-1].strip()}" if lines else ""
 
     def _ask(
-        self, request: dict[str, Any], fds: tuple[int, ...] = (), patience: float = ANSWER_SECONDS
+        self,
+        request: dict[str, Any],
+        fds: tuple[int, ...] = (),
+        patience: float = ANSWER_SECONDS,
+        doing: str = "",
     ) -> dict[str, Any]:
         try:
             socket.send_fds(self._socket, [json.dumps(request).encode()], list(fds))
@@ -157,7 +163,8 @@ class ForkServer:
         if not answer:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(timeout=5)
-            raise ServerDied(f"the fork server ended unexpectedly (exit status {self._process.returncode})")
+            status = f"(exit status {self._process.returncode})"
+            raise ServerDied(f"the fork server ended unexpectedly {status}{doing}{self._last_words()}")
         return json.loads(answer)
 
     def _answer(self, deadline: float) -> bytes:
@@ -277,7 +284,7 @@ def serve() -> None:
                 case "reap":
                     answer = {"status": _reap(request["pid"])}
             channel.send(json.dumps(answer).encode())
-    except OSError:
+    except ConnectionError:
         pass  # the runner ended while we were answering
     finally:
         _kill_descendants()
@@ -328,15 +335,19 @@ def _fork(channel: socket.socket, messages: int, output: int, job: int) -> int:
 
         work(spec, messages)
         status = 0
-    except BaseException:  # nothing may return into the server's loop; the traceback is what the runner shows
+    except BaseException as error:  # nothing may return into the server's loop
         import traceback
 
-        traceback.print_exc()
+        try:
+            sys.stdout.flush()
+        finally:
+            traceback.print_exception(error)  # last, for its last line is what the runner shows
     finally:
-        with contextlib.suppress(OSError, ValueError):
+        try:
             sys.stdout.flush()
             sys.stderr.flush()
-        os._exit(status)
+        finally:
+            os._exit(status)
 
 
 def _reap(pid: int) -> int:

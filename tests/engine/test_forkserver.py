@@ -161,6 +161,15 @@ def test_what_a_server_prints_while_it_loads_is_shown_once(server_that, capsys, 
     with pytest.raises(forkserver.ServerDied, match=r"\(exit status 3\)$"):
         server.reap(1)
     server.close()
+    with pytest.raises(forkserver.ServerDied, match=r"\(exit status 3\)$"):
+        server.reap(1)
+
+
+def test_a_server_that_cannot_fork_says_why(server_that):
+    server = server_that("channel.recv(999); sys.exit('BlockingIOError: no more processes')")
+    with pytest.raises(forkserver.ServerDied, match=r"\(exit status 1\): BlockingIOError: no more processes$"):
+        server.fork({}, 1, 2)
+    server.close()
 
 
 # -- servers and their workers -----------------------------------------------------------------------------------------
@@ -200,8 +209,10 @@ def end_of(server, lines):
         ("os.kill(os.getpid(), signal.SIGTERM)", "killed by SIGTERM (signal 15)", ""),
         ("os.killpg(0, signal.SIGKILL)", "killed by SIGKILL (signal 9)", ""),
         ("os.write(1, b'out '); os.write(2, b'err '); os._exit(9)", "ended with exit status 9", "out err"),
-        ("sys.exit(0)", "ended with exit status 70: SystemExit: 0", "SystemExit: 0"),
+        ("print('out'); sys.exit(0)", "ended with exit status 70: SystemExit: 0", "SystemExit: 0"),
         ("print('out')", "ended with exit status 0", "out"),
+        ("sys.stdout = None", "ended with exit status 0", ""),
+        ("sys.stdout = None; raise KeyError(1)", "ended with exit status 70: KeyError: 1", "KeyError: 1"),
     ],
 )
 def test_the_end_of_a_worker_is_told_and_its_server_forks_the_next(server, lines, message, printed):
@@ -242,6 +253,13 @@ def test_a_library_is_imported_once_for_all_workers_and_one_that_is_missing_is_l
     server.load(("no_such_library", "heavy"), ())
     assert capsys.readouterr().err == "imported\n"
     assert end_of(server, "import heavy; print('used')")[1] == "used"
+
+
+def test_a_library_that_cannot_be_loaded_is_named_with_the_reason(server, tmp_path):
+    """Some raise OSError where a file of the system is missing."""
+    (tmp_path / "heavy.py").write_text("raise OSError('libGL.so.1: cannot open shared object file')")
+    with pytest.raises(forkserver.ServerDied, match=r"while it loaded heavy: OSError: libGL.so.1: cannot open"):
+        server.load(("heavy",), ())
 
 
 @pytest.mark.parametrize(
