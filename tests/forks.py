@@ -244,6 +244,7 @@ def _serve(told: socket.socket) -> None:
     words, fds, _, _ = socket.recv_fds(told, 1 << 17, 2)
     if words:
         channel, printed = fds
+        os.dup2(printed, 1)
         os.dup2(printed, 2)
         use_environment({**json.loads(words), **dict.fromkeys(THREAD_VARIABLES, "1")})
         sys.argv = ["-c", str(channel), "1"]

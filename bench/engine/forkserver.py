@@ -83,11 +83,12 @@ def server_environment(threads: int) -> dict[str, str]:
 
 
 def start_process(channel: int, threads: int, printed: int) -> subprocess.Popen[bytes]:
-    """Start a server's process, given the descriptors of its end of the socket and of its standard error."""
+    """Start a server's process, given the descriptors of its end of the socket and of the file for what it prints."""
     return subprocess.Popen(
         [sys.executable, "-P", "-c", _START, str(channel), str(threads)],  # -P: see bench/safe_path.py
         pass_fds=[channel],
         stdin=subprocess.DEVNULL,
+        stdout=printed,
         stderr=printed,
         env=server_environment(min(threads, len(available()))),
         start_new_session=True,  # Ctrl-C in the terminal is handled by the runner
@@ -106,7 +107,7 @@ class ForkServer:
     def __init__(self, threads: int):
         self.threads = threads
         self._loaded = False
-        self._printed = tempfile.TemporaryFile()  # noqa: SIM115  its standard error; a worker has one of its own
+        self._printed = tempfile.TemporaryFile()  # noqa: SIM115  a worker has a pipe of its own for that
         self._shown = 0  # bytes of it that the user has seen
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with there:
@@ -298,6 +299,7 @@ def _load(request: dict[str, Any]) -> None:
     for path in request["plugins"]:
         found.load_file(path)
     _import(request["preload"])
+    print(end="", flush=True)  # what is still in the buffer would be printed by every worker
     gc.collect()
     gc.freeze()  # pages that the collector never touches stay shared with the workers
 
