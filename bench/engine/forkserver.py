@@ -131,7 +131,7 @@ class ForkServer:
             raise CannotStart(str(error)) from error
         names = ", ".join((*preload, *plugins))
         request = {"do": "load", "preload": preload, "plugins": plugins}
-        self._ask(request, patience=LOAD_SECONDS, doing=f" while it loaded {names}")
+        self._ask(request, patience=LOAD_SECONDS, doing=f"; it was loading {names}" if names else "")
         self._loaded = True
         if said := self._said():
             print(said, file=sys.stderr)
@@ -165,7 +165,7 @@ class ForkServer:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(timeout=5)
             status = f"(exit status {self._process.returncode})"
-            raise ServerDied(f"the fork server ended unexpectedly {status}{doing}{self._last_words()}")
+            raise ServerDied(f"the fork server ended unexpectedly {status}{self._last_words()}{doing}")
         return json.loads(answer)
 
     def _answer(self, deadline: float) -> bytes:

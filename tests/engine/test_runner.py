@@ -110,10 +110,10 @@ def test_a_library_that_ends_its_process_is_the_result_after_three_tries():
     job = Job(ServerDied("gone"), ServerDied("gone"), None)
     job.run([0])
     assert job.rows == {}
-    job = Job(*[ServerDied("gone while it loaded torch")] * 3, None)
+    job = Job(*[ServerDied("gone; it was loading torch")] * 3, None)
     job.run([0])
     assert job.ends == [None] and [row["stage"] for row in job.rows.values()] == ["start", "start"]
-    assert {row["message"] for row in job.rows.values()} == {"gone while it loaded torch"}
+    assert {row["message"] for row in job.rows.values()} == {"gone; it was loading torch"}
 
 
 def test_a_case_whose_server_was_killed_is_tried_once_more(monkeypatch):
