@@ -147,7 +147,7 @@ def prune(folder: Path, limit_gb: float) -> None:
 
 
 class RememberedDataset:
-    """A dataset whose meshes are cached; all else is the dataset's own."""
+    """A dataset whose meshes and clouds are cached; all else is the dataset's own."""
 
     def __init__(self, dataset: Any, memo: Memo):
         self._dataset, self._memo = dataset, memo
@@ -166,17 +166,24 @@ class RememberedDataset:
         return not hasattr(self._dataset, "state") or hasattr(self._dataset, "fetch")
 
     def _cached(self, shape: Shape, split: str) -> Shape:
-        from trimesh import Trimesh
+        def made() -> Trimesh | PointCloud:
+            return _geometry_of(self._memo.at(split, shape.id).arrays("geometry", lambda: _arrays_of(shape)))
 
-        def mesh() -> Trimesh:
-            known = self._memo.at(split, shape.id).arrays("mesh", lambda: _of_mesh(shape.mesh))
-            return Trimesh(known["vertices"], known["faces"], process=False)
-
-        return shape.replace_mesh(mesh)
+        return shape.replace_mesh(made)
 
 
-def _of_mesh(mesh: Trimesh) -> Arrays:
-    return {"vertices": np.asarray(mesh.vertices, dtype=np.float64), "faces": np.asarray(mesh.faces)}
+def _arrays_of(shape: Shape) -> Arrays:
+    if shape.cloud is not None:
+        return shape.cloud.arrays()
+    return {"vertices": np.asarray(shape.mesh.vertices, dtype=np.float64), "faces": np.asarray(shape.mesh.faces)}
+
+
+def _geometry_of(arrays: Arrays) -> Trimesh | PointCloud:
+    if "points" in arrays:
+        return PointCloud.of(arrays)
+    from trimesh import Trimesh
+
+    return Trimesh(arrays["vertices"], arrays["faces"], process=False)
 
 
 class RememberedSensor:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from trimesh import Trimesh
 from trimesh.creation import icosphere
 
 import bench.engine.memo
@@ -192,6 +193,37 @@ def test_a_cached_dataset_makes_each_mesh_once(memo):
     assert dataset.made == 2
     list(RememberedDataset(dataset, memo).shapes("train"))[0].mesh  # noqa: B018
     assert dataset.made == 3
+
+
+class Points(Dataset):
+    """Of its shapes only the points are known."""
+
+    def mesh(self):
+        self.made += 1
+        return PointCloud(np.eye(4, 3), np.eye(4, 3), scalars={"heat": np.arange(4.0)})
+
+
+class Doubled(Dataset):
+    """Two triangles that meet along an edge and share no vertex."""
+
+    def mesh(self):
+        self.made += 1
+        corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+        return Trimesh(corners, [[0, 1, 2], [3, 5, 4]], process=False)
+
+
+@pytest.mark.parametrize("kind", [Points, Doubled])
+def test_a_cached_shape_is_a_cloud_or_a_mesh_as_it_was_made(memo, kind):
+    dataset, made = kind(), kind().mesh()
+    for _ in range(2):
+        shape = next(RememberedDataset(dataset, memo).shapes("test"))
+        if kind is Points:
+            assert shape.cloud.arrays().keys() == made.arrays().keys()
+            assert all(np.array_equal(shape.cloud.arrays()[name], array) for name, array in made.arrays().items())
+        else:
+            assert shape.cloud is None
+            assert np.array_equal(shape.mesh.vertices, made.vertices) and np.array_equal(shape.mesh.faces, made.faces)
+    assert dataset.made == 1
 
 
 class Odd(Dataset):
