@@ -92,18 +92,17 @@ class Memo:
             path.parent.mkdir(parents=True, exist_ok=True)
             if shutil.disk_usage(path.parent).free < SPARE_BYTES:
                 return
+            sink = io.BytesIO()
+            named: dict[str, Any] = dict(arrays)
+            np.savez(sink, **named)
             handle, temporary = tempfile.mkstemp(suffix=".tmp", dir=path.parent)
             try:
-                sink = io.BytesIO()
-                named: dict[str, Any] = dict(arrays)
-                np.savez(sink, **named)
                 with os.fdopen(handle, "wb") as file:
                     file.write(sink.getbuffer())
                     file.write(seal(entry, sink.getbuffer()))
                 os.replace(temporary, path)
             except OSError:
                 os.unlink(temporary)
-                raise
         _Writes.count += 1
         if self.folder is not None and _Writes.count % PRUNE_EVERY == 1:
             prune(self.folder, self.limit_gb)
@@ -127,7 +126,7 @@ def _read(path: Path, entry: str) -> Arrays | None:
 
 
 def prune(folder: Path, limit_gb: float) -> None:
-    """Remove the least recently used entries until ``folder`` holds less than ``limit_gb``."""
+    """Remove what a writer that was killed has left, and the least recently used entries beyond ``limit_gb``."""
     entries = []
     for path in folder.glob("*/*"):
         # Nothing else is removed, wherever the links of a folder that somebody else made may lead.
@@ -135,11 +134,13 @@ def prune(folder: Path, limit_gb: float) -> None:
             continue
         with contextlib.suppress(OSError):
             stat = path.lstat()
-            torn = path.suffix == ".tmp" and time.time() - stat.st_mtime > 3600
-            entries.append((0.0 if torn else stat.st_mtime, stat.st_size, path))
+            if path.suffix == ".tmp" and time.time() - stat.st_mtime > 3600:
+                path.unlink()
+            else:
+                entries.append((stat.st_mtime, stat.st_size, path))
     total = sum(size for _, size, _ in entries)
-    for used, size, path in sorted(entries):
-        if total <= limit_gb * 1e9 and used > 0:
+    for _, size, path in sorted(entries):
+        if total <= limit_gb * 1e9:
             return
         with contextlib.suppress(OSError):
             path.unlink()

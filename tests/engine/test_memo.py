@@ -31,8 +31,9 @@ def counted(value=1.0):
     return make, calls
 
 
-def test_arrays_are_made_once_and_cached_bit_for_bit(memo):
-    make, calls = counted(np.pi)
+@pytest.mark.parametrize("limit_gb", [0.1, 2.0])
+def test_arrays_are_made_once_and_cached_bit_for_bit(memo, limit_gb):
+    memo, (make, calls) = replace(memo, limit_gb=limit_gb), counted(np.pi)
     first, second = memo.arrays("a", make), memo.arrays("a", make)
     assert len(calls) == 1
     assert first["x"].tobytes() == second["x"].tobytes() and first["x"].dtype == second["x"].dtype
@@ -94,6 +95,15 @@ def test_a_memory_that_cannot_be_written_is_no_error(tmp_path):
     assert (Memo(tmp_path / "cache", "k").arrays("a", counted()[0])["x"] == 1).all()
 
 
+def test_an_entry_that_cannot_be_written_leaves_nothing_behind(memo):
+    memo.arrays("a", counted()[0])
+    (path,) = memo.folder.glob("*/*.npz")
+    path.unlink()
+    path.mkdir()
+    assert (memo.arrays("a", counted()[0])["x"] == 1).all()
+    assert list(memo.folder.glob("*/*")) == [path]
+
+
 def test_a_reader_takes_what_is_there_and_adds_nothing(memo):
     reader = replace(memo, writes=False)
     reader.at("x").arrays("a", counted()[0])
@@ -125,6 +135,18 @@ def test_what_was_not_used_for_longest_is_forgotten_first(memo):
     make, calls = counted()
     memo.at("b").arrays("x", make)
     assert calls
+
+
+def test_where_there_is_room_only_what_a_killed_writer_has_left_is_removed(memo):
+    memo.arrays("a", counted()[0])
+    (path,) = memo.folder.glob("*/*.npz")
+    now = time.time()
+    written = {path: 0.0, path.with_name("fresh.tmp"): now - 60, path.with_name("left.tmp"): now - 5400}
+    for entry, seconds in written.items():
+        entry.touch()
+        os.utime(entry, (seconds, seconds))
+    prune(memo.folder, limit_gb=1.0)
+    assert {entry.name for entry in path.parent.iterdir()} == {path.name, "fresh.tmp"}
 
 
 def test_the_total_size_is_checked_at_the_first_of_fifty_writes(memo, monkeypatch):
