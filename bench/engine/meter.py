@@ -32,18 +32,14 @@ class Meter:
     def __init__(self, memory_gb: float, device: str):
         self.memory_gb, self.device = memory_gb, device
         self._limits = resource.getrlimit(resource.RLIMIT_DATA)
-        self._wall = self._cpu = self._children_begin = 0.0
-        self._peak = self._before = 0.0
-        self._device_peak = math.nan
 
     def __enter__(self) -> Meter:
         gc.collect()
         self._wall = self._cpu = 0.0
-        self._synchronise()  # work that started before the call is not timed
+        self._peak = self._before = resident_mb("VmRSS")
         self._device_peak = math.nan
-        self._before = resident_mb("VmRSS")
+        self._synchronise()  # work that started before the call is not timed
         self._reset_peaks()
-        self._peak = 0.0
         if self.device == "cpu":  # on a GPU the driver maps far more than it uses
             allowed = int(resident_mb("VmData") * 2**20 + self.memory_gb * 2**30)
             with contextlib.suppress(ValueError, OSError):
@@ -75,22 +71,27 @@ class Meter:
         self._synchronise()
         self._wall += time.perf_counter() - self._wall_begin
         self._cpu += cpu_seconds() - self._cpu_begin
+        if cuda := self._cuda:
+            self._device_peak = np.fmax(self._device_peak, cuda.max_memory_allocated(self.device) / 2**20)
         self._peak = max(self._peak, resident_mb("VmHWM"))
         if (children := resource.getrusage(resource.RUSAGE_CHILDREN)).ru_utime > self._children_begin:
             self._peak = max(self._peak, children.ru_maxrss / MAXRSS_PER_MB)
 
     def _synchronise(self) -> None:
         """A GPU works asynchronously: wait for it before reading the clock."""
-        if self.device != "cpu" and "torch" in sys.modules:
-            cuda = sys.modules["torch"].cuda
+        if cuda := self._cuda:
             cuda.synchronize(self.device)
-            self._device_peak = np.fmax(self._device_peak, cuda.max_memory_allocated(self.device) / 2**20)
 
     def _reset_peaks(self) -> None:
         with contextlib.suppress(OSError):  # without it the peak is that of the whole process so far
             Path("/proc/self/clear_refs").write_text("5")
-        if self.device != "cpu" and "torch" in sys.modules:
-            sys.modules["torch"].cuda.reset_peak_memory_stats(self.device)
+        if cuda := self._cuda:
+            cuda.reset_peak_memory_stats(self.device)
+
+    @property
+    def _cuda(self) -> Any:
+        """``torch.cuda`` where the device is a GPU; None where it is not, or nobody has begun to use it."""
+        return sys.modules["torch"].cuda if self.device != "cpu" and "torch" in sys.modules else None
 
     def figures(self) -> dict[str, float]:
         """The measurements."""

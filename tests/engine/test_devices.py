@@ -136,6 +136,23 @@ def test_the_peak_of_an_earlier_call_is_forgotten(torch):
     assert math.isnan(cpu.figures()["peak_device_mb"])
 
 
+def test_a_call_that_its_gpu_does_not_begin_has_no_figures_of_the_one_before(torch):
+    cuda = torch(1)
+    meter = Meter(4, "cuda")
+    with meter:
+        time.sleep(0.01)
+
+    def fail(device):
+        raise RuntimeError("an illegal memory access was encountered")
+
+    cuda.synchronize = fail
+    with pytest.raises(RuntimeError), meter:
+        raise AssertionError("it began")
+    figures = meter.figures()
+    assert figures["seconds"] == figures["cpu_seconds"] == 0 and math.isnan(figures["peak_device_mb"])
+    assert figures["peak_rss_mb"] == figures["rss_before_mb"] > 1
+
+
 def test_a_context_is_made_on_the_device_itself(torch):
     cuda = torch(3)
     devices.make_context("cpu")

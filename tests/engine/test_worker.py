@@ -1,15 +1,17 @@
 """The clock and the memory of a method call, and what failures are called."""
 
 import math
+import mmap
 import subprocess
 import sys
 import time
+import weakref
 
 import numpy as np
 import pytest
 
 from bench.contract.run import Run
-from bench.engine.meter import Meter
+from bench.engine.meter import Meter, resident_mb
 from bench.engine.worker import failure, plain
 from bench.errors import BadInput, InvalidOutput, MissingLibrary
 from bench.sweep.request import Request
@@ -37,6 +39,26 @@ def test_the_meter_sees_only_what_happens_inside():
     assert 0.19 < figures["cpu_seconds"] < figures["seconds"]
     assert figures["seconds"] > 0.39
     assert math.isnan(figures["peak_device_mb"])
+
+
+class Leftover:
+    """What only the garbage collector frees."""
+
+    def __init__(self):
+        self.itself, self.block = self, np.ones(100 * MB // 8)
+
+
+def test_nothing_of_an_earlier_call_is_measured_in_the_next():
+    meter = Meter(4, "cpu")
+    with meter:
+        left = Leftover()
+        time.sleep(0.2)
+    left = weakref.ref(left)
+    with meter:
+        assert left() is None
+    figures = meter.figures()
+    assert figures["cpu_seconds"] <= figures["seconds"] + 0.01 < 0.15
+    assert 0 <= figures["peak_rss_mb"] - figures["rss_before_mb"] < 50
 
 
 def test_the_memory_of_a_process_that_the_method_started_counts():
@@ -84,6 +106,24 @@ print("allowed again")
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split("\n")[:2] == ["refused", "allowed again"]
+
+
+def test_a_call_may_allocate_its_limit_beyond_what_the_process_has():
+    def take(mb):
+        return mmap.mmap(-1, mb * MB, mmap.MAP_PRIVATE)  # untouched, it takes no time
+
+    refused = pytest.raises(OSError, match="Cannot allocate memory")
+    with take(1000), Meter(1, "cpu"), take(900), refused:
+        take(200)
+
+
+def test_a_system_that_does_not_tell_the_memory_of_now_tells_the_peak(monkeypatch):
+    def absent(path):
+        raise FileNotFoundError(path)
+
+    told = resident_mb("VmRSS")
+    monkeypatch.setattr("bench.engine.meter.open", absent, raising=False)
+    assert told / 2 < resident_mb("VmRSS") < told * 50
 
 
 def test_processor_seconds_count_children():
