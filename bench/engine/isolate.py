@@ -10,7 +10,7 @@ from .affinity import claim
 from .devices import claim_device
 from .forkserver import take_prestarted
 from .runner import of_death
-from .watch import Death, Worker
+from .watch import Worker
 
 
 class Isolation:
@@ -69,6 +69,6 @@ class Isolation:
                 "memory_gb": limit.memory_gb,
             }
             death = Worker(self._server, spec, limit, hear, verbose=verbose).watch()
-        if death is None and not result:
-            death = Death("crashed", "its worker ended before it was done", 0, "", 0.0, "")
-        return result if death is None else of_death(death)
+        if death is not None:
+            return of_death(death)
+        return result or {"status": "crashed", "message": "its worker ended before it was done"}

@@ -22,6 +22,7 @@ from bench.plan.choice import Choice
 
 BOX = trimesh.creation.box()
 JOB = Application(Choice("task", "denoise"), Choice("method", "identity"), ("a.ply",), "b.ply")
+RESULT = {"event": "result", "row": {"status": "ok"}}
 DEAF = SimpleNamespace(send=lambda *_, **__: None, enter=lambda *_: None)
 
 
@@ -161,29 +162,51 @@ def test_a_server_that_died_of_one_file_is_replaced_for_the_next(servers):
     assert len(servers.made) == 4
 
 
-@pytest.mark.parametrize(
-    ("arguments", "given"), [({"device": "cuda"}, {"device": "cuda:1"}), ({"seed": 3}, {"seed": 3})]
-)
-def test_a_call_is_told_the_device_that_was_claimed_for_it(monkeypatch, arguments, given):
-    specs = []
+@pytest.fixture
+def calls(monkeypatch):
+    """What is done for single calls: the specs of workers, which send ``events`` and end as ``deaths`` says."""
+    made = SimpleNamespace(specs=[], events=[RESULT], deaths=[], closed=0)
 
     class Ended:
         def __init__(self, server, spec, limit, hear, verbose):
-            specs.append(spec)
-            hear({"event": "result", "row": {"status": "ok"}})
+            made.specs.append(spec)
+            for event in made.events:
+                hear(event)
 
         def watch(self):
-            return None
+            return made.deaths.pop(0) if made.deaths else None
+
+    def close():
+        made.closed += 1
 
     monkeypatch.setattr(isolate, "Worker", Ended)
     monkeypatch.setattr(isolate, "claim_device", lambda device: nullcontext("cuda:1" if device == "cuda" else device))
-    closed = []
-    server = SimpleNamespace(load=lambda *_: None, close=lambda: closed.append(True))
+    server = SimpleNamespace(load=lambda *_: None, close=close)
     monkeypatch.setattr(isolate, "take_prestarted", lambda threads: server)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("arguments", "given"), [({"device": "cuda"}, {"device": "cuda:1"}), ({"seed": 3}, {"seed": 3})]
+)
+def test_a_call_is_told_the_device_that_was_claimed_for_it(calls, arguments, given):
     with isolate.Isolation() as isolation:
         assert isolation.call("module:name", arguments) == {"status": "ok"}
-        assert specs[0]["arguments"] == given
-        monkeypatch.setattr(Ended, "watch", lambda self: Death("oom", "too much", 0, "case", 1.0, "", True))
-        assert isolation.call("module:name", arguments)["status"] == "oom"
-        assert not closed
-    assert closed
+    assert calls.specs[0]["arguments"] == given
+
+
+def test_a_call_gives_its_result_or_how_its_worker_ended(calls):
+    begin, heard = {"event": "begin", "stage": "method"}, []
+    death = Death("oom", "too much", 0, "case", 1.0, "", True)
+    with isolate.Isolation() as isolation:
+        for calls.events, calls.deaths, status, message in (
+            ([begin, RESULT], [], "ok", None),
+            ([begin, RESULT], [death], "oom", "too much"),
+            ([begin], [death], "oom", "too much"),
+            ([begin], [], "crashed", "its worker ended before it was done"),
+        ):
+            heard.clear()
+            row = isolation.call("module:name", {}, on_event=heard.append)
+            assert (row["status"], row.get("message")) == (status, message) and heard == calls.events
+        assert not calls.closed
+    assert calls.closed
