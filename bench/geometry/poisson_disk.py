@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import BadInput
+
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
@@ -30,12 +32,22 @@ def sample_poisson_disk(shape: Shape, count: int, rng: np.random.Generator) -> t
     Returns
     -------
     points, normals : (count, 3) arrays
+
+    Raises
+    ------
+    BadInput
+        If only points are known of the shape.
     """
     evenly = getattr(shape.surface, "sample_evenly", None)
     if evenly is not None:
         return evenly(count, rng)
     if count == 1:
         return shape.surface.sample(count, rng)
+    if shape.cloud is not None:
+        raise BadInput(
+            f"{shape.id}: only points of this shape are known, and evenly spread points need its surface; "
+            "sensor=uniform takes some of the points that are known"
+        )
     return eliminate(*shape.surface.sample(CANDIDATES * count, rng), shape.mesh, count)
 
 

@@ -11,9 +11,10 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from bench import Shape, generator
+from bench import BadInput, PointCloud, Shape, generator
 from bench.datasets.bumps import Bumps
 from bench.datasets.sensors.samples import Samples
+from bench.datasets.sensors.uniform import Uniform
 
 BALL = Shape("ball", trimesh.creation.icosphere(5)).framed()[0]
 BOX = Shape("box", trimesh.creation.box((1, 2, 3))).framed()[0]
@@ -114,6 +115,7 @@ import hashlib, sys
 from bench import generator
 from bench.datasets.bumps import Bumps
 from bench.datasets.sensors.samples import Samples
+from bench.datasets.sensors.uniform import Uniform
 shape = next(Bumps(subdivisions=4).shapes("test")).framed()[0]
 cloud = Samples(count=1000, outliers=0.1).sense(shape, generator(0, "sensor"))
 sys.stdout.write(hashlib.sha256(cloud.points.tobytes() + cloud.normals.tobytes()).hexdigest())
@@ -142,3 +144,11 @@ def test_bad_parameters_are_named(parameters, name):
 def test_the_default_noise_is_visible_but_small():
     cloud = sense(BUMPS)
     assert 0.002 < np.sqrt((distances(cloud, BUMPS) ** 2).mean()) < 0.006
+
+
+def test_evenly_spread_points_of_a_shape_without_a_surface_are_refused():
+    points = Shape("dots", PointCloud(BALL.mesh.vertices))
+    with pytest.raises(BadInput, match="^dots: only points of this shape are known.*sensor=uniform"):
+        sense(points)
+    some = Uniform(count=10).sense(points, generator("sensor")).points
+    assert len(some) == 10 and cKDTree(points.cloud.points).query(some)[0].max() == 0
