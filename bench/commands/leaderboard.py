@@ -201,8 +201,7 @@ def what_is_missing(finished: int, planned: int) -> str:
     """The note below a table that lacks cells of a sweep that ended early; empty if none is missing."""
     if finished >= planned:
         return ""
-    rest = planned - finished
-    return f"{finished} of {planned} planned cells: the other {rest} are not finished, and not in this table."
+    return f"{finished} of {planned} planned cells are in this table; the rest is not finished."
 
 
 def show_across(

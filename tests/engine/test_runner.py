@@ -1,14 +1,18 @@
 """What the runner does between a cell and its workers: which servers it keeps, and how often it tries again."""
 
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from toy_cells import config
 
 from bench.engine import runner
 from bench.engine.forkserver import CannotStart, ServerDied
 from bench.engine.watch import Death
-from bench.plan.cell import Settings
+from bench.errors import UsageError
+from bench.plan.cell import Cell, Settings
+from bench.results.store import Record, Results
 
 # -- servers that have loaded what was edited since --------------------------------------------------------------------
 
@@ -37,12 +41,12 @@ def files(tmp_path, monkeypatch):
     return {name: tmp_path / f"{name}.py" for name in "ab"}
 
 
-def server_of(files, *names, requires=()):
-    """The server for a cell whose method is the first of these plugins."""
+def server_of(files, *names, requires=(), loaded="ab"):
+    """The server for a cell whose method is the first of these plugins; ``loaded`` are given as ``--plugin``."""
     parts = [SimpleNamespace(file=files[name], requires=requires) for name in names]
     choices = [SimpleNamespace(parts=[part]) for part in parts]
     cell = SimpleNamespace(choices=choices, method=choices[0], threads=1)
-    return runner.server_for(cell, Settings(plugins=tuple(map(str, files.values()))))
+    return runner.server_for(cell, Settings(plugins=tuple(str(files[name]) for name in loaded)))
 
 
 def test_a_plugin_that_is_edited_again_is_loaded_again(files):
@@ -55,6 +59,28 @@ def test_a_plugin_that_is_edited_again_is_loaded_again(files):
     assert server_of(files, "b", "a") is other
     files["b"].write_text("b = 22\n")
     assert server_of(files, "a", "b").sources[str(files["b"])] == "b = 22\n"
+
+
+def test_a_plugin_that_came_with_the_installation_is_loaded_again_too(files):
+    first = server_of(files, "a", loaded=())
+    files["a"].write_text("a = 22\n")
+    assert server_of(files, "a", loaded=()) is not first and first.closed
+
+
+@pytest.mark.parametrize("error", [ServerDied, CannotStart])
+def test_a_server_that_cannot_load_is_closed_and_the_next_cell_gets_another(files, monkeypatch, error):
+    class Fails(Loaded):
+        def load(self, preload, plugins):
+            failed.append(self)
+            raise error("no libGL")
+
+    failed = []
+    monkeypatch.setattr(runner, "take_prestarted", Fails)
+    with pytest.raises(error, match="no libGL"):
+        server_of(files, "a")
+    assert [server.closed for server in failed] == [True]
+    monkeypatch.setattr(runner, "take_prestarted", Loaded)
+    assert isinstance(server_of(files, "a"), Loaded)
 
 
 def test_the_plugin_of_a_later_cell_is_loaded_again_if_it_was_edited_before_that(files):
@@ -205,6 +231,17 @@ def test_a_worker_that_ends_before_it_began_is_reported_with_its_last_line(worke
         runner._Job.work(job, [0])
 
 
+def test_a_server_that_ends_at_the_fork_is_no_result_and_all_are_started_anew(workers, files):
+    def ends(job):
+        raise ServerDied("the fork server ended unexpectedly")
+
+    server = runner.take_prestarted(1)
+    runner._servers["the key of a cell"] = server
+    with pytest.raises(CannotStart, match=r"the fork server ended unexpectedly\. No result was stored"):
+        runner._Job.work(workers(ends), [0])
+    assert server.closed and runner._servers == {}
+
+
 # -- outputs -----------------------------------------------------------------------------------------------------------
 
 
@@ -221,3 +258,56 @@ def test_a_solved_case_lacks_the_output_that_is_asked_for_and_not_there(tmp_path
     }
     results, settings = SimpleNamespace(folder=tmp_path), Settings(outputs=outputs)
     assert [name for name in rows if runner.lacks_output(results, rows[name], settings)] == wanted
+
+
+@pytest.mark.parametrize(
+    ("settings", "again"),
+    [
+        ({"outputs": "all"}, {0, 1}),
+        ({"outputs": "first"}, {0}),
+        ({"outputs": "none"}, set()),
+        ({"rerun": "always"}, set()),
+    ],
+)
+def test_what_is_run_again_only_for_its_output_is_told_apart_from_what_is_run_again_anyway(
+    tmp_path, monkeypatch, settings, again
+):
+    row = {"status": "ok", "output": None}
+    monkeypatch.setattr(runner, "finished_rows", lambda *_: ({i: row | {"case_index": i} for i in range(2)}, None))
+    settings = Settings(**{"outputs": "all"} | settings)
+    assert runner._without_output(SimpleNamespace(folder=tmp_path), None, "mark", settings) == again
+
+
+def test_the_references_of_stored_outputs_stay_known_when_further_cases_are_run():
+    stored = Record("cell", "mark", {"references": {"a": "a.ply", "b": "b.ply"}}, [])
+    rows = [
+        {"case": "b", "reference": "new.ply"},
+        {"case": "c", "reference": "c.ply"},
+        {"case": "d", "reference": None},
+    ]
+    assert runner._references(stored, rows) == {"a": "a.ply", "b": "new.ply", "c": "c.ply"}
+    assert [*rows[0]] == ["case"]  # it is no column
+    assert runner._references(None, [{"case": "a"}]) == runner._references(Record("", "", {}, []), []) == {}
+
+
+# -- rows --------------------------------------------------------------------------------------------------------------
+
+
+def test_every_row_is_stored_and_shown_as_soon_as_it_is_there(workers):
+    job = workers(solves(0, 1, 2))
+    job.keep, job.weights, job.constants, job.mark, job.scored = partial(runner._Job.keep, job), {}, {}, "mark", set()
+    job.cell = SimpleNamespace(id="cell", planned=3)
+    stored, shown = [], []
+    job.results = SimpleNamespace(add_partial=lambda cell, mark, row: stored.append((cell, mark, row["case"])))
+    job.reporter = SimpleNamespace(event=lambda event: shown.append((event["event"], len(stored))))
+    assert runner._Job.work(job, [0]) is None
+    assert stored == [("cell", "mark", f"case {i}") for i in range(3)]
+    assert [count for kind, count in shown if kind == "kept"] == [1, 2, 3]
+
+
+def test_a_dataset_without_shapes_in_the_split_is_an_error_and_no_result(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner._Job, "run", lambda job, cpus: None)
+    cell = Cell.from_config(config())
+    with pytest.raises(UsageError, match="dataset provenance_dataset has no shapes in the split 'test'"):
+        runner.run_cell(cell, Settings(results=str(tmp_path)))
+    assert Results(tmp_path).records(cell.id) == []
