@@ -87,7 +87,10 @@ def test_an_interrupted_sweep_says_what_is_stored(shell, launcher, to, number, c
     assert len(said) == 1, err
     assert said[0].startswith("interrupted:")
     # The table of what is finished says that it is not all.
-    assert re.search(rf"^[1-{SALTS - 1}] of {SALTS} planned cells are in this table; ", out, re.MULTILINE) or "[1/" not in err
+    assert (
+        re.search(rf"^[1-{SALTS - 1}] of {SALTS} planned cells are in this table; ", out, re.MULTILINE)
+        or "[1/" not in err
+    )
     assert not shell.left_over()
     assert not list(shell.results.glob(".sweeps/*"))
     kept = finished(shell)
