@@ -113,6 +113,21 @@ def test_a_thread_that_waits_for_a_processor_computes_too(tmp_path, monkeypatch)
     assert module._threads() == {"7": 75}
 
 
+@pytest.mark.parametrize(
+    ("share", "seconds", "waits", "computes"),
+    [(0.6, 9.0, False, True), (0.4, 9.0, False, False), (0.0, 9.0, True, True), (1.0, 0.2, False, False)],
+)
+def test_a_new_thread_computes_that_has_a_processor_for_most_of_the_time(monkeypatch, share, seconds, waits, computes):
+    """Or waits for one; one that ends soon, as those of libraries after their work, does not."""
+    clock = [100.0]
+    times = lambda: {"7": int(1e9 * share * min(clock[0], 100 + seconds))}  # noqa: E731
+    sleep = lambda seconds: clock.append(clock.pop() + seconds)  # noqa: E731
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: clock[0], sleep=sleep))
+    monkeypatch.setattr(module, "_threads", times)
+    monkeypatch.setattr(module, "_is_runnable", lambda thread: waits)
+    assert module._are_busy({}, times()) == computes
+
+
 @pytest.mark.parametrize(("state", "runs"), [("R", True), ("S", False)])
 def test_a_thread_with_any_name_is_asked_whether_it_runs(tmp_path, monkeypatch, state, runs):
     (tmp_path / "stat").write_text(f"7 (R) of (mine) {state} 1 7 7 0 R")
