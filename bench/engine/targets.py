@@ -89,7 +89,7 @@ def _files(word: str, is_folder_an_input: bool) -> list[str]:
 
 
 def _natural(path: str) -> list[Any]:
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", path)]
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", path)]  # in turn: text, number, ...
 
 
 def _pattern(output: str, kind: str) -> str:

@@ -1,6 +1,7 @@
 """Which files `apply` reads and writes: patterns, folders, names with signs, and what would be lost is refused."""
 
 import re
+from types import SimpleNamespace
 
 import pytest
 
@@ -44,6 +45,13 @@ def test_inputs_and_their_outputs(inputs, output, expected):
 def test_a_folder_of_images_is_one_input(tmp_path):
     assert pairs(["scans"], "m.ply", Multiview()) == [("scans", "m.ply")]
     assert pairs(["scans"], "new/", Multiview()) == [("scans", "new/scans.ply")]
+
+
+def test_a_task_that_does_not_say_how_many_files_it_takes_takes_one():
+    task = SimpleNamespace(takes="cloud", output="mesh")
+    assert pairs(["scans/s1.ply"], "new/", task) == [("scans/s1.ply", "new/s1.ply")]
+    with pytest.raises(UsageError, match="expected one input file"):
+        pairs(["scans/s1.ply", "scans/s2.xyz"], "m.ply", task)
 
 
 @pytest.mark.parametrize(
