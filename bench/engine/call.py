@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import random
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -27,6 +25,7 @@ from ..plan.choice import Choice
 from .channel import Channel, plain
 from .devices import make_context
 from .meter import Meter
+from .seeding import seed_globals
 
 # -- the call ----------------------------------------------------------------------------------------------------------
 
@@ -179,16 +178,6 @@ class MeasuredCall:
         assert self.reference is not None
         with self._off_the_clock():
             return signed_distances(self.reference.mesh, points)
-
-
-def seed_globals(seed: int) -> None:
-    """Seed the global generators: our code never draws from them, but a method may, and must be repeatable."""
-    random.seed(seed)
-    np.random.seed(seed)  # noqa: NPY002
-    if "torch" in sys.modules:
-        sys.modules["torch"].manual_seed(seed)
-    if "open3d" in sys.modules:
-        sys.modules["open3d"].utility.random.seed(seed)
 
 
 # -- the score ---------------------------------------------------------------------------------------------------------

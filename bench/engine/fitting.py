@@ -21,6 +21,7 @@ from ..own_folder import open_own
 from ..plugins.weights import as_bytes, as_stored, facts_of
 from ..results.files import write_atomically
 from .channel import plain
+from .seeding import seed_globals
 
 KEPT = 400  # points of a curve in a header
 
@@ -73,6 +74,7 @@ class Fit:
             on_log=self._log,
             on_checkpoint=self._store,
         )
+        seed_globals(self.facts["seed"])
         self._cpu = time.process_time()
         weights = dict(self.method.fit(examples, self._run))
         spent = self._spent()

@@ -22,6 +22,7 @@ from ..results.files import write_atomically
 from ..text import bounded
 from .channel import Channel, plain
 from .fitting import Fit
+from .seeding import seed_globals
 
 
 def work(spec: Mapping[str, Any], channel: Channel) -> None:
@@ -69,6 +70,7 @@ def _examples(
 
     run = Run(seed=training.seed, threads=spec["threads"])
     method = training.method.build()
+    seed_globals(training.seed)
     examples = dict(method.examples(_data(training, see), run))
     task, dataset, sensor = training.source
     if not shapes:
@@ -120,12 +122,10 @@ def _fitted(
 ) -> dict[str, Any]:
     """Fit, and write the weights with the facts about them."""
     from ..results.provenance import machine
-    from .call import seed_globals
     from .devices import check_device, make_context
 
     check_device(asked["device"])
     make_context(asked["device"])
-    seed_globals(training.seed)
     channel.enter("method", 0)
     commit = machine()["commit"] or {}
     more = {

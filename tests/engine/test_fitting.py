@@ -81,7 +81,8 @@ def test_a_method_that_reports_no_step_has_made_none(fitted):
 
 def test_the_weights_of_a_gpu_name_it(fitted, monkeypatch):
     names = {"cuda:0": "small", "cuda:1": "large"}
-    monkeypatch.setitem(sys.modules, "torch", SimpleNamespace(cuda=SimpleNamespace(get_device_name=names.get)))
+    torch = SimpleNamespace(cuda=SimpleNamespace(get_device_name=names.get), manual_seed=lambda seed: None)
+    monkeypatch.setitem(sys.modules, "torch", torch)
     assert fitted(device="cuda:1").facts["device"] == "cuda (large)"
 
 

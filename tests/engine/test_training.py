@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import random
 import signal
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +20,16 @@ from toy_learner import ToyLearner
 from trimesh.creation import icosphere
 
 from bench import BadInput, Run, UsageError, fit
+from bench.cli import main
+from bench.commands.train import job_of
 from bench.contract import run as run_module
 from bench.engine import again, runner
 from bench.engine import training as module
+from bench.engine.channel import Channel, read_event
 from bench.engine.fitting import Fit, read_curve, read_log, thinned
-from bench.engine.trainer import _data, _examples, _fitted
+from bench.engine.forkserver import CannotStart
+from bench.engine.trainer import _data, _examples, _fitted, work
+from bench.engine.watch import Death
 from bench.plan.cell import Cell, Settings
 from bench.plan.choice import Choice
 from bench.plan.training import Training
@@ -419,6 +427,49 @@ def test_a_run_stores_checkpoints_at_most_once_a_minute():
     Run().checkpoint(lambda: 1 / 0)  # nobody stores: it is not even made
 
 
+# -- the process that trains ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def trainer(tmp_path):
+    """Train as the child process does, but in this one: the events that it sends, the last of which is the result."""
+
+    def run(training: Training, **asked) -> list[dict]:
+        reads, writes = os.pipe()
+        usual = {"training": training.to_json(), "folder": str(tmp_path), "examples": str(tmp_path / "made")}
+        rest = {"from_examples": "", "only_examples": False, "fingerprint": "f", "device": "cpu"}
+        with os.fdopen(reads, "rb") as pipe:
+            channel = Channel(writes)
+            work({"arguments": usual | rest | asked, "threads": 1, "seconds": 100.0}, channel)
+            channel._file.close()
+            return [read_event(line) for line in pipe]
+
+    return run
+
+
+def ball_of(**values) -> Training:
+    return cell_of({"cases": 1, "dataset": "ball", "sensor": "dots"}, **values).training
+
+
+def test_equal_seeds_give_equal_weights_also_with_global_generators(trainer, tmp_path, monkeypatch):
+    training, found = ball_of(steps=1), []
+    learner = type(training.method.build())
+    monkeypatch.setattr(learner, "examples", lambda self, data, run: {"a": np.full(3, random.random())})
+    monkeypatch.setattr(learner, "fit", lambda self, examples, run: {"b": examples["a"] + random.random()})
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        given = trainer(training, folder=str(tmp_path / name), examples=str(tmp_path / name / "examples"))
+        assert given[-1]["row"]["status"] == "ok", given
+        # The fit alone, as on another machine, begins with the same draws.
+        examples = {"a": load(tmp_path / name / "examples")["a"]}
+        Fit(training.method.build(), tmp_path / name / "alone", {"seed": 0}, seconds=9.0).run(examples)
+        found += [load(tmp_path / name / file / "weights.safetensors")["b"] for file in ("", "alone")]
+    assert all((weights == found[0]).all() for weights in found)
+
+
+# -- the process that waits for it -------------------------------------------------------------------------------------
+
+
 def trained_in(folder: Path, training: Training) -> tuple[Results, Path]:
     """A results folder in which a training has left its weights."""
     results = Results(folder)
@@ -434,14 +485,7 @@ def test_weights_that_are_there_wait_for_nobody_and_examples_are_made_though_the
     with monkeypatch.context() as patch:
         patch.setattr(Results, "lock", None)  # it may be held, for hours, by what makes examples
         assert module.weights_for(training, settings, results) == module.Weights.of(path, "trained")
-
-    def train(training, settings, results, hear, alive, extra):
-        examples = module.examples_file(results, training)
-        examples.parent.mkdir()
-        examples.write_bytes(as_bytes({"centroids": np.zeros((1, 3))}, {"method": "toy_learner"}))
-        return {"status": "ok"}
-
-    monkeypatch.setattr(module, "_train", train)
+    monkeypatch.setattr(module, "_train", make_examples)
     made = module.weights_for(training, settings, results, extra=module.Extra(only_examples=True))
     assert made.path == module.examples_file(results, training) and made.origin == "examples"
 
