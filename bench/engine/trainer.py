@@ -6,14 +6,14 @@ The fit, with its log and checkpoints, is :class:`bench.engine.fitting.Fit`.
 from __future__ import annotations
 
 import contextlib
-import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..contract.run import Run
+from ..contract.task import CaseRecipe
 from ..contract.training import TrainingData, content_digest
 from ..errors import BadInput, UsageError
 from ..plan.training import Training, named
@@ -73,8 +73,6 @@ def _examples(
     seed_globals(training.seed)
     examples = dict(method.examples(_data(training, see), run))
     task, dataset, sensor = training.source
-    if not shapes:
-        raise UsageError(f"dataset {dataset.label} has no shapes in the split 'train'")
     facts = {
         "method": training.method.name,
         "parameters": dict(training.method.parameters),
@@ -99,7 +97,14 @@ def _data(training: Training, see: Callable[[Any], None]) -> TrainingData:
     of_task, of_dataset, of_sensor = training.source
     task, dataset = of_task.build(), of_dataset.build()
     sensor = of_sensor.build() if of_sensor in training.choices else None
-    recipes = functools.partial(task.recipes, dataset, sensor, split="train", count=training.cases, seed=training.seed)
+
+    def recipes() -> Iterator[CaseRecipe]:
+        found = iter(task.recipes(dataset, sensor, split="train", count=training.cases, seed=training.seed))
+        if (first := next(found, None)) is None:  # said here, before a method fails for want of an array
+            raise UsageError(f"dataset {of_dataset.label} has no shapes in the split 'train'")
+        yield first
+        yield from found
+
     return TrainingData(
         recipes=recipes,
         sensor=lambda item: named("sensor", item, "TrainingData.sense").build(),

@@ -451,6 +451,16 @@ def ball_of(**values) -> Training:
     return cell_of({"cases": 1, "dataset": "ball", "sensor": "dots"}, **values).training
 
 
+def test_a_dataset_without_train_shapes_is_named_before_a_method_fails_for_want_of_an_array(trainer, monkeypatch):
+    training = ball_of(steps=1)
+    monkeypatch.setattr(type(training.dataset.build()), "shapes", lambda self, split: iter(()))
+    stacked = lambda self, data, run: {"centroids": np.stack([c.input["cloud"].points[0] for c in data.cases])}  # noqa: E731
+    monkeypatch.setattr(type(training.method.build()), "examples", stacked)
+    row = trainer(training)[-1]["row"]
+    assert (row["status"], row["message"]) == ("error", "dataset ball has no shapes in the split 'train'")
+    assert row["stage"] == "examples"
+
+
 def test_equal_seeds_give_equal_weights_also_with_global_generators(trainer, tmp_path, monkeypatch):
     training, found = ball_of(steps=1), []
     learner = type(training.method.build())
