@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     training, settings, folder = job_of(overrides, plugins)
     results = Results(folder, mends=True)
     results.prepare()
-    if settings.rerun == "always":
+    if settings.rerun == "always" and not args.export_examples:  # which trains nothing in its place
         forget(results, training)
     state = state_of(results, training)
     print(f"{training.title}: {state}", file=sys.stderr)

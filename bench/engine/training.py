@@ -38,7 +38,7 @@ from .forkserver import CannotStart, ServerDied, take_prestarted
 from .watch import Worker
 
 STAGE = "train"  # of the rows of cells whose training failed
-WEIGHTS, CHECKPOINT, LOG, FAILED = "weights.safetensors", "checkpoint.safetensors", "log.jsonl", "failed.json"
+WEIGHTS, CHECKPOINT, FAILED = "weights.safetensors", "checkpoint.safetensors", "failed.json"
 SPARE = 1.2  # of its seconds, and
 SPARE_SECONDS = 120.0  # more, before a training that does not end on its own is killed
 EXAMPLES_SECONDS = 3600.0  # for making examples, where limit.setup_seconds is less
@@ -221,9 +221,8 @@ def _train(
     """Train in a child process; its row, with ``status`` and ``message``."""
     folder = folder_of(results, training)
     write_atomically(folder / "about.json", json.dumps(_about(training), indent=1).encode())
-    if settings.rerun == "always":
-        for name in (CHECKPOINT, LOG):
-            (folder / name).unlink(missing_ok=True)
+    if settings.rerun == "always" and not extra.only_examples:
+        (folder / CHECKPOINT).unlink(missing_ok=True)
     row: dict[str, Any] = {"status": "crashed", "message": "its process ended before it was done"}
 
     def on_event(event: dict[str, Any]) -> None:

@@ -488,6 +488,13 @@ def trained_in(folder: Path, training: Training) -> tuple[Results, Path]:
     return results, file_of(path, 1.0)
 
 
+def make_examples(training, settings, results, hear, alive, extra):
+    examples = module.examples_file(results, training)
+    examples.parent.mkdir()
+    examples.write_bytes(as_bytes({"centroids": np.zeros((1, 3))}, {"method": "toy_learner"}))
+    return {"status": "ok"}
+
+
 def test_weights_that_are_there_wait_for_nobody_and_examples_are_made_though_they_are(tmp_path, monkeypatch):
     training = cell_of({}).training
     results, path = trained_in(tmp_path, training)
@@ -498,6 +505,30 @@ def test_weights_that_are_there_wait_for_nobody_and_examples_are_made_though_the
     monkeypatch.setattr(module, "_train", make_examples)
     made = module.weights_for(training, settings, results, extra=module.Extra(only_examples=True))
     assert made.path == module.examples_file(results, training) and made.origin == "examples"
+
+
+@pytest.mark.parametrize(
+    ("rerun", "only_examples", "goes_on"), [("never", False, True), ("always", False, False), ("always", True, True)]
+)
+def test_what_is_run_again_begins_anew_and_its_steps_are_heard(tmp_path, monkeypatch, rerun, only_examples, goes_on):
+    """Examples alone replace no training, so they leave the checkpoint of one."""
+    training = cell_of({}).training
+    checkpoint = module.folder_of(Results(tmp_path), training) / "checkpoint.safetensors"
+    checkpoint.parent.mkdir(parents=True)
+    checkpoint.write_bytes(b"begun")
+    begun, heard = [], []
+
+    def watched(spec, training, settings, hear, alive):
+        begun.append(checkpoint.exists())
+        hear({"event": "progress", "done": 1, "total": 2})
+        hear({"event": "result", "row": {"status": "error", "message": "enough"}})
+
+    monkeypatch.setattr(module, "_watched", watched)
+    settings, extra = Settings(results=str(tmp_path), rerun=rerun), module.Extra(only_examples=only_examples)
+    for _ in range(2):
+        with pytest.raises(module.TrainingFailed, match=f"{training.title}: enough"):
+            module.weights_for(training, settings, Results(tmp_path), heard.append, extra=extra)
+    assert begun == [goes_on] * 2 and [event["event"] for event in heard] == ["train", "progress"] * 2
 
 
 def test_a_run_says_that_it_trains_again_what_is_damaged(tmp_path, monkeypatch):
@@ -581,6 +612,15 @@ def test_train_makes_exports_and_takes_examples(shell, tmp_path, capsys):
     assert "device=cuda:99: torch" in capsys.readouterr().err
     plan = shell.call("plan", "--plugin", TOYS, "--plugin", LEARNER, *TRAIN, *WORDS, "training.seed=1")
     assert "first: training of toy_learner" in plan.stdout and "15 min" in plan.stdout, plan.stderr
+
+
+def test_examples_alone_replace_no_weights_and_so_leave_those_that_are_there(tmp_path, monkeypatch):
+    words, plugins = (*TRAIN, "sensor=dots", f"results={tmp_path}", "rerun=always"), (str(TOYS), str(LEARNER))
+    _, path = trained_in(tmp_path, job_of(list(words), plugins)[0])
+    monkeypatch.setattr(module, "_train", make_examples)
+    options = ("--plugin", plugins[0], "--plugin", plugins[1], "--export-examples", str(tmp_path / "examples"))
+    assert main(["train", *options, *words]) == 0
+    assert path.exists() and facts_of(tmp_path / "examples")["method"] == "toy_learner"
 
 
 def test_train_on_ones_own_folder_then_apply(shell, tmp_path):
