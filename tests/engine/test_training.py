@@ -451,6 +451,20 @@ def ball_of(**values) -> Training:
     return cell_of({"cases": 1, "dataset": "ball", "sensor": "dots"}, **values).training
 
 
+def test_a_training_tells_its_stages_and_how_far_each_is(trainer):
+    *events, result = trainer(ball_of(steps=2))
+    told = [e["stage"] if e["event"] == "begin" else (e["done"], e["total"]) for e in events]
+    assert told == ["examples", (1, 1), "method", (1, 2), (2, 2)]
+    assert (result["row"]["status"], result["row"]["cases"], result["row"]["steps"]) == ("ok", 1, 2)
+
+
+def test_a_training_that_needs_a_missing_library_says_how_to_install_it(trainer, monkeypatch):
+    training, plugins = ball_of(steps=1), registry()._plugins["sensor"]
+    monkeypatch.setitem(plugins, "dots", replace(plugins["dots"], requires=("no_such_library",)))
+    row = trainer(training)[-1]["row"]
+    assert row["status"] == "skipped" and "pip install no_such_library" in row["message"]
+
+
 def test_a_dataset_without_train_shapes_is_named_before_a_method_fails_for_want_of_an_array(trainer, monkeypatch):
     training = ball_of(steps=1)
     monkeypatch.setattr(type(training.dataset.build()), "shapes", lambda self, split: iter(()))
@@ -459,6 +473,13 @@ def test_a_dataset_without_train_shapes_is_named_before_a_method_fails_for_want_
     row = trainer(training)[-1]["row"]
     assert (row["status"], row["message"]) == ("error", "dataset ball has no shapes in the split 'train'")
     assert row["stage"] == "examples"
+
+
+def test_examples_of_another_method_are_refused(trainer, tmp_path):
+    file = tmp_path / "given.safetensors"
+    file.write_bytes(as_bytes({"centroids": np.zeros((1, 3))}, {"method": "mpu", "shapes": []}))
+    row = trainer(ball_of(steps=1), from_examples=str(file))[-1]["row"]
+    assert row["message"] == f"{file}: expected examples for toy_learner, got those of mpu"
 
 
 def test_equal_seeds_give_equal_weights_also_with_global_generators(trainer, tmp_path, monkeypatch):
@@ -475,6 +496,15 @@ def test_equal_seeds_give_equal_weights_also_with_global_generators(trainer, tmp
         Fit(training.method.build(), tmp_path / name / "alone", {"seed": 0}, seconds=9.0).run(examples)
         found += [load(tmp_path / name / file / "weights.safetensors")["b"] for file in ("", "alone")]
     assert all((weights == found[0]).all() for weights in found)
+
+
+def test_on_a_second_gpu_the_fit_has_it_as_its_current_one(trainer, monkeypatch):
+    used = []
+    cuda = SimpleNamespace(set_device=used.append, synchronize=lambda _: None, get_device_name=lambda _: "second")
+    torch = SimpleNamespace(cuda=cuda, zeros=lambda *_, **__: None, manual_seed=lambda _: None)
+    monkeypatch.setitem(sys.modules, "torch", torch)
+    row = trainer(ball_of(steps=1), device="cuda:1")[-1]["row"]
+    assert used == [1] and row["device"] == "cuda (second)"
 
 
 # -- the process that waits for it -------------------------------------------------------------------------------------
@@ -529,6 +559,75 @@ def test_what_is_run_again_begins_anew_and_its_steps_are_heard(tmp_path, monkeyp
         with pytest.raises(module.TrainingFailed, match=f"{training.title}: enough"):
             module.weights_for(training, settings, Results(tmp_path), heard.append, extra=extra)
     assert begun == [goes_on] * 2 and [event["event"] for event in heard] == ["train", "progress"] * 2
+
+
+def test_a_training_that_succeeds_after_a_failure_is_no_longer_called_failed(tmp_path, monkeypatch):
+    training = cell_of({}).training
+    results, path = trained_in(tmp_path, training)
+    path.unlink()
+    monkeypatch.setattr(module, "_train", lambda *_: {"status": "error", "message": "no memory"})
+    with pytest.raises(module.TrainingFailed, match="no memory"):
+        module.weights_for(training, Settings(), results)
+    assert module.state_of(results, training) == "failed"
+    monkeypatch.setattr(module, "_train", lambda *_: file_of(path, 1.0) and {"status": "ok"})
+    assert module.weights_for(training, Settings(), results).path == path
+    assert module.state_of(results, training) == "finished"
+    path.unlink()
+    assert module.state_of(results, training) == "new"
+
+
+def test_a_training_on_a_device_that_is_not_there_is_refused_and_is_no_failed_training(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.setattr(module, "_train", lambda *_: pytest.fail("trains"))
+    with pytest.raises(UsageError, match="device=cuda: torch"):
+        module.weights_for(cell_of({"device": "cuda"}).training, Settings(), Results(tmp_path))
+
+
+GONE = Death("crashed", "the fork server was killed", 0, "method", 1.0, "", with_server=True)
+OWN = Death("crashed", "killed by SIGSEGV (signal 11)", 0, "method", 1.0, "")
+
+
+@pytest.fixture
+def dying(tmp_path, monkeypatch):
+    """Train in processes that end like this, one after the other; how often it was tried."""
+
+    def train(*deaths: Death) -> int:
+        left = list(deaths)
+        server = SimpleNamespace(load=lambda *_: None, close=lambda: None)
+        monkeypatch.setattr(module, "take_prestarted", lambda threads: server)
+        monkeypatch.setattr(module, "Worker", lambda *_: SimpleNamespace(watch=lambda: left.pop(0)))
+        with contextlib.suppress(module.TrainingFailed):
+            module.weights_for(cell_of({}).training, Settings(), Results(tmp_path))
+        return len(deaths) - len(left)
+
+    return train
+
+
+def test_a_training_is_tried_once_more_where_its_fork_server_was_killed(dying):
+    """A system short of memory may have killed it; what kills the training alone would do so again."""
+    assert dying(GONE, GONE, GONE) == dying(GONE, OWN, GONE) == 2 and dying(OWN, GONE) == 1
+
+
+def test_a_training_whose_process_cannot_start_says_why_and_is_no_failed_training(dying):
+    printed = "Traceback (most recent call last):\n  ...\nImportError: no numpy"
+    with pytest.raises(CannotStart, match="no numpy") as caught:
+        dying(Death("crashed", "ended with exit status 70", -1, "start", 0.1, printed))
+    assert "run the cases: ended with exit status 70; ImportError: no numpy. No result was stored" in str(caught.value)
+
+
+def test_a_training_short_of_memory_names_its_own_limit(dying, tmp_path):
+    dying(Death("oom", "used 5 GB (limit.memory_gb=4)", 0, "method", 1.0, ""))
+    (failed,) = tmp_path.glob("trainings/*/failed.json")
+    row = json.loads(failed.read_text())["row"]
+    assert row["status"] == "oom" and row["message"].endswith("used 5 GB (limit.train_memory_gb=4)")
+
+
+def test_a_training_that_is_forgotten_is_as_new(tmp_path):
+    training = cell_of({}).training
+    results, _ = trained_in(tmp_path, training)
+    for _ in range(2):
+        module.forget(results, training)
+        assert module.state_of(results, training) == "new"
 
 
 def test_a_run_says_that_it_trains_again_what_is_damaged(tmp_path, monkeypatch):
