@@ -71,14 +71,6 @@ def work(spec: dict[str, Any], fd: int) -> None:
     channel.send("done")
 
 
-class NoWeights(Exception):
-    """The training of the method failed: ``row`` has the status and message."""
-
-    def __init__(self, row: Mapping[str, Any]):
-        super().__init__(row["message"])
-        self.row = {key: row.get(key, "") for key in ("status", "stage", "message", "traceback")}
-
-
 class Session:
     """One cell's work in this process."""
 
@@ -172,6 +164,8 @@ class Session:
                 self.case = case = self.made(recipe)
                 row["tags"] = ",".join(self.tags(case))
                 row |= conditions(task, case)
+            if failed := self.weights.get("failed"):  # the training of the method: its row has the status and message
+                return row | {key: failed.get(key, "") for key in ("status", "stage", "message", "traceback")}
             self.check_training(case)
             row["reference_seconds"] = reference_seconds()
             call, before = self.measured_call(index, case, task), state()
@@ -189,8 +183,6 @@ class Session:
             said = row.get("message", "")
             notices = [text for text in notices if text not in said]  # a traced output may have been scored before
             row["message"] = "; ".join(filter(None, [*read, said, *notices, *reasons]))
-        except NoWeights as error:
-            return row | error.row
         except BaseException as error:  # the boundary: every failure becomes a status, none is lost
             if os.getpid() != self.channel._owner:
                 os._exit(1)
@@ -199,17 +191,13 @@ class Session:
         return {"message": ""} | row | {"status": "ok", "stage": "", "traceback": ""}
 
     def check_training(self, case: Case) -> None:
-        """Check that weights exist if the method needs them, and that they were trained on other shapes.
+        """Check that the weights were trained on other shapes.
 
         Raises
         ------
-        NoWeights
-            If the training failed.
         BadInput
-            If the weights were trained on this shape.
+            If they were trained on this shape.
         """
-        if failed := self.weights.get("failed"):
-            raise NoWeights(failed)
         if self.weights.get("shapes") and content_digest(case.reference) in self.weights["shapes"]:
             raise BadInput(
                 f"{case.id}: the weights were trained on this very shape, so a score of it would say nothing; test on "

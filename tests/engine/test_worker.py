@@ -1,7 +1,9 @@
 """The clock and the memory of a method call, and what failures are called."""
 
+import faulthandler
 import math
 import mmap
+import os
 import subprocess
 import sys
 import time
@@ -11,8 +13,9 @@ import numpy as np
 import pytest
 
 from bench.contract.run import Run
+from bench.engine.channel import read_event
 from bench.engine.meter import Meter, resident_mb
-from bench.engine.worker import failure, plain
+from bench.engine.worker import failure, plain, work
 from bench.errors import BadInput, InvalidOutput, MissingLibrary
 from bench.sweep.request import Request
 
@@ -194,6 +197,25 @@ def test_a_torch_generator_follows_the_seed():
 
     first, again, other = (torch.rand(4, generator=Run(seed=s).torch_generator()) for s in (1, 1, 2))
     assert torch.equal(first, again) and not torch.equal(first, other)
+
+
+def tell_threads_of_torch(spec, channel):
+    import torch
+
+    channel.send("result", row={"status": "ok", "message": f"{torch.get_num_threads()} threads"})
+
+
+@pytest.mark.parametrize("threads", [3, 1])
+def test_torch_has_as_many_threads_as_the_job_asks_for(tmp_path, monkeypatch, threads):
+    import torch  # noqa: F401
+
+    monkeypatch.setattr(faulthandler, "enable", lambda: None)  # that of the tests stays
+    monkeypatch.setitem(sys.modules, "asked_for_threads", sys.modules[__name__])
+    events = tmp_path / "events"
+    job = {"function": f"asked_for_threads:{tell_threads_of_torch.__name__}", "threads": threads}
+    work(job, os.open(events, os.O_WRONLY | os.O_CREAT))
+    result, done = map(read_event, events.read_bytes().splitlines())
+    assert result["row"]["message"] == f"{threads} threads" and done["event"] == "done"
 
 
 @pytest.mark.parametrize(
