@@ -80,7 +80,7 @@ class Session:
         self.done = set(spec["done"])  # indices of cases that need not be run
         self.owed = set(spec["owed"])  # those of them whose worst scores are not known
         self.changed: list[str] = []  # what a call has changed in this process
-        self.case: Case | None = None  # the most recent one
+        self.case: Case | None = None  # the one at hand, if it is made
         self.device = spec.get("device", self.cell.device)  # `cuda` may have become cuda:1, where the first was taken
         self.meter = Meter(spec["memory_gb"], self.device)
         self.weights: Mapping[str, Any] = spec.get("weights") or {}
@@ -103,6 +103,7 @@ class Session:
                 )
                 self.channel.send("replace")
                 return
+            self.case = None
             owed = index in self.owed
             if index not in self.done:
                 row = {"case": recipe.id, "case_index": index, "started": now()}
@@ -157,7 +158,6 @@ class Session:
         """The row of one case; an exception on the way becomes its status."""
         row: dict[str, Any] = {}
         read: list[str] = []  # for instance notices about the user's own files
-        self.case = None
         try:
             self.channel.enter("case", index)
             with collected(read):
@@ -249,10 +249,9 @@ class Session:
         they were.
         """
         self.channel.enter("worst", index)
-        case, self.case = self.case, None
         try:
             with collected():  # the notices are in the case's row already
-                row = self.worst(self.made(recipe) if case is None else case, task)
+                row = self.worst(self.case or self.made(recipe), task)
         except Exception as error:  # the boundary: the case has its row, and these values are left out
             print(f"{recipe.id}: cannot score the outputs of hopeless(): {error!r}", file=sys.stderr)
             return

@@ -1,5 +1,6 @@
 """What the runner does between a cell and its workers: which servers it keeps, and how often it tries again."""
 
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -154,6 +155,7 @@ def test_a_case_whose_server_was_killed_is_tried_once_more(monkeypatch):
 def test_only_the_seconds_of_the_method_are_told_of_a_death(stage, seconds):
     found = runner.of_death(Death("timeout", "too long", 0, stage, 1.5, "its last words"))
     assert (found["seconds"], found["traceback"]) == (seconds, "its last words")
+    assert 1.5 <= (datetime.now(UTC) - datetime.fromisoformat(found["started"])).total_seconds() < 10
 
 
 def test_workers_that_die_between_their_cases_for_ever_are_given_up():

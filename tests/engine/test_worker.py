@@ -144,6 +144,8 @@ def test_processor_seconds_count_children():
         (SystemExit(3), "method", "error", "called sys.exit(3)"),
         (MemoryError(), "method", "oom", "past the memory limit"),
         (RuntimeError("std::bad_alloc"), "method", "oom", "bad_alloc"),
+        (RuntimeError("no pivot"), "method", "error", "RuntimeError: no pivot"),
+        (ValueError("out of memory"), "method", "error", "ValueError: out of memory"),
         (InvalidOutput("promised x; got y"), "method", "invalid", "promised x; got y"),
         (MissingLibrary("CGAL", "pip install x"), "method", "skipped", "install it with: pip install x"),
         (ModuleNotFoundError("No module named 'foo'", name="foo.bar"), "method", "skipped", "pip install foo"),
