@@ -1,9 +1,13 @@
 """The clock and the memory of a method call, and what failures are called."""
 
+import ctypes
 import faulthandler
 import math
 import mmap
 import os
+import re
+import resource
+import signal
 import subprocess
 import sys
 import time
@@ -201,23 +205,51 @@ def test_a_torch_generator_follows_the_seed():
     assert torch.equal(first, again) and not torch.equal(first, other)
 
 
-def tell_threads_of_torch(spec, channel):
+def crash(spec, channel):
+    ctypes.string_at(0)
+
+
+def test_a_worker_that_crashes_prints_where_it_was(tmp_path, monkeypatch, capfd):
+    monkeypatch.setitem(sys.modules, "asked_to_crash", sys.modules[__name__])
+    if not (child := os.fork()):
+        try:
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            events = os.open(tmp_path / "events", os.O_WRONLY | os.O_CREAT)
+            work({"function": "asked_to_crash:crash", "threads": 1}, events)
+        finally:
+            os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGSEGV
+    assert re.search(r"Segmentation fault\n(.*\n)+.*test_worker.py.* in crash\n", capfd.readouterr().err)
+
+
+def tell_threads(spec, channel):
     import torch
 
-    channel.send("result", row={"status": "ok", "message": f"{torch.get_num_threads()} threads"})
+    said = f"{torch.get_num_threads()} threads on {sorted(os.sched_getaffinity(0))}"
+    channel.send("result", row={"status": "ok", "message": said})
+
+
+@pytest.fixture
+def processors():
+    """Those of this process, which a test may restrict."""
+    before = os.sched_getaffinity(0)
+    yield sorted(before)
+    os.sched_setaffinity(0, before)
 
 
 @pytest.mark.parametrize("threads", [3, 1])
-def test_torch_has_as_many_threads_as_the_job_asks_for(tmp_path, monkeypatch, threads):
+def test_a_worker_is_pinned_and_torch_has_as_many_threads_as_the_job_asks_for(
+    tmp_path, monkeypatch, processors, threads
+):
     import torch  # noqa: F401
 
     monkeypatch.setattr(faulthandler, "enable", lambda: None)  # that of the tests stays
     monkeypatch.setitem(sys.modules, "asked_for_threads", sys.modules[__name__])
     events = tmp_path / "events"
-    job = {"function": f"asked_for_threads:{tell_threads_of_torch.__name__}", "threads": threads}
+    job = {"function": f"asked_for_threads:{tell_threads.__name__}", "threads": threads, "cpus": processors[-1:]}
     work(job, os.open(events, os.O_WRONLY | os.O_CREAT))
     result, done = map(read_event, events.read_bytes().splitlines())
-    assert result["row"]["message"] == f"{threads} threads" and done["event"] == "done"
+    assert result["row"]["message"] == f"{threads} threads on {processors[-1:]}" and done["event"] == "done"
 
 
 @pytest.mark.parametrize(
