@@ -68,6 +68,7 @@ OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.And: ast.Or,
     ast.Or: ast.And,
 }
+HARMFUL = ("os.kill", "os.killpg", "os.sched_setaffinity")  # with the number of another process, such as that of init
 REMOVED = (ast.Expr, ast.AugAssign, ast.Raise, ast.Delete)
 WARM = (  # libraries of the code and plugins of pytest, and nothing of ours
     *("pytest", "hypothesis", "pytest_benchmark.plugin", "xdist.plugin"),
@@ -197,6 +198,8 @@ def _code(node: ast.AST) -> Iterator[ast.AST]:
             if not isinstance(child, ast.AST) or isinstance(child, ast.JoinedStr):
                 continue
             if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
+                continue
+            if isinstance(child, ast.Call) and ast.unparse(child.func) in HARMFUL:
                 continue
             yield child
             yield from _code(child)

@@ -25,6 +25,10 @@ def part(values: list[int] = [], more: bool = False) -> list[int]:
         values.sort()
         found = found - 1
     return "a" + "b", found
+
+
+def never() -> None:
+    os.kill(10, 9)
 '''
 EXPECTED = """
 3: 3 -> 4
@@ -41,6 +45,7 @@ EXPECTED = """
 11: found = found - 1 -> pass
 11: found - 1 -> (found + 1)
 11: 1 -> 2
+16: os.kill(10, 9) -> pass
 """
 
 
