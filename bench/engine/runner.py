@@ -194,7 +194,9 @@ def must_rerun(row: Mapping[str, Any], settings: Settings, before: Mapping[str, 
     ``before`` are the limits that its cell was last run under, for those that are not columns.
     """
     limit, noted = settings.limit, row["status"] == "ok" and bool(row.get("message"))
-    off_the_clock = row["status"] == "timeout" and row.get("stage") != "method"
+    off_the_clock = row["status"] == "timeout" and (
+        row.get("stage") != "method" or "limit.setup_seconds" in (row.get("message") or "")  # the clock was stopped
+    )
     return (
         row["status"] == "skipped"
         or row.get("stage") in (*BEFORE_ANY_CASE, "train")

@@ -64,16 +64,13 @@ class Worker:
     ):
         self.server, self.limits = server, limits
         self.on_event, self.alive, self.verbose = on_event, alive, verbose
-        self.stage, self.index = "start", -1
         self.printed = b""
         self._buffer = bytearray()
-        self._forged = False  # something else has written to its messages
         self._finished_at: float | None = None  # when it reported that it is done
         self._below: list[psutil.Process] = []
         self._below_at = time.monotonic()  # it has just been forked: it has no children yet
-        messages, messages_w = os.pipe()
-        output, output_w = os.pipe()
-        self._fds = [messages, output]
+        self._messages, messages_w = os.pipe()
+        self._output, output_w = os.pipe()
         try:
             self.pid = server.fork(spec, messages_w, output_w)
         except ServerDied:
@@ -82,39 +79,38 @@ class Worker:
         finally:
             os.close(messages_w)
             os.close(output_w)
-        for fd in self._fds:
+        for fd in (self._messages, self._output):
             os.set_blocking(fd, False)
         self._enter("start", -1)
 
     def watch(self) -> Death | None:
         """Follow the worker to its end; None when it did all its work."""
         killed: tuple[str, str] | None = None
-        ended = False
         try:
             killed = self._follow()
-            ended = True
         finally:
-            if killed or not ended or self._finished_at is None:
-                self.kill()
-            seconds = time.monotonic() - self._since
+            self.kill()  # or, of one that has ended, what it started: if its server is gone, nobody else ends that
+            ended_at = time.monotonic()
             status = self._reap()
-            # After a message that no worker sends, what came before the kill is not believed either.
-            try:
-                for fd in self._fds[1:] if self._forged else self._fds:
-                    self._drain(fd)
-            except NoEvent as error:
-                killed = killed or ("crashed", str(error))
+            self._drain(self._output)
+            # Of one that had to be killed, no later message is believed: it came after a limit, or after a forged one.
+            if not killed:
+                try:
+                    self._drain(self._messages)
+                except NoEvent as error:
+                    killed = "crashed", str(error)
             self._close()
         if self._finished_at is not None and not killed:
             return None
         how, message = killed or self._cause(status)
         printed = self.printed.decode(errors="replace").strip()
+        seconds = max(0.0, ended_at - self._since)  # it may have been heard later than it ended
         return Death(how, message, self.index, self.stage, seconds, printed, with_server=status is None and not killed)
 
     def _follow(self) -> tuple[str, str] | None:
         """Read until the worker has ended; the status and the reason to kill it, if it must be killed."""
         with selectors.DefaultSelector() as selector:
-            for fd in self._fds:
+            for fd in (self._messages, self._output):
                 selector.register(fd, selectors.EVENT_READ)
             while True:
                 try:
@@ -122,7 +118,6 @@ class Worker:
                         if not self._drain(key.fd):
                             selector.unregister(key.fd)
                 except NoEvent as error:
-                    self._forged = True
                     return "crashed", str(error)
                 self.alive()
                 if self._is_over():
@@ -131,8 +126,7 @@ class Worker:
                     if killed := self._passed_limit():
                         return killed
                 elif time.monotonic() - self._finished_at > ENDS_WITHIN:
-                    self.kill()  # its work is done, but a thread or a handler of a method keeps it from ending
-                    return None
+                    return None  # its work is done, but a thread or a handler of a method keeps it from ending
 
     def kill(self) -> None:
         """Kill the worker's process group; the server kills processes that left the group."""
@@ -157,23 +151,25 @@ class Worker:
                 return True
             if not chunk:
                 return False
-            if fd == self._fds[1]:
-                self.printed = (self.printed + chunk)[-TAIL:]
-                if self.verbose:
-                    sys.stderr.buffer.write(chunk)
-                    sys.stderr.flush()
-                if len(chunk) < 65536:
-                    return True
+            if fd == self._messages:
+                self._split(chunk)
                 continue
-            *ends, rest = chunk.split(b"\n")
-            for end in ends:
-                line, self._buffer = bytes(self._buffer + end), bytearray()
-                if line:
-                    self._hear(read_event(line))
-            self._buffer += rest
-            if len(self._buffer) > LONGEST:
-                raise NoEvent(f"more than {LONGEST >> 20} MB without the end of a line")
+            self.printed = (self.printed + chunk)[-TAIL:]
+            if self.verbose:
+                sys.stderr.buffer.write(chunk)
+                sys.stderr.flush()
         return True
+
+    def _split(self, chunk: bytes) -> None:
+        """Hear the events whose lines end in this chunk."""
+        *ends, rest = chunk.split(b"\n")
+        for end in ends:
+            line, self._buffer = bytes(self._buffer + end), bytearray()
+            if line:
+                self._hear(read_event(line))
+        self._buffer += rest
+        if len(self._buffer) > LONGEST:
+            raise NoEvent(f"more than {LONGEST >> 20} MB without the end of a line")
 
     def _hear(self, event: dict[str, Any]) -> None:
         kind, now = event["event"], time.monotonic()
@@ -201,7 +197,7 @@ class Worker:
 
     def _enter(self, stage: str, index: int) -> None:
         self.stage, self.index = stage, index
-        self._pauses, self._paused_at = 0, 0.0  # the clock may be stopped while it is stopped
+        self._pauses = 0  # the clock may be stopped while it is stopped
         self._since = time.monotonic()
         self._deadline = self._since + (
             self.limits.seconds if stage == "method" else max(self.limits.setup_seconds, self.limits.seconds)
@@ -217,11 +213,14 @@ class Worker:
         if taken > limit:
             return "oom", f"took {taken:.1f} GB (limit.memory_gb={self.limits.memory_gb:g})"
         if time.monotonic() > self._deadline:
-            if self.stage == "method":
-                return "timeout", f"stopped after {self.limits.seconds:g} s (limit.seconds={self.limits.seconds:g})"
+            seconds, setup_seconds = self.limits.seconds, self.limits.setup_seconds
+            if self.stage == "method" and not self._pauses:
+                return "timeout", f"stopped after {seconds:g} s (limit.seconds={seconds:g})"
             names = {"case": "making the case", "prepare": "preparing the method", "score": "scoring"}
-            name = names.get(self.stage, f"the stage {self.stage!r}")
-            return "timeout", f"{name} took longer than limit.setup_seconds={self.limits.setup_seconds:g}"
+            name = (names | {"method": "what stops the method's clock"}).get(self.stage, f"the stage {self.stage!r}")
+            larger = self.stage != "method" and seconds > setup_seconds
+            passed = f"seconds={seconds:g}" if larger else f"setup_seconds={setup_seconds:g}"
+            return "timeout", f"{name} took longer than limit.{passed}"
         return None
 
     def _resident_mb(self) -> float:
@@ -271,8 +270,8 @@ class Worker:
         return "crashed", message
 
     def _close(self) -> None:
-        for fd in self._fds:
-            os.close(fd)
+        os.close(self._messages)
+        os.close(self._output)
 
 
 def _resident_mb(pid: int) -> float:

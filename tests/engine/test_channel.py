@@ -199,6 +199,9 @@ class Server:
         pid = os.fork()
         if not pid:
             os.setsid()
+            os.dup2(output, 1)
+            os.dup2(output, 2)
+            os.close(output)
             try:
                 self.function(Channel(messages))
             finally:
@@ -229,6 +232,34 @@ def test_a_worker_ends_when_it_is_done_and_is_killed_if_it_does_not(monkeypatch)
     assert [event["event"] for event in heard] == ["begin"]
 
 
+def test_a_worker_that_is_done_has_time_to_end_by_itself():
+    def ending(channel):
+        channel.send("done")
+        time.sleep(0.15)  # longer than between two looks
+        os.write(1, b"goodbye")
+
+    worker = watch.Worker(Server(ending), {}, Limits(), lambda event: None)
+    assert worker.watch() is None and worker.printed == b"goodbye"
+
+
+def test_a_worker_that_ends_before_the_first_case_says_so():
+    death, _ = watched(lambda channel: os._exit(5))
+    assert (death.status, death.message) == ("crashed", "ended with exit status 5")
+    assert (death.stage, death.index) == ("start", -1) and 0 <= death.seconds < 30
+
+
+def test_a_worker_that_closes_its_output_is_looked_at_no_more_often_and_leaves_no_descriptor():
+    looks, before = [], os.listdir("/proc/self/fd")
+
+    def closing(channel):
+        os.close(1), os.close(2)
+        time.sleep(0.2)
+
+    watch.Worker(Server(closing), {}, Limits(), lambda event: None, lambda: looks.append(1)).watch()
+    assert len(looks) < 100
+    assert os.listdir("/proc/self/fd") == before
+
+
 def test_nothing_that_changes_a_result_comes_after_the_end():
     def more(channel):
         channel.send("done")
@@ -241,37 +272,65 @@ def test_nothing_that_changes_a_result_comes_after_the_end():
 
 def test_what_it_wrote_before_it_ended_counts_whenever_it_is_read():
     """It may write and end after a look at its messages, and before the look whether it has ended."""
-    begin, begun = os.pipe()
 
-    def late(channel):
-        os.read(begin, 1)
-        channel.send("done")
-        channel.send("result", row={"status": "ok"})
+    def death_of(*messages):
+        begin, begun = os.pipe()
 
-    def alive():
-        os.write(begun, b"x")
-        os.waitid(os.P_PID, worker.pid, os.WEXITED | os.WNOWAIT)
+        def late(channel):
+            os.read(begin, 1)
+            for kind, values in messages:
+                channel.send(kind, **values)
+            os.write(1, b"goodbye")
 
-    worker = watch.Worker(Server(late), {}, Limits(), lambda event: None, alive)
-    death = worker.watch()
-    os.close(begin), os.close(begun)
-    assert death.status == "crashed" and "an event 'result' after 'done'" in death.message
+        def alive():
+            time.sleep(0.1)
+            os.write(begun, b"x")
+            os.waitid(os.P_PID, worker.pid, os.WEXITED | os.WNOWAIT)
+
+        worker = watch.Worker(Server(late), {}, Limits(), lambda event: None, alive)
+        death = worker.watch()
+        os.close(begin), os.close(begun)
+        assert death.status == "crashed" and death.printed == "goodbye"
+        return death
+
+    assert "an event 'result' after 'done'" in death_of(("done", {}), ("result", {"row": {"status": "ok"}})).message
+    death = death_of(("begin", {"stage": "method", "index": 2}))
+    assert (death.stage, death.index) == ("method", 2) and 0 <= death.seconds < 0.1  # since that stage began
 
 
-def test_nothing_counts_after_a_message_that_no_worker_sends(monkeypatch):
+@pytest.mark.parametrize(
+    ("forged", "seconds", "status", "said"),
+    [(True, 60, "crashed", "without a 'pause'"), (False, 0.05, "timeout", "stopped after 0.05 s (limit.seconds=0.05)")],
+)
+def test_no_message_counts_that_comes_after_a_limit_or_after_one_that_no_worker_sends(
+    monkeypatch, forged, seconds, status, said
+):
     """What it sends before it is killed, late on a busy machine, would be the result of a case, and end the next."""
+    begin, begun = os.pipe()
+    end, ended = os.pipe()
     kill = watch.Worker.kill
-    monkeypatch.setattr(watch.Worker, "kill", lambda worker: time.sleep(0.4) or kill(worker))
 
-    def forging(channel):
+    def kill_late(worker):
+        os.write(begun, b"x")
+        os.read(end, 1)
+        kill(worker)
+
+    monkeypatch.setattr(watch.Worker, "kill", kill_late)
+
+    def going_on(channel):
         channel.enter("method", 1)
-        channel.send("resume")
-        time.sleep(0.1)
+        if forged:
+            channel.send("resume")
+        os.read(begin, 1)
         channel.enter("method", 2)
+        os.write(1, b"goodbye")
+        os.write(ended, b"x")
         time.sleep(60)
 
-    death, heard = watched(forging)
-    assert death.status == "crashed" and death.index == 1 and "without a 'pause'" in death.message
+    death, heard = watched(going_on, seconds=seconds)
+    for fd in (begin, begun, end, ended):
+        os.close(fd)
+    assert (death.status, death.index, death.printed) == (status, 1, "goodbye") and said in death.message
     assert [event["index"] for event in heard] == [1]
 
 
@@ -369,6 +428,104 @@ def test_the_memory_of_what_a_program_of_the_method_has_started_counts(monkeypat
 
     death, _ = watched(starting, seconds=20, memory_gb=0.2)
     assert death.status == "oom" and death.message.endswith(" GB (limit.memory_gb=0.2)")
+
+
+def reached(stage, then, **limits):
+    """The death of a worker that comes to a stage, and goes on when the runner knows that."""
+    begin, begun = os.pipe()
+    there, came = os.pipe()
+
+    def staged(channel):
+        channel.enter(stage, 0)
+        os.write(came, b"x")
+        os.read(begin, 1)
+        then(channel)
+
+    class Waiting(Server):
+        def fork(self, *given):
+            pid = super().fork(*given)
+            os.read(there, 1)  # so that a busy machine does not make its start last longer than a limit
+            return pid
+
+    worker = watch.Worker(Waiting(staged), {}, Limits(**limits), lambda event: None, lambda: os.write(begun, b"x"))
+    death = worker.watch()
+    for fd in (begin, begun, there, came):
+        os.close(fd)
+    return death
+
+
+@pytest.mark.parametrize(
+    ("stage", "seconds", "setup_seconds", "said"),
+    [
+        ("method", 0.1, 60, "stopped after 0.1 s (limit.seconds=0.1)"),
+        ("case", 0.01, 0.1, "making the case took longer than limit.setup_seconds=0.1"),
+        ("prepare", 0.1, 0.01, "preparing the method took longer than limit.seconds=0.1"),
+        ("rest", 0.1, 0.1, "the stage 'rest' took longer than limit.setup_seconds=0.1"),
+    ],
+)
+def test_a_stage_has_its_time_and_the_limit_that_it_passed_is_named(stage, seconds, setup_seconds, said):
+    death = reached(stage, lambda channel: time.sleep(60), seconds=seconds, setup_seconds=setup_seconds)
+    assert (death.status, death.stage, death.message) == ("timeout", stage, said)
+    assert 0.1 <= death.seconds < 30
+
+
+@pytest.mark.parametrize(
+    ("stage", "setup_gb", "passed"), [("method", 4, True), ("case", 0.08, True), ("case", 4, False)]
+)
+def test_making_a_case_may_take_more_memory_than_the_method(monkeypatch, stage, setup_gb, passed):
+    monkeypatch.setattr(watch, "SETUP_MEMORY_GB", setup_gb)
+
+    def taking(channel):
+        block = b"1" * (100 << 20)
+        time.sleep(60 if passed else 0.15)  # longer than between two looks
+        channel.send("done")
+        del block
+
+    death = reached(stage, taking, seconds=20, memory_gb=0.08)
+    end = ("oom", "took 0.1 GB (limit.memory_gb=0.08)")
+    assert (death and (death.status, death.message)) == (end if passed else None)
+
+
+def test_a_clock_that_is_stopped_for_too_long_is_no_fault_of_the_method():
+    def paused(channel):
+        channel.send("pause")
+        time.sleep(60)
+
+    death = reached("method", paused, seconds=0.05, setup_seconds=0.1)
+    assert (death.status, death.stage) == ("timeout", "method") and 0.15 <= death.seconds < 30
+    assert death.message == "what stops the method's clock took longer than limit.setup_seconds=0.1"
+
+    def resumed(channel):
+        channel.send("pause")
+        channel.send("resume")
+        time.sleep(60)
+
+    death = reached("method", resumed, seconds=0.1, setup_seconds=60)
+    assert death.status == "timeout" and 0.1 <= death.seconds < 30
+
+
+def test_what_a_worker_prints_is_shown_at_once_to_a_user_who_wants_to_see_it(monkeypatch, tmp_path):
+    path = tmp_path / "shown.txt"
+    with path.open("w") as file:
+        monkeypatch.setattr(sys, "stderr", file)
+        for wanted in ({}, {"verbose": True}):
+            server = Server(lambda channel: os.write(1, b"hello"))
+            watch.Worker(server, {}, Limits(), lambda event: None, **wanted).watch()
+            assert path.read_text() == ("hello" if wanted else "")
+
+
+def test_an_event_may_be_longer_than_a_pipe_holds_but_not_without_end(monkeypatch):
+    monkeypatch.setattr(watch, "LONGEST", 1 << 20)
+
+    def long(channel):
+        channel.send("doing", what="x" * 500_000)
+        channel._file.write(b"\n")  # an empty line is nothing
+        while True:
+            channel._file.write(b"x" * (1 << 16))
+
+    death, heard = watched(long)
+    assert [len(event["what"]) for event in heard] == [500_000]
+    assert death.status == "crashed" and death.message.endswith(": more than 1 MB without the end of a line")
 
 
 def test_memory_is_measured_alike_where_there_is_no_proc(monkeypatch):
