@@ -474,6 +474,7 @@ def test_a_stage_has_its_time_and_the_limit_that_it_passed_is_named(stage, secon
 )
 def test_making_a_case_may_take_more_memory_than_the_method(monkeypatch, stage, setup_gb, passed):
     monkeypatch.setattr(watch, "SETUP_MEMORY_GB", setup_gb)
+    inherited = b"1" * (100 << 20)  # what the worker has before a stage does not count
 
     def taking(channel):
         block = b"1" * (100 << 20)
@@ -484,6 +485,7 @@ def test_making_a_case_may_take_more_memory_than_the_method(monkeypatch, stage, 
     death = reached(stage, taking, seconds=20, memory_gb=0.08)
     end = ("oom", "took 0.1 GB (limit.memory_gb=0.08)")
     assert (death and (death.status, death.message)) == (end if passed else None)
+    assert len(inherited) == 100 << 20
 
 
 def test_a_clock_that_is_stopped_for_too_long_is_no_fault_of_the_method():
