@@ -6,7 +6,7 @@ import torch
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from bench import BadInput, PointCloud, Run
+from bench import BadInput, PointCloud, Run, Shape
 from bench.methods.upsampling.mpu import Mpu
 
 LIGHT = {"growth": 4, "convolutions": 2, "neighbours": 8}
@@ -125,13 +125,10 @@ def test_examples_are_clouds_of_doubling_density():
 
     import trimesh
 
-    from bench.geometry.mesh_surface import MeshSurface
-
-    ball = trimesh.creation.icosphere(3)
     case = SimpleNamespace(
         id="ball",
         input={"cloud": PointCloud(sphere(30))},
-        reference=SimpleNamespace(mesh=ball, surface=MeshSurface(ball)),
+        reference=Shape("ball", trimesh.creation.icosphere(3)),
     )
 
     def sense(case, sensor, rng):
