@@ -63,6 +63,14 @@ def pytest_report_header() -> str | None:
     return f"{OF_REAL_FILES} is left out: {why}" if (why := _why_no_real_files()) else None
 
 
+def wait_for(condition, seconds: float = 60.0, more=lambda: "") -> None:
+    """Wait until ``condition()`` holds; the message of one that does not ends with ``more()``."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"{condition} did not come true{more()}"
+        time.sleep(0.02)
+
+
 class Shell:
     """A folder in which commands are run, and all the processes that they start.
 
@@ -156,10 +164,7 @@ class Shell:
 
     def wait_for(self, condition, seconds: float = 60.0) -> None:
         """Wait until ``condition()`` holds."""
-        end = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < end, f"{condition} did not come true; calls so far:\n{self.calls()}"
-            time.sleep(0.02)
+        wait_for(condition, seconds, lambda: f"; calls so far:\n{self.calls()}")
 
     def calls(self) -> list[str]:
         """What the toy methods logged, one ``method seed case`` per call."""

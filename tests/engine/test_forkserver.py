@@ -9,17 +9,11 @@ import time
 
 import psutil
 import pytest
+from conftest import wait_for
 
 from bench.engine import forkserver
 from bench.engine.watch import Worker
 from bench.plan.limits import Limits
-
-
-def wait_for(condition):
-    end = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def is_gone(pid):
